@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <functional>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string_view>
+#include <variant>
+
+#include "apvi/core/stamp.hpp"
+
+/// What the sensors say, in SI units and in their own frames.
+namespace apvi {
+
+struct ImuSample {
+  Stamp stamp;
+  Eigen::Vector3d gyro = Eigen::Vector3d::Zero();   ///< angular velocity [rad/s]
+  Eigen::Vector3d accel = Eigen::Vector3d::Zero();  ///< specific force [m/s²]
+};
+
+struct DvlBeam {
+  double velocity = 0.0;        ///< along the beam [m/s], in the direction of the rig's beam vector
+  std::optional<double> range;  ///< [m]
+  bool valid = false;
+};
+
+inline constexpr std::size_t kDvlBeams = 4;
+
+struct DvlSample {
+  Stamp stamp;
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< over ground, sensor frame [m/s]
+  bool valid = false;                                  ///< bottom lock; the velocity means nothing without
+  std::optional<double> figure_of_merit;               ///< as the device reports it [m/s]
+  std::optional<double> altitude;                      ///< [m]
+  std::array<std::optional<DvlBeam>, kDvlBeams> beams;
+};
+
+struct PressureSample {
+  Stamp stamp;
+  double pressure_pa = 0.0;  ///< absolute [Pa]
+};
+
+struct DepthSample {
+  Stamp stamp;
+  double depth_m = 0.0;  ///< positive below the surface [m]
+};
+
+struct GnssSample {
+  Stamp stamp;
+  Eigen::Vector3d east_north_up = Eigen::Vector3d::Zero();  ///< [m]
+};
+
+/// A camera frame whose pixels are decoded when somebody asks for them, so that a run without vision
+/// pays nothing and decoding happens on the thread that needs it.
+struct ImageFrame {
+  Stamp stamp;
+  int camera = 0;
+  std::function<cv::Mat()> decode;  ///< 8-bit grey or BGR; throws RunError when the file is damaged
+};
+
+using SensorEvent = std::variant<ImuSample, DvlSample, PressureSample, DepthSample, ImageFrame, GnssSample>;
+
+Stamp stamp_of(const SensorEvent& event);
+/// "imu", "dvl", "pressure", "depth", "camera" or "gnss".
+std::string_view kind_of(const SensorEvent& event);
+/// Whether every number in the sample is finite (images: always).
+bool is_finite(const SensorEvent& event);
+
+}  // namespace apvi

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# How every target of the project is made: one function for modules, one for tests.
+
+include(GNUInstallDirs)
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set_property(GLOBAL PROPERTY GLOBAL_DEPENDS_NO_CYCLES ON)
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+endif()
+
+find_program(APVI_CCACHE ccache)
+if(APVI_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${APVI_CCACHE}")
+endif()
+
+# Flags of our own files; never exported, so a consumer keeps its own.
+add_library(apvi_options INTERFACE)
+target_compile_options(apvi_options INTERFACE
+  $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Wconversion -Wshadow>
+  $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<BOOL:${APVI_WERROR}>>:-Werror>)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_options(apvi_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=x86-64-v2>)
+endif()
+if(APVI_SANITIZE)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${APVI_SANITIZE}>
+                      $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
+  add_link_options(-fsanitize=${APVI_SANITIZE})
+endif()
+
+# apvi_add_module(<name> SOURCES a.cpp ... [DEPENDS apvi::core Eigen3::Eigen ...] [PRIVATE_DEPENDS ...])
+# makes the static library apvi_<name>, alias apvi::<name>, installed and exported.
+function(apvi_add_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  add_library(apvi_${name} STATIC ${ARG_SOURCES})
+  add_library(apvi::${name} ALIAS apvi_${name})
+  set_target_properties(apvi_${name} PROPERTIES EXPORT_NAME ${name})
+  target_compile_features(apvi_${name} PUBLIC cxx_std_20)
+  target_include_directories(apvi_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_link_libraries(apvi_${name} PUBLIC ${ARG_DEPENDS}
+    PRIVATE $<BUILD_INTERFACE:apvi_options> ${ARG_PRIVATE_DEPENDS})
+  install(TARGETS apvi_${name} EXPORT apviTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()
+
+# apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow|e2e])
+# makes one test program for the module; every TEST is a CTest case of its own.
+function(apvi_add_test name)
+  cmake_parse_arguments(ARG "" "LABELS" "SOURCES;DEPENDS" ${ARGN})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS quick)
+  endif()
+  add_executable(apvi_${name}_test ${ARG_SOURCES})
+  target_include_directories(apvi_${name}_test PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  target_link_libraries(apvi_${name}_test PRIVATE apvi_options ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
+  gtest_discover_tests(apvi_${name}_test TEST_PREFIX "${name}/" DISCOVERY_TIMEOUT 60
+                       PROPERTIES LABELS ${ARG_LABELS} TIMEOUT 300)
+endfunction()

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+/// The subcommands of `apvi`. Each `add_*` declares its arguments on the app; when the user chose it,
+/// CLI11 calls its body, which throws InputError (status 2), RunError (status 1), or returns.
+namespace apvi::apps {
+
+void add_run(CLI::App& app);
+void add_eval(CLI::App& app);
+void add_doctor(CLI::App& app);
+void add_config(CLI::App& app);
+void add_sim(CLI::App& app);
+
+}  // namespace apvi::apps

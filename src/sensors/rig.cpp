@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sensors/rig.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/geometry/so3.hpp"
+#include "apvi/sensors/sound_speed.hpp"
+
+namespace apvi {
+namespace {
+
+using config::Choices;
+using config::Node;
+using config::Range;
+using Triple = std::array<double, 3>;
+
+// The file's own words; `make_rig` turns them into what the estimator uses.
+
+struct ImuSection {
+  ImuCalibration imu;
+  template <typename V>
+  void visit(V& v) {
+    v("rate_hz", imu.rate_hz, Range{1.0, 10000.0}, "nominal sample rate [Hz]");
+    v("gyro_noise_density", imu.gyro_noise_density, Range{1e-9, 1.0},
+      "white noise [rad/s/sqrt(Hz)]");
+    v("gyro_random_walk", imu.gyro_random_walk, Range{0.0, 1.0}, "bias walk [rad/s²/sqrt(Hz)]");
+    v("accel_noise_density", imu.accel_noise_density, Range{1e-9, 10.0},
+      "white noise [m/s²/sqrt(Hz)]");
+    v("accel_random_walk", imu.accel_random_walk, Range{0.0, 10.0}, "bias walk [m/s³/sqrt(Hz)]");
+  }
+};
+
+struct CameraSection {
+  std::string model = "pinhole";
+  std::array<double, 4> intrinsics{};
+  Distortion distortion = Distortion::none;
+  std::vector<double> coefficients;
+  std::array<int, 2> resolution{};
+  double rate_hz = 20.0;
+  Node T_body_sensor;
+  double time_offset_s = 0.0;
+  template <typename V>
+  void visit(V& v) {
+    v("model", model, "pinhole, the only one");
+    v("intrinsics", intrinsics, "fx, fy, cx, cy [px]; the centre of the first pixel is (0, 0)");
+    v("distortion", distortion,
+      Choices<Distortion>{{"none", Distortion::none},
+                          {"radtan", Distortion::radtan},
+                          {"equidistant", Distortion::equidistant}},
+      "lens model");
+    v("coefficients", coefficients, "radtan: k1, k2, p1, p2; equidistant: k1, k2, k3, k4");
+    v("resolution", resolution, Range{1, 100000}, "width, height [px]");
+    v("rate_hz", rate_hz, Range{0.01, 10000.0}, "nominal frame rate [Hz]");
+    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: camera to body");
+    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "by how much the stamps are late [s]");
+  }
+};
+
+struct WaterSection {
+  double temperature_c = 10.0;
+  double salinity_psu = 35.0;
+  double depth_m = 0.0;
+  template <typename V>
+  void visit(V& v) {
+    v("temperature_c", temperature_c, Range{0.0, 40.0}, "water temperature [degC]");
+    v("salinity_psu", salinity_psu, Range{0.0, 40.0}, "salinity [PSU]; 0 is fresh water");
+    v("depth_m", depth_m, Range{0.0, 10000.0}, "depth [m]");
+  }
+};
+
+struct DvlSection {
+  Node T_body_sensor;
+  double time_offset_s = 0.0;
+  double velocity_noise = 0.01;
+  std::optional<std::array<Triple, kDvlBeams>> beams;
+  Node sound_speed;
+  double assumed_sound_speed = 1500.0;
+  template <typename V>
+  void visit(V& v) {
+    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: DVL to body");
+    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "by how much the stamps are late [s]");
+    v("velocity_noise", velocity_noise, Range{1e-5, 10.0}, "one sigma of a component [m/s]");
+    v("beams", beams, "four unit vectors; beam velocity = vector . sensor velocity");
+    v("sound_speed", sound_speed,
+      "of the water [m/s], or {temperature_c, salinity_psu, depth_m}; absent: as assumed");
+    v("assumed_sound_speed", assumed_sound_speed, Range{1300.0, 1700.0},
+      "what the device computes with [m/s]");
+  }
+};
+
+struct PressureSection {
+  Triple p_body_sensor{};
+  PressureCalibration calibration;
+  template <typename V>
+  void visit(V& v) {
+    v("p_body_sensor", p_body_sensor, "position of the port in the body frame [m]");
+    v("water_density", calibration.water_density, Range{900.0, 1200.0}, "[kg/m³]");
+    v("gravity", calibration.gravity, Range{9.0, 10.5}, "[m/s²]");
+    v("atmospheric_pressure_pa", calibration.atmospheric_pressure_pa, Range{0.0, 200000.0},
+      "at the surface [Pa]");
+    v("noise_m", calibration.noise_m, Range{1e-5, 100.0}, "one sigma, as depth [m]");
+  }
+};
+
+struct DepthSection {
+  Triple p_body_sensor{};
+  double noise_m = 0.01;
+  template <typename V>
+  void visit(V& v) {
+    v("p_body_sensor", p_body_sensor, "position of the sensor in the body frame [m]");
+    v("noise_m", noise_m, Range{1e-5, 100.0}, "one sigma [m]");
+  }
+};
+
+struct RigFile {
+  std::string body = "imu0";
+  WorldFrame world = WorldFrame::up;
+  std::optional<ImuSection> imu0;
+  std::optional<CameraSection> cam0;
+  std::optional<CameraSection> cam1;
+  std::optional<DvlSection> dvl0;
+  std::optional<PressureSection> pressure0;
+  std::optional<DepthSection> depth0;
+  template <typename V>
+  void visit(V& v) {
+    v("body", body, "the sensor whose frame is the body's: imu0, the only one");
+    v("world", world, Choices<WorldFrame>{{"up", WorldFrame::up}, {"ned", WorldFrame::ned}},
+      "z up, or north-east-down");
+    v("imu0", imu0, "inertial sensor");
+    v("cam0", cam0, "first camera");
+    v("cam1", cam1, "second camera, of a stereo pair");
+    v("dvl0", dvl0, "Doppler velocity log");
+    v("pressure0", pressure0, "pressure sensor");
+    v("depth0", depth0, "depth sensor (a pressure sensor that reports metres)");
+  }
+};
+
+Eigen::Vector3d to_vector(const Triple& t) { return {t[0], t[1], t[2]}; }
+
+SE3 to_pose(const Node& node, const std::string& key) {
+  if (node.is_null()) return SE3::identity();
+  std::vector<double> m;
+  config::internal::read_value(node, key, m, config::internal::NoLimit{});
+  if (m.size() != 16) fail_at(node, key, fmt::format("expected 16 numbers, got {}", m.size()));
+  const auto matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(m.data());
+  if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
+    fail_at(node, key, "the last row must be 0, 0, 0, 1; are the numbers row by row?");
+  }
+  const Eigen::Matrix3d block = matrix.topLeftCorner<3, 3>();
+  const auto rotation = so3::nearest_rotation(block);
+  if (!rotation) {
+    fail_at(node, key,
+            fmt::format("the upper left 3x3 block is no rotation (determinant {:.4f}){}",
+                        block.determinant(),
+                        block.determinant() < 0.0 ? "; an axis is flipped" : ""));
+  }
+  return {Eigen::Quaterniond(*rotation).normalized(), matrix.topRightCorner<3, 1>()};
+}
+
+CameraCalibration to_camera(const CameraSection& section, const Node& node,
+                            const std::string& key) {
+  if (section.model != "pinhole") fail_at(node, key + ".model", "only pinhole is known");
+  const std::size_t wanted = section.distortion == Distortion::none ? 0 : 4;
+  if (section.coefficients.size() != wanted && !(wanted == 0 && section.coefficients.size() == 4)) {
+    fail_at(node, key + ".coefficients",
+            fmt::format("this lens model takes {} coefficients, got {}", wanted,
+                        section.coefficients.size()));
+  }
+  if (section.intrinsics[0] <= 0.0 || section.intrinsics[1] <= 0.0) {
+    fail_at(node, key + ".intrinsics", "fx and fy must be positive");
+  }
+  if (section.resolution[0] == 0) fail_at(node, key + ".resolution", "missing: [width, height]");
+  CameraModel::Parameters p;
+  p.fx = section.intrinsics[0];
+  p.fy = section.intrinsics[1];
+  p.cx = section.intrinsics[2];
+  p.cy = section.intrinsics[3];
+  p.distortion = section.distortion;
+  for (std::size_t i = 0; i < wanted; ++i) p.coefficients[i] = section.coefficients[i];
+  p.width = section.resolution[0];
+  p.height = section.resolution[1];
+  return {.model = CameraModel(p),
+          .T_body_camera = to_pose(section.T_body_sensor, key + ".T_body_sensor"),
+          .rate_hz = section.rate_hz,
+          .time_offset_s = section.time_offset_s};
+}
+
+double water_sound_speed(const DvlSection& section) {
+  const std::string key = "dvl0.sound_speed";
+  const Node& node = section.sound_speed;
+  if (node.is_null()) return section.assumed_sound_speed;
+  if (node.kind == Node::Kind::map) {
+    WaterSection water;
+    config::read(node, water, key);
+    return sound_speed(water.temperature_c, water.salinity_psu, water.depth_m);
+  }
+  double speed = 0.0;
+  config::internal::read_value(node, key, speed, Range{1300.0, 1700.0});
+  return speed;
+}
+
+DvlCalibration to_dvl(const DvlSection& section, const Node& node) {
+  DvlCalibration dvl;
+  dvl.T_body_dvl = to_pose(section.T_body_sensor, "dvl0.T_body_sensor");
+  dvl.time_offset_s = section.time_offset_s;
+  dvl.velocity_noise = section.velocity_noise;
+  dvl.beams = default_dvl_beams();
+  dvl.scale = water_sound_speed(section) / section.assumed_sound_speed;
+  for (std::size_t i = 0; section.beams && i < kDvlBeams; ++i) {
+    const Eigen::Vector3d beam = to_vector((*section.beams)[i]);
+    if (std::abs(beam.norm() - 1.0) > 0.01) {
+      fail_at(node, "dvl0.beams", fmt::format("beam {} has length {:.4f}, not 1", i, beam.norm()));
+    }
+    dvl.beams[i] = beam.normalized();
+  }
+  return dvl;
+}
+
+}  // namespace
+
+std::array<Eigen::Vector3d, kDvlBeams> default_dvl_beams() {
+  const double tilt = 22.5 * std::numbers::pi / 180.0;
+  const double s = std::sin(tilt) / std::numbers::sqrt2;
+  const double c = std::cos(tilt);
+  return {Eigen::Vector3d(-s, s, c), Eigen::Vector3d(-s, -s, c), Eigen::Vector3d(s, -s, c),
+          Eigen::Vector3d(s, s, c)};
+}
+
+Rig make_rig(const Node& node) {
+  RigFile file;
+  config::read(node, file);
+  const auto at = [&](std::string_view key) -> const Node& {
+    const Node* member = node.find(key);
+    return member != nullptr ? *member : node;
+  };
+  if (file.body != "imu0") fail_at(at("body"), "body", "only imu0 can be the body frame");
+  Rig rig;
+  rig.world = file.world;
+  if (file.imu0) rig.imu = file.imu0->imu;
+  if (file.cam1 && !file.cam0) fail_at(at("cam1"), "cam1", "there is no cam0; name this one cam0");
+  if (file.cam0) rig.cameras.push_back(to_camera(*file.cam0, at("cam0"), "cam0"));
+  if (file.cam1) rig.cameras.push_back(to_camera(*file.cam1, at("cam1"), "cam1"));
+  if (file.dvl0) rig.dvl = to_dvl(*file.dvl0, at("dvl0"));
+  if (file.pressure0) {
+    rig.pressure = file.pressure0->calibration;
+    rig.pressure->p_body_sensor = to_vector(file.pressure0->p_body_sensor);
+  }
+  if (file.depth0) {
+    rig.depth = {.p_body_sensor = to_vector(file.depth0->p_body_sensor),
+                 .noise_m = file.depth0->noise_m};
+  }
+  return rig;
+}
+
+std::string rig_documentation() { return config::to_markdown(config::document(RigFile{})); }
+
+}  // namespace apvi
