@@ -56,6 +56,7 @@ function(apvi_add_test name)
   endif()
   add_executable(apvi_${name}_test ${ARG_SOURCES})
   target_include_directories(apvi_${name}_test PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  target_compile_definitions(apvi_${name}_test PRIVATE APVI_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   target_link_libraries(apvi_${name}_test PRIVATE apvi_options ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
   gtest_discover_tests(apvi_${name}_test TEST_PREFIX "${name}/" DISCOVERY_TIMEOUT 60
                        PROPERTIES LABELS ${ARG_LABELS} TIMEOUT 300)
