@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/geometry/se3.hpp"
+#include "apvi/sim/water.hpp"
+
+namespace apvi::sim {
+
+/// A lamp on the vehicle, fixed to the camera.
+struct LampConfig {
+  double intensity = 0.8;
+  std::array<double, 3> colour{1.0, 0.96, 0.9};
+  std::array<double, 3> position_m{0.25, -0.15, 0.0};
+  double beam_deg = 60.0;
+  double backscatter = 0.4;
+
+  template <typename V>
+  void visit(V& v) {
+    v("intensity", intensity, config::Range{0.0, 100.0},
+      "irradiance at 1 m on the axis without water, daylight at the surface is 1");
+    v("colour", colour, config::Range{0.0, 2.0}, "red, green, blue");
+    v("position_m", position_m, "in the camera frame: right, down, forward [m]");
+    v("beam_deg", beam_deg, config::Range{5.0, 89.0}, "half angle to half intensity [deg]");
+    v("backscatter", backscatter, config::Range{0.0, 5.0},
+      "light that the water before the camera sends back, 0: none, as in the paper");
+  }
+};
+
+struct LightConfig {
+  double daylight = 1.0;
+  double sun_share = 0.35;
+  double sun_elevation_deg = 60.0;
+  double sun_azimuth_deg = 40.0;
+  double caustics = 0.0;
+  double caustic_scale_m = 0.6;
+  std::optional<LampConfig> lamp;
+
+  template <typename V>
+  void visit(V& v) {
+    v("daylight", daylight, config::Range{0.0, 100.0}, "irradiance just below the surface");
+    v("sun_share", sun_share, config::Range{0.0, 1.0},
+      "part of the daylight that is directed and casts relief; the rest is diffuse");
+    v("sun_elevation_deg", sun_elevation_deg, config::Range{45.0, 90.0},
+      "of the refracted sun under water [deg]");
+    v("sun_azimuth_deg", sun_azimuth_deg, config::Range{-360.0, 360.0}, "from east to north [deg]");
+    v("caustics", caustics, config::Range{0.0, 2.0}, "contrast of moving caustics, 0: none");
+    v("caustic_scale_m", caustic_scale_m, config::Range{0.05, 10.0}, "size of the net's mesh [m]");
+    v("lamp", lamp, "a lamp on the vehicle; null: none");
+  }
+};
+
+/// Daylight that reaches a depth, as irradiance on a level plane: daylight exp(-k_d depth).
+Eigen::Vector3d daylight_at(const LightConfig& config, const Medium& medium, double depth_m);
+/// Irradiance of the lamp on a surface at `p` with unit `normal`, both in the camera frame:
+/// intensity * beam(angle) * cos(incidence) / d^2 * exp(-beta_d d), d the distance to the lamp.
+Eigen::Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium,
+                                const Eigen::Vector3d& p, const Eigen::Vector3d& normal);
+/// Unit vector towards the refracted sun, world.
+Eigen::Vector3d sun_direction(const LightConfig& config);
+
+}  // namespace apvi::sim
