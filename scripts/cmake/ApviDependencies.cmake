@@ -1,25 +1,40 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Every third-party library, found on the system. Nothing is vendored and nothing is fetched.
+# Every third-party library, found on the system. Nothing is vendored and nothing is fetched. The
+# installed package includes this same file, so a consumer needs exactly what the build needed.
 
-find_package(Threads REQUIRED)
-find_package(fmt REQUIRED)
-find_package(spdlog REQUIRED)
+macro(apvi_find)
+  if(CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
+    find_dependency(${ARGN})
+  else()
+    find_package(${ARGN} REQUIRED)
+  endif()
+endmacro()
+
+apvi_find(Threads)
+apvi_find(fmt)
+apvi_find(spdlog)
 
 if(APVI_LOCALIZATION)
-  find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-  find_package(OpenCV 4 REQUIRED COMPONENTS core imgproc imgcodecs)
-  find_package(yaml-cpp REQUIRED)
-  find_package(nlohmann_json REQUIRED)
-  find_package(CLI11 REQUIRED)
+  apvi_find(Eigen3 3.4 NO_MODULE)
+  apvi_find(OpenCV 4 COMPONENTS core imgproc imgcodecs)
+  apvi_find(yaml-cpp)
+  apvi_find(nlohmann_json)
   if(NOT TARGET yaml-cpp::yaml-cpp)  # Debian 12's 0.7 exports the bare name
     add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)
   endif()
+  if(NOT CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
+    find_package(CLI11 REQUIRED)  # the program alone needs it
+  endif()
   if(APVI_WITH_ROSBAG)
-    include(ApviRosbag)
+    include(ApviRosbag OPTIONAL)
   endif()
 endif()
 
-if(APVI_BUILD_TESTS)
+if(APVI_MAPPING)
+  include("${CMAKE_CURRENT_LIST_DIR}/ApviTorch.cmake")
+endif()
+
+if(APVI_BUILD_TESTS AND NOT CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
   find_package(GTest REQUIRED)
   include(GoogleTest)
 endif()

@@ -15,7 +15,10 @@ endif()
 
 find_program(APVI_CCACHE ccache)
 if(APVI_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  set(CMAKE_CXX_COMPILER_LAUNCHER "${APVI_CCACHE}")
+  # Without the sloppiness ccache refuses every file that uses a precompiled header.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+      CCACHE_SLOPPINESS=pch_defines,time_macros "${APVI_CCACHE}")
+  set(CMAKE_CUDA_COMPILER_LAUNCHER "${APVI_CCACHE}")
 endif()
 
 # Flags of our own files; never exported, so a consumer keeps its own.
@@ -28,6 +31,7 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
 endif()
 if(APVI_SANITIZE)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${APVI_SANITIZE}>
+                      $<$<COMPILE_LANGUAGE:CXX>:-fno-sanitize-recover=all>
                       $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
   add_link_options(-fsanitize=${APVI_SANITIZE})
 endif()
@@ -45,6 +49,26 @@ function(apvi_add_module name)
   target_link_libraries(apvi_${name} PUBLIC ${ARG_DEPENDS}
     PRIVATE $<BUILD_INTERFACE:apvi_options> ${ARG_PRIVATE_DEPENDS})
   install(TARGETS apvi_${name} EXPORT apviTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  if(EXISTS "${PROJECT_SOURCE_DIR}/include/apvi/${name}")
+    install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/apvi/${name}"
+            DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/apvi" FILES_MATCHING PATTERN "*.hpp")
+  endif()
+endfunction()
+
+# apvi_precompile_torch(<target>): torch/torch.h costs 13 s in every file that includes it, once so.
+function(apvi_precompile_torch target)
+  target_precompile_headers(${target} PRIVATE <torch/torch.h>)
+  target_compile_options(${target} PRIVATE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)  # for ccache
+endfunction()
+
+# Labels of tests: quick (the whole set takes a minute on two cores), slow, e2e, cuda (needs a GPU),
+# long (not run by scripts/test.sh).
+
+function(apvi_make_test_program name sources depends)
+  add_executable(apvi_${name}_test ${sources})
+  target_include_directories(apvi_${name}_test PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  target_compile_definitions(apvi_${name}_test PRIVATE APVI_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_link_libraries(apvi_${name}_test PRIVATE apvi_options ${depends} GTest::gmock GTest::gtest_main)
 endfunction()
 
 # apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow|e2e])
@@ -54,10 +78,33 @@ function(apvi_add_test name)
   if(NOT ARG_LABELS)
     set(ARG_LABELS quick)
   endif()
-  add_executable(apvi_${name}_test ${ARG_SOURCES})
-  target_include_directories(apvi_${name}_test PRIVATE ${PROJECT_SOURCE_DIR}/tests)
-  target_compile_definitions(apvi_${name}_test PRIVATE APVI_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-  target_link_libraries(apvi_${name}_test PRIVATE apvi_options ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
+  apvi_make_test_program(${name} "${ARG_SOURCES}" "${ARG_DEPENDS}")
   gtest_discover_tests(apvi_${name}_test TEST_PREFIX "${name}/" DISCOVERY_TIMEOUT 60
                        PROPERTIES LABELS ${ARG_LABELS} TIMEOUT 300)
+endfunction()
+
+# apvi_add_torch_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS ...])
+# makes one test program for a module that uses LibTorch; every suite is a CTest case of its own, since
+# a process with LibTorch takes 0.4 s to start.
+function(apvi_add_torch_test name)
+  cmake_parse_arguments(ARG "" "LABELS" "SOURCES;DEPENDS" ${ARGN})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS quick)
+  endif()
+  apvi_make_test_program(${name} "${ARG_SOURCES}" "${ARG_DEPENDS}")
+  apvi_precompile_torch(apvi_${name}_test)
+  set(suites)
+  foreach(source IN LISTS ARG_SOURCES)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
+    file(STRINGS ${source} lines REGEX "^(TYPED_)?TEST(_F|_P)?\\(")
+    list(TRANSFORM lines REPLACE "^[A-Z_]+\\(([A-Za-z0-9]+),.*" "\\1")
+    list(APPEND suites ${lines})
+  endforeach()
+  list(REMOVE_DUPLICATES suites)
+  foreach(suite IN LISTS suites)
+    add_test(NAME ${name}/${suite}
+             COMMAND apvi_${name}_test --gtest_filter=${suite}.*:${suite}/*:*/${suite}.*)
+    set_tests_properties(${name}/${suite} PROPERTIES LABELS ${ARG_LABELS} TIMEOUT 300
+                         FAIL_REGULAR_EXPRESSION "Running 0 tests")
+  endforeach()
 endfunction()

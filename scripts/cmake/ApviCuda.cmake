@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# The CUDA language, and the flags of the kernels.
+
+if(NOT CMAKE_CUDA_ARCHITECTURES)
+  set(CMAKE_CUDA_ARCHITECTURES 89 90 CACHE STRING "GPU architectures to compile for")
+endif()
+enable_language(CUDA)
+set(CMAKE_CUDA_STANDARD 20)
+set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+find_package(CUDAToolkit REQUIRED)
+
+add_library(apvi_kernels_options INTERFACE)
+target_compile_options(apvi_kernels_options INTERFACE
+  $<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-Wextra,-Wshadow -Xcudafe=--display_error_number>
+  $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${APVI_WERROR}>>:-Werror=all-warnings>)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# LibTorch, of Debian (CPU) or of Python's torch package (CUDA), as the one target apvi_torch.
+# third_party/README.md says how to point CMake at the latter.
+
+if(TARGET apvi_torch)
+  return()
+endif()
+
+# TorchConfig replaces CMAKE_CUDA_ARCHITECTURES, appends -gencode flags of its own, and without a list
+# tries to detect GPUs. So: give it our list, and undo the rest.
+set(apvi_cuda_architectures "${CMAKE_CUDA_ARCHITECTURES}")
+set(apvi_cuda_flags "${CMAKE_CUDA_FLAGS}")
+if(NOT DEFINED ENV{TORCH_CUDA_ARCH_LIST} AND NOT TORCH_CUDA_ARCH_LIST)
+  set(apvi_arch_list "9.0")
+  if(apvi_cuda_architectures MATCHES "^[0-9]")
+    list(TRANSFORM apvi_cuda_architectures REPLACE "^([0-9]+)([0-9][af]?)(-real|-virtual)?$" "\\1.\\2"
+         OUTPUT_VARIABLE apvi_arch_list)
+  endif()
+  list(JOIN apvi_arch_list " " TORCH_CUDA_ARCH_LIST)
+endif()
+# Older TorchConfigs name a library that left the CUDA toolkit with version 12.9.
+if(APVI_BACKEND STREQUAL "cuda" AND NOT TARGET CUDA::nvToolsExt)
+  add_library(CUDA::nvToolsExt INTERFACE IMPORTED)
+endif()
+
+if(APVI_TORCH_DIR)
+  find_package(Torch REQUIRED PATHS "${APVI_TORCH_DIR}" NO_DEFAULT_PATH)
+else()
+  find_package(Torch REQUIRED)
+endif()
+set(CMAKE_CUDA_FLAGS "${apvi_cuda_flags}")
+set(CMAKE_CUDA_ARCHITECTURES "${apvi_cuda_architectures}")
+
+# With two LibTorch installations the libraries of one may be found for the headers of the other.
+cmake_path(SET apvi_torch_prefix NORMALIZE "${TORCH_INSTALL_PREFIX}/")
+foreach(library IN ITEMS "${TORCH_LIBRARY}" "${c10_LIBRARY}")
+  if(library AND NOT library MATCHES "^${apvi_torch_prefix}")
+    message(FATAL_ERROR "LibTorch's headers are below ${apvi_torch_prefix} but ${library} was found: "
+      "delete the build folder, and set CMAKE_PREFIX_PATH to the torch folder itself "
+      "(python3 -c 'import torch, pathlib; print(pathlib.Path(torch.__file__).parent)').")
+  endif()
+endforeach()
+if(APVI_BACKEND STREQUAL "cuda" AND NOT TARGET torch_cuda)
+  message(FATAL_ERROR "APVI_BACKEND is cuda, but the LibTorch in ${apvi_torch_prefix} has no CUDA: "
+    "set CMAKE_PREFIX_PATH to the folder of a torch package with CUDA (third_party/README.md).")
+endif()
+
+add_library(apvi_torch INTERFACE IMPORTED GLOBAL)
+# LibTorch 2 ships headers of a newer fmt than Debian's library: only inline code of it may be used.
+target_link_libraries(apvi_torch INTERFACE ${TORCH_LIBRARIES} fmt::fmt-header-only)
+if(TARGET torch_cuda)
+  # The wheels keep CUDA's libraries in folders of their own, which only the run path can name; as
+  # RPATH, because LibTorch's libraries, not ours, ask for most of them.
+  target_link_options(apvi_torch INTERFACE -Wl,--allow-shlib-undefined -Wl,--disable-new-dtags)
+  file(GLOB apvi_wheel_libraries LIST_DIRECTORIES TRUE "${apvi_torch_prefix}../nvidia/*/lib")
+  foreach(folder IN LISTS apvi_wheel_libraries)
+    cmake_path(NORMAL_PATH folder)
+    target_link_options(apvi_torch INTERFACE "-Wl,-rpath,${folder}")
+  endforeach()
+endif()

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Writes version.hpp into the build tree, with the git revision of the moment of the build. Included by
+# the project it adds the target apvi_version, which runs this same file as a script (cmake -P).
+
+function(apvi_write_version_header output)
+  find_package(Git QUIET)
+  set(APVI_GIT_REVISION "unknown")
+  if(Git_FOUND)
+    execute_process(COMMAND ${GIT_EXECUTABLE} describe --always --dirty --abbrev=12
+                    WORKING_DIRECTORY "${APVI_VERSION_SOURCE}" RESULT_VARIABLE failed
+                    OUTPUT_VARIABLE revision OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+    if(NOT failed)
+      set(APVI_GIT_REVISION "${revision}")
+    endif()
+  endif()
+  # Touches the file only when its contents change, so nothing is compiled again for nothing.
+  configure_file("${APVI_VERSION_SOURCE}/include/apvi/version.hpp.in" "${output}" @ONLY)
+endfunction()
+
+if(CMAKE_SCRIPT_MODE_FILE)
+  apvi_write_version_header("${APVI_VERSION_HEADER}")
+  return()
+endif()
+
+set(APVI_VERSION_SOURCE "${PROJECT_SOURCE_DIR}")
+set(APVI_GENERATED_INCLUDE_DIR "${PROJECT_BINARY_DIR}/generated/include")
+set(APVI_VERSION_HEADER "${APVI_GENERATED_INCLUDE_DIR}/apvi/version.hpp")
+apvi_write_version_header("${APVI_VERSION_HEADER}")
+add_custom_target(apvi_version
+  COMMAND ${CMAKE_COMMAND}
+          "-DAPVI_VERSION_SOURCE=${APVI_VERSION_SOURCE}" "-DAPVI_VERSION_HEADER=${APVI_VERSION_HEADER}"
+          "-DAPVI_BACKEND=${APVI_BACKEND}" "-DPROJECT_VERSION=${PROJECT_VERSION}"
+          -P "${CMAKE_CURRENT_LIST_FILE}"
+  BYPRODUCTS "${APVI_VERSION_HEADER}"
+  COMMENT "Checking the git revision" VERBATIM)
+install(FILES "${APVI_VERSION_HEADER}" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/apvi")

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Installs the build given into a fresh folder, builds the consumer against it, and runs it.
+set -euo pipefail
+
+build="$1"
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+
+cmake --install "$build" --prefix "$work/prefix" >"$work/install.log" || {
+  cat "$work/install.log" >&2
+  exit 1
+}
+if grep -rl --include='*.cmake' "$build" "$work/prefix"; then
+  echo "the installed CMake files name the build folder" >&2
+  exit 1
+fi
+cmake -S "$(dirname "$0")" -B "$work/build" -G Ninja -DCMAKE_PREFIX_PATH="$work/prefix" \
+  -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
+cmake --build "$work/build"
+"$work/build/consumer"
