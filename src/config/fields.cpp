@@ -11,7 +11,8 @@ namespace apvi::config {
 namespace internal {
 namespace {
 
-const std::string& scalar_text(const Node& node, const std::string& key, std::string_view expected) {
+const std::string& scalar_text(const Node& node, const std::string& key,
+                               std::string_view expected) {
   if (node.kind != Node::Kind::scalar) fail_at(node, key, fmt::format("expected {}", expected));
   return node.text;
 }
@@ -75,8 +76,12 @@ void check_known_keys(const Node& node, const std::string& path,
   }
 }
 
-std::string number_text(double value) { return fmt::format("{}", value); }
-std::string number_text(int value) { return fmt::format("{}", value); }
+std::string number_text(double value) {
+  return fmt::format("{}", value);
+}
+std::string number_text(int value) {
+  return fmt::format("{}", value);
+}
 
 Node scalar_node(std::string text) {
   Node node;
@@ -91,14 +96,17 @@ std::string join(const std::string& path, std::string_view name) {
 
 std::string flow_text(const Node& node) {
   switch (node.kind) {
-    case Node::Kind::null: return "null";
-    case Node::Kind::scalar: return node.text.empty() ? "\"\"" : node.text;
+    case Node::Kind::null:
+      return "null";
+    case Node::Kind::scalar:
+      return node.text.empty() ? "\"\"" : node.text;
     case Node::Kind::list: {
       std::vector<std::string> parts;
       for (const Node& item : node.items) parts.push_back(flow_text(item));
       return fmt::format("[{}]", fmt::join(parts, ", "));
     }
-    case Node::Kind::map: return "{}";
+    case Node::Kind::map:
+      return "{}";
   }
   return "";
 }

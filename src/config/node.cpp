@@ -51,17 +51,24 @@ Node convert(const YAML::Node& yaml, const Source& source, int depth) {
       node.kind = Node::Kind::list;
       for (const YAML::Node& item : yaml) node.items.push_back(convert(item, source, depth + 1));
       break;
-    case YAML::NodeType::Map: convert_map(yaml, source, depth, node); break;
+    case YAML::NodeType::Map:
+      convert_map(yaml, source, depth, node);
+      break;
     case YAML::NodeType::Null:
-    case YAML::NodeType::Undefined: break;
+    case YAML::NodeType::Undefined:
+      break;
   }
   return node;
 }
 
 void emit(YAML::Emitter& out, const Node& node) {
   switch (node.kind) {
-    case Node::Kind::null: out << YAML::Null; break;
-    case Node::Kind::scalar: out << node.text; break;
+    case Node::Kind::null:
+      out << YAML::Null;
+      break;
+    case Node::Kind::scalar:
+      out << node.text;
+      break;
     case Node::Kind::list:
       out << YAML::Flow << YAML::BeginSeq;
       for (const Node& item : node.items) emit(out, item);
@@ -86,8 +93,8 @@ Node load_layers(const fs::path& path, std::vector<fs::path>& open_files) {
   Node own = load_file(path);
   const Node* inherit = own.find("inherit");
   if (inherit == nullptr) return own;
-  std::vector<Node> parents = inherit->kind == Node::Kind::list ? inherit->items
-                                                                : std::vector<Node>{*inherit};
+  std::vector<Node> parents =
+      inherit->kind == Node::Kind::list ? inherit->items : std::vector<Node>{*inherit};
   open_files.push_back(canonical);
   Node merged;
   for (const Node& parent : parents) {
@@ -112,8 +119,8 @@ const Node* Node::find(std::string_view key) const {
 
 Node& Node::member(std::string_view key) {
   if (kind != Kind::map) {
-    *this = Node{.kind = Kind::map, .text = {}, .items = {}, .members = {}, .source = source,
-                 .line = line};
+    *this = Node{
+        .kind = Kind::map, .text = {}, .items = {}, .members = {}, .source = source, .line = line};
   }
   if (const Node* found = find(key)) return const_cast<Node&>(*found);
   members.emplace_back(std::string(key), Node{});

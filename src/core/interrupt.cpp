@@ -28,6 +28,8 @@ InterruptGuard::~InterruptGuard() {
   std::signal(SIGTERM, SIG_DFL);
 }
 
-bool InterruptGuard::interrupted() const { return signalled; }
+bool InterruptGuard::interrupted() const {
+  return signalled;
+}
 
 }  // namespace apvi

@@ -32,17 +32,23 @@ Sinks& sinks() {
 
 spdlog::level::level_enum to_spdlog(Level level) {
   switch (level) {
-    case Level::debug: return spdlog::level::debug;
-    case Level::info: return spdlog::level::info;
-    case Level::warning: return spdlog::level::warn;
-    case Level::error: return spdlog::level::err;
+    case Level::debug:
+      return spdlog::level::debug;
+    case Level::info:
+      return spdlog::level::info;
+    case Level::warning:
+      return spdlog::level::warn;
+    case Level::error:
+      return spdlog::level::err;
   }
   return spdlog::level::info;
 }
 
 }  // namespace
 
-void set_console_level(Level level) { sinks().console->set_level(to_spdlog(level)); }
+void set_console_level(Level level) {
+  sinks().console->set_level(to_spdlog(level));
+}
 
 void open_file(const std::filesystem::path& path) {
   const std::scoped_lock lock(sinks().mutex);

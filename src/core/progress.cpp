@@ -24,7 +24,9 @@ std::string remaining(double fraction, double elapsed_s) {
 StatusLine::StatusLine(std::string label)
     : label_(std::move(label)), terminal_(isatty(STDERR_FILENO) == 1) {}
 
-StatusLine::~StatusLine() { finish(); }
+StatusLine::~StatusLine() {
+  finish();
+}
 
 void StatusLine::update(double fraction, std::string_view detail) {
   const auto now = Clock::now();

@@ -34,7 +34,9 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
 
 }  // namespace
 
@@ -56,7 +58,9 @@ void split(std::string_view line, char separator, std::vector<std::string_view>&
   parts.push_back(trim(line.substr(begin)));
 }
 
-std::optional<double> parse_double(std::string_view text) { return parse_whole<double>(text); }
+std::optional<double> parse_double(std::string_view text) {
+  return parse_whole<double>(text);
+}
 
 std::optional<std::int64_t> parse_int64(std::string_view text) {
   return parse_whole<std::int64_t>(text);

@@ -40,8 +40,7 @@ Matrix3d hat(const Vector3d& v) {
 Quaterniond exp(const Vector3d& phi) {
   const double angle = phi.norm();
   const double half = 0.5 * angle;
-  const double scale =
-      angle < kSmallAngle ? 0.5 - angle * angle / 48.0 : std::sin(half) / angle;
+  const double scale = angle < kSmallAngle ? 0.5 - angle * angle / 48.0 : std::sin(half) / angle;
   Quaterniond q(std::cos(half), scale * phi.x(), scale * phi.y(), scale * phi.z());
   return q.normalized();
 }

@@ -24,7 +24,8 @@ double binomial(int n, int k) {
   return value;
 }
 
-// Row j holds the polynomial (in u, ascending) of cumulative basis function j; Sommer et al., Eq. 16.
+// Row j holds the polynomial (in u, ascending) of cumulative basis function j; Sommer et al.,
+// Eq. 16.
 Matrix cumulative_basis() {
   constexpr int kDegree = kOrder - 1;
   constexpr double kFactorial = 120.0;
@@ -89,9 +90,9 @@ Motion evaluate(const SE3* control, const Blend& blend) {
   return motion;
 }
 
-constexpr std::size_t kLead = 2;   // control poses before the first knot's own
-constexpr std::size_t kTail = 3;   // and after the last one's
-constexpr int kIterations = 200;   // the error shrinks by 0.87 or better in each
+constexpr std::size_t kLead = 2;  // control poses before the first knot's own
+constexpr std::size_t kTail = 3;  // and after the last one's
+constexpr int kIterations = 200;  // the error shrinks by 0.87 or better in each
 
 // Straight on beyond both ends.
 void extrapolate_ends(std::vector<SE3>& control) {
@@ -100,7 +101,8 @@ void extrapolate_ends(std::vector<SE3>& control) {
     control[to].rotation = control[from].rotation;
   };
   for (std::size_t i = kLead; i-- > 0;) continue_from(i, i + 1, i + 2);
-  for (std::size_t i = control.size() - kTail; i < control.size(); ++i) continue_from(i, i - 1, i - 2);
+  for (std::size_t i = control.size() - kTail; i < control.size(); ++i)
+    continue_from(i, i - 1, i - 2);
 }
 
 }  // namespace
@@ -130,7 +132,8 @@ Se3Spline Se3Spline::through(const Trajectory& trajectory, Duration period) {
       const SE3 curve = evaluate(&control[i], at_knot).T_world_body;
       SE3& pose = next[i + kLead];
       pose.translation += knots[i].translation - curve.translation;
-      pose.rotation = pose.rotation * so3::exp(so3::log(curve.rotation.conjugate() * knots[i].rotation));
+      pose.rotation =
+          pose.rotation * so3::exp(so3::log(curve.rotation.conjugate() * knots[i].rotation));
     }
     control = std::move(next);
     extrapolate_ends(control);
@@ -144,7 +147,8 @@ Stamp Se3Spline::end() const {
 
 Motion Se3Spline::at(Stamp stamp) const {
   const std::int64_t since = std::clamp<std::int64_t>((stamp - start_).ns, 0, (end() - start_).ns);
-  const auto segment = std::min(static_cast<std::size_t>(since / period_.ns), control_.size() - kOrder);
+  const auto segment =
+      std::min(static_cast<std::size_t>(since / period_.ns), control_.size() - kOrder);
   const double u = static_cast<double>(since - static_cast<std::int64_t>(segment) * period_.ns) /
                    static_cast<double>(period_.ns);
   return evaluate(&control_[segment], blend_at(u, period_.seconds()));

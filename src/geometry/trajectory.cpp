@@ -14,15 +14,16 @@ double Trajectory::path_length() const {
 }
 
 std::optional<SE3> Trajectory::at(Stamp stamp, Duration max_gap) const {
-  const auto after = std::lower_bound(
-      poses.begin(), poses.end(), stamp,
-      [](const StampedPose& pose, Stamp value) { return pose.stamp < value; });
+  const auto after =
+      std::lower_bound(poses.begin(), poses.end(), stamp,
+                       [](const StampedPose& pose, Stamp value) { return pose.stamp < value; });
   if (after == poses.end()) return std::nullopt;
   if (after->stamp == stamp) return after->T_world_body;
   if (after == poses.begin()) return std::nullopt;
   const auto before = std::prev(after);
   if (after->stamp - before->stamp > max_gap) return std::nullopt;
-  const double u = seconds_between(before->stamp, stamp) / seconds_between(before->stamp, after->stamp);
+  const double u =
+      seconds_between(before->stamp, stamp) / seconds_between(before->stamp, after->stamp);
   return interpolate(before->T_world_body, after->T_world_body, u);
 }
 

@@ -18,7 +18,9 @@ Eigen::Matrix3Xd to_matrix(const std::vector<Vector3d>& points) {
                                             static_cast<Eigen::Index>(points.size()));
 }
 
-Vector3d mean(const std::vector<Vector3d>& points) { return to_matrix(points).rowwise().mean(); }
+Vector3d mean(const std::vector<Vector3d>& points) {
+  return to_matrix(points).rowwise().mean();
+}
 
 // Second singular value against the first: zero when the points lie on one line.
 bool spans_a_plane(const Eigen::Matrix3Xd& points) {
@@ -56,8 +58,7 @@ std::optional<SE3> align_yaw(const std::vector<Vector3d>& source,
     sine += a.x() * b.y() - a.y() * b.x();
   }
   if (std::hypot(cosine, sine) < 1e-12) return std::nullopt;
-  const Eigen::Quaterniond rotation(
-      Eigen::AngleAxisd(std::atan2(sine, cosine), Vector3d::UnitZ()));
+  const Eigen::Quaterniond rotation(Eigen::AngleAxisd(std::atan2(sine, cosine), Vector3d::UnitZ()));
   return SE3{rotation, to_mean - rotation * from_mean};
 }
 

@@ -139,7 +139,9 @@ struct RigFile {
   }
 };
 
-Eigen::Vector3d to_vector(const Triple& t) { return {t[0], t[1], t[2]}; }
+Eigen::Vector3d to_vector(const Triple& t) {
+  return {t[0], t[1], t[2]};
+}
 
 SE3 to_pose(const Node& node, const std::string& key) {
   if (node.is_null()) return SE3::identity();
@@ -153,10 +155,10 @@ SE3 to_pose(const Node& node, const std::string& key) {
   const Eigen::Matrix3d block = matrix.topLeftCorner<3, 3>();
   const auto rotation = so3::nearest_rotation(block);
   if (!rotation) {
-    fail_at(node, key,
-            fmt::format("the upper left 3x3 block is no rotation (determinant {:.4f}){}",
-                        block.determinant(),
-                        block.determinant() < 0.0 ? "; an axis is flipped" : ""));
+    fail_at(
+        node, key,
+        fmt::format("the upper left 3x3 block is no rotation (determinant {:.4f}){}",
+                    block.determinant(), block.determinant() < 0.0 ? "; an axis is flipped" : ""));
   }
   return {Eigen::Quaterniond(*rotation).normalized(), matrix.topRightCorner<3, 1>()};
 }
@@ -256,6 +258,8 @@ Rig make_rig(const Node& node) {
   return rig;
 }
 
-std::string rig_documentation() { return config::to_markdown(config::document(RigFile{})); }
+std::string rig_documentation() {
+  return config::to_markdown(config::document(RigFile{}));
+}
 
 }  // namespace apvi

@@ -6,7 +6,9 @@
 namespace apvi {
 namespace {
 
-bool finite(const ImuSample& s) { return s.gyro.allFinite() && s.accel.allFinite(); }
+bool finite(const ImuSample& s) {
+  return s.gyro.allFinite() && s.accel.allFinite();
+}
 bool finite(const DvlSample& s) {
   if (!s.velocity.allFinite()) return false;
   for (const auto& beam : s.beams) {
@@ -16,10 +18,18 @@ bool finite(const DvlSample& s) {
   }
   return std::isfinite(s.figure_of_merit.value_or(0.0)) && std::isfinite(s.altitude.value_or(0.0));
 }
-bool finite(const PressureSample& s) { return std::isfinite(s.pressure_pa); }
-bool finite(const DepthSample& s) { return std::isfinite(s.depth_m); }
-bool finite(const ImageFrame&) { return true; }
-bool finite(const GnssSample& s) { return s.east_north_up.allFinite(); }
+bool finite(const PressureSample& s) {
+  return std::isfinite(s.pressure_pa);
+}
+bool finite(const DepthSample& s) {
+  return std::isfinite(s.depth_m);
+}
+bool finite(const ImageFrame&) {
+  return true;
+}
+bool finite(const GnssSample& s) {
+  return s.east_north_up.allFinite();
+}
 
 constexpr std::array<std::string_view, 6> kKinds = {"imu",   "dvl",    "pressure",
                                                     "depth", "camera", "gnss"};
@@ -31,7 +41,9 @@ Stamp stamp_of(const SensorEvent& event) {
   return std::visit([](const auto& sample) { return sample.stamp; }, event);
 }
 
-std::string_view kind_of(const SensorEvent& event) { return kKinds[event.index()]; }
+std::string_view kind_of(const SensorEvent& event) {
+  return kKinds[event.index()];
+}
 
 bool is_finite(const SensorEvent& event) {
   return std::visit([](const auto& sample) { return finite(sample); }, event);

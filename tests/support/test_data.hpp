@@ -8,7 +8,8 @@
 
 namespace apvi::test {
 
-/// A folder of the real recordings, which are not part of the project: below $APVI_TEST_DATA, or below
+/// A folder of the real recordings, which are not part of the project: below $APVI_TEST_DATA, or
+/// below
 /// `../shared/data` beside the source tree. Nothing when it is not there; the test skips then.
 inline std::optional<std::filesystem::path> real_data(const std::string& name) {
   const char* root = std::getenv("APVI_TEST_DATA");
@@ -22,7 +23,8 @@ inline std::optional<std::filesystem::path> real_data(const std::string& name) {
 }  // namespace apvi::test
 
 /// Skips the test unless the recording is there; else defines `path`.
-#define APVI_NEEDS_DATA(path, name)                                                        \
-  const auto path##_found = ::apvi::test::real_data(name);                                 \
-  if (!path##_found) GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA"; \
+#define APVI_NEEDS_DATA(path, name)                                                    \
+  const auto path##_found = ::apvi::test::real_data(name);                             \
+  if (!path##_found)                                                                   \
+    GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA"; \
   const std::filesystem::path path = *path##_found

@@ -23,14 +23,14 @@
 ///       Mode mode = Mode::paper;
 ///       template <typename V>
 ///       void visit(V& v) {
-///         v("min_distance_px", min_distance_px, Range{1.0, 200.0}, "spacing between corners [px]");
-///         v("mode", mode, Choices<Mode>{{"paper", Mode::paper}}, "which form of Eq. 7");
+///         v("min_distance_px", min_distance_px, Range{1.0, 200.0}, "spacing between corners
+///         [px]"); v("mode", mode, Choices<Mode>{{"paper", Mode::paper}}, "which form of Eq. 7");
 ///       }
 ///     };
 ///
-/// and can then be read from a Node (`read`), written to one (`to_node`) and documented (`document`).
-/// A field is a bool, int, double, string, enum, another such struct, a Node kept as it is, or an
-/// optional, vector, array or map from names of these. Defaults are the struct's own.
+/// and can then be read from a Node (`read`), written to one (`to_node`) and documented
+/// (`document`). A field is a bool, int, double, string, enum, another such struct, a Node kept as
+/// it is, or an optional, vector, array or map from names of these. Defaults are the struct's own.
 namespace apvi::config {
 
 /// Closed interval that a number, or every number of a list, must lie in.
@@ -63,7 +63,9 @@ struct AnyVisitor {
 };
 
 template <typename T>
-concept Visitable = requires(T& t, AnyVisitor& v) { t.visit(v); };
+concept Visitable = requires(T& t, AnyVisitor& v) {
+  t.visit(v);
+};
 
 template <typename T>
 inline constexpr bool is_list = false;
@@ -133,8 +135,9 @@ void read_list(const Node& node, const std::string& key, List& list, const Limit
   if constexpr (requires { list.resize(1); }) {
     list.assign(node.items.size(), {});
   } else if (node.items.size() != list.size()) {
-    fail_at(node, key, "expected " + number_text(static_cast<int>(list.size())) + " values, got " +
-                           number_text(static_cast<int>(node.items.size())));
+    fail_at(node, key,
+            "expected " + number_text(static_cast<int>(list.size())) + " values, got " +
+                number_text(static_cast<int>(node.items.size())));
   }
   for (std::size_t i = 0; i < node.items.size(); ++i) {
     read_value(node.items[i], key + "[" + number_text(static_cast<int>(i)) + "]", list[i], limit);
@@ -223,8 +226,8 @@ class Writer {
   void operator()(std::string_view name, T& value, const Limit& limit, std::string_view) {
     node.member(name) = value_to_node(value, limit);
   }
-  Node node{.kind = Node::Kind::map, .text = {}, .items = {}, .members = {}, .source = {},
-            .line = 0};
+  Node node{
+      .kind = Node::Kind::map, .text = {}, .items = {}, .members = {}, .source = {}, .line = 0};
 };
 
 template <typename T, typename Limit>
@@ -240,7 +243,8 @@ Node value_to_node(const T& value, const Limit& limit) {
     return value ? value_to_node(*value, limit) : Node{};
   } else if constexpr (is_map<T>) {
     Writer writer;
-    for (const auto& [name, member] : value) writer.node.member(name) = value_to_node(member, limit);
+    for (const auto& [name, member] : value)
+      writer.node.member(name) = value_to_node(member, limit);
     return writer.node;
   } else if constexpr (is_list<T>) {
     Node node;
@@ -289,18 +293,29 @@ std::string flow_text(const Node& node);
 
 template <typename T>
 std::string type_name() {
-  if constexpr (std::is_same_v<T, bool>) return "bool";
-  else if constexpr (std::is_same_v<T, int>) return "int";
-  else if constexpr (std::is_same_v<T, double>) return "number";
-  else if constexpr (std::is_same_v<T, std::string>) return "text";
-  else if constexpr (std::is_enum_v<T>) return "word";
-  else if constexpr (std::is_same_v<T, Node>) return "keys";
-  else if constexpr (is_optional<T>) return type_name<typename T::value_type>() + " or null";
-  else if constexpr (is_list<T>) return "list of " + type_name<typename T::value_type>();
-  else return "section";
+  if constexpr (std::is_same_v<T, bool>)
+    return "bool";
+  else if constexpr (std::is_same_v<T, int>)
+    return "int";
+  else if constexpr (std::is_same_v<T, double>)
+    return "number";
+  else if constexpr (std::is_same_v<T, std::string>)
+    return "text";
+  else if constexpr (std::is_enum_v<T>)
+    return "word";
+  else if constexpr (std::is_same_v<T, Node>)
+    return "keys";
+  else if constexpr (is_optional<T>)
+    return type_name<typename T::value_type>() + " or null";
+  else if constexpr (is_list<T>)
+    return "list of " + type_name<typename T::value_type>();
+  else
+    return "section";
 }
 
-inline std::string limit_text(NoLimit) { return ""; }
+inline std::string limit_text(NoLimit) {
+  return "";
+}
 template <typename R>
 std::string limit_text(const Range<R>& range) {
   return "[" + number_text(range.low) + ", " + number_text(range.high) + "]";

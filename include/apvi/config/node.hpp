@@ -37,8 +37,8 @@ struct Node {
 Node load_file(const std::filesystem::path& path);
 /// The same from text; `source` stands for the file name in messages.
 Node parse_yaml(const std::string& text, const std::string& source);
-/// Parses a file and what it names under `inherit:` (one path or a list, relative to the file), left
-/// to right, the file itself last. Throws InputError for a cycle.
+/// Parses a file and what it names under `inherit:` (one path or a list, relative to the file),
+/// left to right, the file itself last. Throws InputError for a cycle.
 Node load_with_inheritance(const std::filesystem::path& path);
 /// Lays `over` on top of `base`: maps merge deep, everything else replaces.
 void merge(Node& base, const Node& over);

@@ -36,6 +36,8 @@ struct Stamp {
 };
 
 /// Seconds from `from` to `to`, exact to the double's precision for spans of any practical length.
-inline double seconds_between(Stamp from, Stamp to) { return (to - from).seconds(); }
+inline double seconds_between(Stamp from, Stamp to) {
+  return (to - from).seconds();
+}
 
 }  // namespace apvi

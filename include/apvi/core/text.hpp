@@ -21,6 +21,7 @@ std::optional<std::int64_t> parse_int64(std::string_view text);
 std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text);
 std::string to_lower(std::string_view text);
 /// The candidate closest to `word` by edit distance, if it is close enough to be a typo of it.
-std::optional<std::string> closest(std::string_view word, const std::vector<std::string>& candidates);
+std::optional<std::string> closest(std::string_view word,
+                                   const std::vector<std::string>& candidates);
 
 }  // namespace apvi::text

@@ -5,9 +5,9 @@
 #include <Eigen/Geometry>
 #include <optional>
 
-/// Rotations in three dimensions. Tangent vectors are rotation vectors [rad]; perturbations act from
-/// the right (body side): R ⊞ φ = R Exp(φ). Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for
-/// state estimation in robotics", 2018, section V and appendix B.
+/// Rotations in three dimensions. Tangent vectors are rotation vectors [rad]; perturbations act
+/// from the right (body side): R ⊞ φ = R Exp(φ). Formulas: Sola, Deray, Atchuthan, "A micro Lie
+/// theory for state estimation in robotics", 2018, section V and appendix B.
 namespace apvi::so3 {
 
 using Eigen::Matrix3d;

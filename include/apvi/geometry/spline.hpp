@@ -12,9 +12,9 @@ namespace apvi {
 /// Everything a rigid body does at one instant, exact derivatives of one smooth curve.
 struct Motion {
   SE3 T_world_body;
-  Eigen::Vector3d velocity_world = Eigen::Vector3d::Zero();           ///< [m/s]
-  Eigen::Vector3d acceleration_world = Eigen::Vector3d::Zero();       ///< [m/s²]
-  Eigen::Vector3d angular_velocity_body = Eigen::Vector3d::Zero();    ///< [rad/s]
+  Eigen::Vector3d velocity_world = Eigen::Vector3d::Zero();             ///< [m/s]
+  Eigen::Vector3d acceleration_world = Eigen::Vector3d::Zero();         ///< [m/s²]
+  Eigen::Vector3d angular_velocity_body = Eigen::Vector3d::Zero();      ///< [rad/s]
   Eigen::Vector3d angular_acceleration_body = Eigen::Vector3d::Zero();  ///< [rad/s²]
 };
 
@@ -27,8 +27,8 @@ class Se3Spline {
   /// Needs at least six control poses, `period` apart, and a positive period.
   Se3Spline(Stamp start, Duration period, std::vector<SE3> control_poses);
 
-  /// A spline that passes through the trajectory, interpolated every `period` from its first pose to
-  /// its last. Throws InputError for a trajectory shorter than two periods.
+  /// A spline that passes through the trajectory, interpolated every `period` from its first pose
+  /// to its last. Throws InputError for a trajectory shorter than two periods.
   static Se3Spline through(const Trajectory& trajectory, Duration period);
 
   Stamp start() const { return start_; }

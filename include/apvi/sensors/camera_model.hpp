@@ -9,8 +9,8 @@ namespace apvi {
 
 enum class Distortion { none, radtan, equidistant };
 
-/// A pinhole camera with lens distortion. Pixel coordinates follow OpenCV: the centre of the top-left
-/// pixel is (0, 0). Camera frame: x right, y down, z forward.
+/// A pinhole camera with lens distortion. Pixel coordinates follow OpenCV: the centre of the
+/// top-left pixel is (0, 0). Camera frame: x right, y down, z forward.
 ///
 /// radtan: k1, k2, p1, p2 (Brown-Conrady, as OpenCV's `calib3d`). equidistant: k1..k4 (Kannala and
 /// Brandt 2006, as OpenCV's `fisheye`).
@@ -38,8 +38,8 @@ class CameraModel {
   /// d pixel / d point. Pixels outside the image are returned all the same.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera,
                                          Jacobian23* jacobian = nullptr) const;
-  /// Direction (unit norm, camera frame) that projects to the pixel; nothing when the inverse of the
-  /// distortion does not exist there.
+  /// Direction (unit norm, camera frame) that projects to the pixel; nothing when the inverse of
+  /// the distortion does not exist there.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
   bool in_image(const Eigen::Vector2d& pixel, double border_px = 0.0) const;
 

@@ -15,8 +15,8 @@
 
 namespace apvi {
 
-/// Which way the world's axes point. `up`: z up (x, y level). `ned`: x north, y east, z down, and the
-/// body is forward, right, down by custom.
+/// Which way the world's axes point. `up`: z up (x, y level). `ned`: x north, y east, z down, and
+/// the body is forward, right, down by custom.
 enum class WorldFrame { up, ned };
 
 struct ImuCalibration {
@@ -82,9 +82,9 @@ struct Rig {
 /// about it.
 std::array<Eigen::Vector3d, kDvlBeams> default_dvl_beams();
 
-/// Reads a rig from configuration nodes (the content of rig.yaml). Rotations are re-orthonormalised.
-/// Throws InputError with file and line for unknown keys, values out of range, matrices that are no
-/// rigid motion, and beams that are no unit vectors.
+/// Reads a rig from configuration nodes (the content of rig.yaml). Rotations are
+/// re-orthonormalised. Throws InputError with file and line for unknown keys, values out of range,
+/// matrices that are no rigid motion, and beams that are no unit vectors.
 Rig make_rig(const config::Node& node);
 /// The documentation of every key of rig.yaml as a Markdown table.
 std::string rig_documentation();

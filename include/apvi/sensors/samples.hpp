@@ -31,9 +31,9 @@ inline constexpr std::size_t kDvlBeams = 4;
 struct DvlSample {
   Stamp stamp;
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< over ground, sensor frame [m/s]
-  bool valid = false;                                  ///< bottom lock; the velocity means nothing without
-  std::optional<double> figure_of_merit;               ///< as the device reports it [m/s]
-  std::optional<double> altitude;                      ///< [m]
+  bool valid = false;                     ///< bottom lock; the velocity means nothing without
+  std::optional<double> figure_of_merit;  ///< as the device reports it [m/s]
+  std::optional<double> altitude;         ///< [m]
   std::array<std::optional<DvlBeam>, kDvlBeams> beams;
 };
 
@@ -52,15 +52,16 @@ struct GnssSample {
   Eigen::Vector3d east_north_up = Eigen::Vector3d::Zero();  ///< [m]
 };
 
-/// A camera frame whose pixels are decoded when somebody asks for them, so that a run without vision
-/// pays nothing and decoding happens on the thread that needs it.
+/// A camera frame whose pixels are decoded when somebody asks for them, so that a run without
+/// vision pays nothing and decoding happens on the thread that needs it.
 struct ImageFrame {
   Stamp stamp;
   int camera = 0;
   std::function<cv::Mat()> decode;  ///< 8-bit grey or BGR; throws RunError when the file is damaged
 };
 
-using SensorEvent = std::variant<ImuSample, DvlSample, PressureSample, DepthSample, ImageFrame, GnssSample>;
+using SensorEvent =
+    std::variant<ImuSample, DvlSample, PressureSample, DepthSample, ImageFrame, GnssSample>;
 
 Stamp stamp_of(const SensorEvent& event);
 /// "imu", "dvl", "pressure", "depth", "camera" or "gnss".

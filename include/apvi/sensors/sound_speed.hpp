@@ -3,9 +3,9 @@
 
 namespace apvi {
 
-/// Speed of sound in water [m/s] by Chen and Millero 1977 (the UNESCO algorithm; Fofonoff and Millard,
-/// UNESCO technical paper 44, 1983). Valid for 0 to 40 degC, 0 to 40 PSU (fresh and brackish water too),
-/// 0 to 10000 dbar (about as many metres of depth).
+/// Speed of sound in water [m/s] by Chen and Millero 1977 (the UNESCO algorithm; Fofonoff and
+/// Millard, UNESCO technical paper 44, 1983). Valid for 0 to 40 degC, 0 to 40 PSU (fresh and
+/// brackish water too), 0 to 10000 dbar (about as many metres of depth).
 double sound_speed(double temperature_c, double salinity_psu, double pressure_dbar);
 
 }  // namespace apvi
