@@ -23,10 +23,7 @@ int dispatch(int argc, char** argv) {
       "-q,--quiet", [] { apvi::log::set_console_level(apvi::log::Level::warning); },
       "show warnings and errors only");
   app.fallthrough();
-  apvi::apps::add_run(app);
   apvi::apps::add_eval(app);
-  apvi::apps::add_doctor(app);
-  apvi::apps::add_config(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

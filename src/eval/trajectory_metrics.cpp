@@ -168,6 +168,17 @@ TrajectoryMetrics evaluate_alone(const Trajectory& estimate) {
   return metrics;
 }
 
+WorldFrame reference_world(const Trajectory& reference, WorldFrame vehicle_world) {
+  return reference.has_rotation ? vehicle_world : WorldFrame::up;
+}
+
+Trajectory within(const Trajectory& trajectory, Stamp from, Stamp to) {
+  Trajectory part = trajectory;
+  std::erase_if(part.poses,
+                [&](const StampedPose& pose) { return pose.stamp < from || pose.stamp > to; });
+  return part;
+}
+
 Trajectory to_z_up(const Trajectory& trajectory, WorldFrame world) {
   Trajectory turned = trajectory;
   if (world == WorldFrame::up) return turned;

@@ -108,6 +108,13 @@ std::size_t needed_matches(Alignment alignment);
 /// What can be said without a reference: how far a run that closes its loop ends from its start.
 TrajectoryMetrics evaluate_alone(const Trajectory& estimate);
 
+/// The world of a reference that belongs to a vehicle: GNSS, known by having positions only, is
+/// east, north, up; a pose shares the vehicle's world.
+WorldFrame reference_world(const Trajectory& reference, WorldFrame vehicle_world);
+
+/// The poses from `from` to `to`, both included: the part of a reference that a run has seen.
+Trajectory within(const Trajectory& trajectory, Stamp from, Stamp to);
+
 /// The trajectory in a world with z up: north-east-down becomes east, north, up.
 Trajectory to_z_up(const Trajectory& trajectory, WorldFrame world);
 
