@@ -22,9 +22,9 @@ inline std::optional<std::filesystem::path> real_data(const std::string& name) {
 
 }  // namespace apvi::test
 
-/// Skips the test unless the recording is there; else defines `path`.
-#define APVI_NEEDS_DATA(path, name)                                                    \
-  const auto path##_found = ::apvi::test::real_data(name);                             \
-  if (!path##_found)                                                                   \
-    GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA"; \
-  const std::filesystem::path path = *path##_found
+/// Skips the test unless the recording is there; else defines the path `variable`.
+#define APVI_NEEDS_DATA(variable, name)                                                        \
+  const auto variable##_found = ::apvi::test::real_data(name);                                 \
+  if (!variable##_found)                                                                       \
+    GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA";         \
+  const std::filesystem::path variable = *variable##_found

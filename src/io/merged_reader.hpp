@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/io/sequence.hpp"
+#include "io/sample_source.hpp"
+#include "io/stream_cleaner.hpp"
+
+namespace apvi::io {
+
+/// Cleans every sensor of a recording and merges them in order of time, within the configured span.
+class MergedReader : public SequenceReader {
+ public:
+  MergedReader(Recording recording, const DatasetConfig& config);
+
+  const config::Node& rig() const override { return recording_.rig; }
+  std::optional<SensorEvent> next() override;
+  double fraction() const override;
+  const std::map<std::string, StreamReport>& report() const override { return report_; }
+  std::optional<Trajectory> reference() const override { return recording_.reference(); }
+
+ private:
+  struct Stream {
+    SampleSource* source;
+    StreamReport* report;
+    StreamCleaner cleaner;
+    bool ended = false;
+  };
+
+  bool fill(Stream& stream);
+  Stream* earliest();
+  void find_start();
+  bool hidden(const SensorEvent& event) const;
+
+  Recording recording_;
+  DatasetConfig config_;
+  std::map<std::string, StreamReport> report_;
+  std::vector<Stream> streams_;
+  std::optional<Stamp> begin_;  // of the recording; the span counts from here
+  Stamp from_;
+  Stamp until_ = Stamp::max();
+  Stamp latest_ = Stamp::min();
+  bool finished_ = false;
+};
+
+}  // namespace apvi::io

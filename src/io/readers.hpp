@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <set>
+#include <string>
+
+#include "apvi/io/sequence.hpp"
+#include "io/sample_source.hpp"
+
+/// One function per format; `open_sequence` chooses.
+namespace apvi::io {
+
+/// Which sensors were asked for: "imu", "dvl", "pressure", "camera"; an empty list means all.
+class SensorChoice {
+ public:
+  /// Throws InputError for a word that names no sensor.
+  explicit SensorChoice(const std::vector<std::string>& sensors);
+  bool all() const { return chosen_.empty(); }
+  bool wants(const std::string& sensor) const { return all() || chosen_.contains(sensor); }
+
+ private:
+  std::set<std::string> chosen_;
+};
+
+/// rig.yaml above mav0/<sensor>/data.csv.
+Recording open_folder(const std::filesystem::path& root, const DatasetConfig& config,
+                      const SensorChoice& choice);
+/// The same with a sensor.yaml in each sensor's folder instead of rig.yaml.
+Recording open_euroc(const std::filesystem::path& root, const DatasetConfig& config,
+                     const SensorChoice& choice);
+/// IMG_L/, imu.csv, dvl.csv, depth.csv, gt.csv.
+Recording open_tank(const std::filesystem::path& root, const DatasetConfig& config,
+                    const SensorChoice& choice);
+/// A ROS1 bag. Throws InputError in a build without rosbag_storage.
+Recording open_bag(const std::filesystem::path& path, const DatasetConfig& config,
+                   const SensorChoice& choice);
+
+/// The calibration to use: `config.rig` when given, else `own` if it exists, else null.
+config::Node load_rig(const DatasetConfig& config, const std::filesystem::path& own);
+
+/// Adds the sensors found below `root`/mav0 to a recording whose rig is set. Throws InputError when
+/// a sensor that the rig describes and the choice wants is not there, or nothing is there at all.
+void add_asl_sensors(const std::filesystem::path& root, const DatasetConfig& config,
+                     const SensorChoice& choice, Recording& recording);
+
+/// Throws InputError when a recording has no sensor to read.
+void check_any_sensor(const Recording& recording, const std::filesystem::path& root);
+
+/// A trajectory file as reference; nothing when the file has a header only.
+std::optional<Trajectory> read_reference(const std::filesystem::path& path);
+
+}  // namespace apvi::io

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/io/sequence.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/text.hpp"
+#include "io/merged_reader.hpp"
+#include "io/readers.hpp"
+
+namespace apvi::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool any_sensor_yaml(const fs::path& mav) {
+  for (const auto& entry : fs::directory_iterator(mav)) {
+    if (fs::exists(entry.path() / "sensor.yaml")) return true;
+  }
+  return false;
+}
+
+bool begins_like_a_bag(const fs::path& path) {
+  std::string magic(7, '\0');
+  std::ifstream(path, std::ios::binary).read(magic.data(), 7);
+  return magic == "#ROSBAG";
+}
+
+DatasetFormat detect_file(const fs::path& path) {
+  if (text::to_lower(path.extension().string()) == ".bag" || begins_like_a_bag(path)) {
+    return DatasetFormat::rosbag;
+  }
+  const std::string extension = path.extension().string();
+  if (extension == ".db3" || extension == ".mcap") {
+    fail_input("{}: this is a ROS 2 bag; turn it into a folder with scripts/convert_rosbag2.py",
+               path.string());
+  }
+  fail_input("{}: not a data set; give a folder or a .bag file", path.string());
+}
+
+DatasetFormat detect_folder(const fs::path& path) {
+  if (fs::is_directory(path / "mav0")) {
+    const bool published = !fs::exists(path / "rig.yaml") && any_sensor_yaml(path / "mav0");
+    return published ? DatasetFormat::euroc : DatasetFormat::folder;
+  }
+  if (fs::exists(path / "imu.csv") || fs::is_directory(path / "IMG_L")) return DatasetFormat::tank;
+  if (fs::exists(path / "metadata.yaml")) {
+    fail_input("{}: this is a ROS 2 bag; turn it into a folder with scripts/convert_rosbag2.py",
+               path.string());
+  }
+  if (fs::exists(path / "imu0" / "data.csv") || fs::exists(path / "cam0" / "data.csv")) {
+    fail_input("{}: give the folder that contains mav0, not mav0 itself", path.string());
+  }
+  fail_input(
+      "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md",
+      path.string());
+}
+
+DatasetFormat detect(const fs::path& path) {
+  return fs::is_directory(path) ? detect_folder(path) : detect_file(path);
+}
+
+Recording open_recording(DatasetFormat format, const DatasetConfig& config,
+                         const SensorChoice& choice) {
+  const fs::path path = config.path;
+  const bool wants_folder = format != DatasetFormat::rosbag;
+  if (wants_folder != fs::is_directory(path)) {
+    fail_input("{}: dataset.format asks for a {}; this is a {}", config.path,
+               wants_folder ? "folder" : ".bag file", wants_folder ? "file" : "folder");
+  }
+  switch (format) {
+    case DatasetFormat::folder:
+      return open_folder(path, config, choice);
+    default:
+      break;
+  }
+  fail_input("{}: this build does not read this format", config.path);
+}
+
+void check(const DatasetConfig& config) {
+  if (config.path.empty()) fail_input("dataset.path: missing; give a folder or a .bag file");
+  std::error_code unreadable;
+  if (!fs::exists(config.path, unreadable)) {
+    fail_input("{}: no such file or folder; is dataset.path right?", config.path);
+  }
+  for (const auto& span : config.blackout_s) {
+    if (!(span[0] >= 0.0 && span[1] > span[0])) {
+      fail_input("dataset.blackout_s: [{}, {}] is no span; give [from, to] with from < to", span[0],
+                 span[1]);
+    }
+  }
+}
+
+}  // namespace
+
+std::string_view to_string(DropReason reason) {
+  switch (reason) {
+    case DropReason::malformed:
+      return "malformed";
+    case DropReason::not_finite:
+      return "not finite";
+    case DropReason::out_of_order:
+      return "out of order";
+    case DropReason::duplicate_stamp:
+      return "duplicate stamp";
+    case DropReason::broken_stamp:
+      return "broken stamp";
+  }
+  return "unknown";
+}
+
+SensorChoice::SensorChoice(const std::vector<std::string>& sensors)
+    : chosen_(sensors.begin(), sensors.end()) {
+  const std::vector<std::string> known = {"camera", "imu", "dvl", "pressure"};
+  for (const std::string& sensor : sensors) {
+    if (std::find(known.begin(), known.end(), sensor) == known.end()) {
+      fail_input("sensors.use: there is no sensor \"{}\"; known are {}", sensor,
+                 fmt::join(known, ", "));
+    }
+  }
+}
+
+std::unique_ptr<SequenceReader> open_sequence(const DatasetConfig& config,
+                                              const std::vector<std::string>& sensors) {
+  check(config);
+  const SensorChoice choice(sensors);
+  const DatasetFormat format =
+      config.format == DatasetFormat::automatic ? detect(config.path) : config.format;
+  try {
+    Recording recording = open_recording(format, config, choice);
+    check_any_sensor(recording, config.path);
+    return std::make_unique<MergedReader>(std::move(recording), config);
+  } catch (const fs::filesystem_error& e) {
+    fail_input("{}: {}", e.path1().string(), e.code().message());
+  }
+}
+
+}  // namespace apvi::io
