@@ -111,6 +111,8 @@ Node load_layers(const fs::path& path, std::vector<fs::path>& open_files) {
 
 }  // namespace
 
+Node::Node() = default;
+
 const Node* Node::find(std::string_view key) const {
   const auto it = std::find_if(members.begin(), members.end(),
                                [&](const auto& member) { return member.first == key; });
@@ -119,8 +121,9 @@ const Node* Node::find(std::string_view key) const {
 
 Node& Node::member(std::string_view key) {
   if (kind != Kind::map) {
-    *this = Node{
-        .kind = Kind::map, .text = {}, .items = {}, .members = {}, .source = source, .line = line};
+    kind = Kind::map;
+    text.clear();
+    items.clear();
   }
   if (const Node* found = find(key)) return const_cast<Node&>(*found);
   members.emplace_back(std::string(key), Node{});

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 
 namespace apvi {
@@ -14,7 +15,7 @@ std::atomic<bool> line_is_shown = false;  // of the process's one terminal
 
 std::string remaining(double fraction, double elapsed_s) {
   if (fraction < 0.01 || elapsed_s < 1.0) return "";
-  const int left = static_cast<int>(elapsed_s * (1.0 - fraction) / fraction + 0.5);
+  const int left = static_cast<int>(std::lround(elapsed_s * (1.0 - fraction) / fraction));
   return left >= 60 ? fmt::format(" {}m{:02d}s left", left / 60, left % 60)
                     : fmt::format(" {}s left", left);
 }

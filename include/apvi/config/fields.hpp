@@ -39,6 +39,8 @@ struct Range {
   T low;
   T high;
 };
+template <typename T>
+Range(T, T) -> Range<T>;
 
 /// The words for the values of an enum.
 template <typename E>
@@ -218,6 +220,7 @@ Node value_to_node(const T& value, const Limit& limit);
 /// Visitor that turns a struct into a map.
 class Writer {
  public:
+  Writer() { node.kind = Node::Kind::map; }
   template <typename T>
   void operator()(std::string_view name, T& value, std::string_view) {
     node.member(name) = value_to_node(value, NoLimit{});
@@ -226,8 +229,7 @@ class Writer {
   void operator()(std::string_view name, T& value, const Limit& limit, std::string_view) {
     node.member(name) = value_to_node(value, limit);
   }
-  Node node{
-      .kind = Node::Kind::map, .text = {}, .items = {}, .members = {}, .source = {}, .line = 0};
+  Node node;
 };
 
 template <typename T, typename Limit>

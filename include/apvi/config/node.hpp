@@ -22,6 +22,8 @@ struct Node {
   std::shared_ptr<const std::string> source;          ///< file name, or "--set"
   int line = 0;                                       ///< from 1; 0 when there is none
 
+  Node();  // out of line: clang would otherwise look into `members` while Node is incomplete
+
   bool is_null() const { return kind == Kind::null; }
   const Node* find(std::string_view key) const;
   /// The member of that name, made if it is not there; turns a null node into a map.

@@ -24,7 +24,7 @@ class Random {
 
  private:
   std::uint64_t seed_;
-  std::uint64_t state_[4];
+  std::uint64_t state_[4] = {};
   double spare_ = 0.0;
   bool has_spare_ = false;
 };
