@@ -25,4 +25,13 @@ esac
 build_cpu
 say "Testing"
 cd "$APVI_ROOT"
-ctest --preset cpu --parallel "${APVI_JOBS:-$(nproc)}" "$@"
+status=0
+ctest --preset cpu --parallel "${APVI_JOBS:-$(nproc)}" --output-junit tests.xml "$@" || status=$?
+
+# The counts of the <testsuite> line; what is skipped needed a recording or a device that is not here.
+count() { grep -oP "^\s*$1=\"\K\d+" build/cpu/tests.xml | head -n 1; }
+if [[ -f build/cpu/tests.xml ]]; then
+  skipped="$(($(count skipped) + $(count disabled)))"
+  echo "$(($(count tests) - $(count failures) - skipped)) passed, $(count failures) failed, $skipped skipped"
+fi
+exit "$status"
