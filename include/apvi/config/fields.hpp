@@ -320,7 +320,12 @@ inline std::string limit_text(NoLimit) {
 }
 template <typename R>
 std::string limit_text(const Range<R>& range) {
-  return "[" + number_text(range.low) + ", " + number_text(range.high) + "]";
+  // Appended piece by piece: GCC 12 warns falsely (-Wrestrict) about a sum that begins with text.
+  std::string text = "[";
+  return text.append(number_text(range.low))
+      .append(", ")
+      .append(number_text(range.high))
+      .append("]");
 }
 template <typename E>
 std::string limit_text(const Choices<E>& choices) {
