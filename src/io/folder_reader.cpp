@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
-#include "apvi/io/tum.hpp"
 #include "io/csv_sensors.hpp"
 #include "io/readers.hpp"
 #include "io/trajectory_text.hpp"
@@ -12,47 +9,12 @@ namespace apvi::io {
 namespace {
 
 namespace fs = std::filesystem;
-using Make = std::function<std::unique_ptr<SampleSource>(const fs::path& csv)>;
-
-struct SensorFolder {
-  std::string name;    // of the folder below mav0, and of the rig's section
-  std::string kind;    // of the events
-  std::string choice;  // the word in sensors.use
-  Make make;
-};
-
-std::vector<SensorFolder> sensor_folders(PressureUnit unit) {
-  const auto camera = [](int index) {
-    return [index](const fs::path& csv) {
-      return csv_camera(CsvFile(csv), csv.parent_path() / "data", index);
-    };
-  };
-  return {
-      {"imu0", "imu", "imu", [](const fs::path& csv) { return csv_imu(CsvFile(csv)); }},
-      {"dvl0", "dvl", "dvl", [](const fs::path& csv) { return csv_dvl(CsvFile(csv)); }},
-      {"pressure0", "pressure", "pressure",
-       [unit](const fs::path& csv) { return csv_pressure(CsvFile(csv), unit); }},
-      {"depth0", "depth", "pressure", [](const fs::path& csv) { return csv_depth(CsvFile(csv)); }},
-      {"cam0", "camera", "camera", camera(0)},
-      {"cam1", "camera", "camera", camera(1)},
-  };
-}
-
-void add_sensor(const SensorFolder& sensor, const fs::path& mav, Recording& recording) {
-  const fs::path folder = mav / sensor.name;
-  const bool described = recording.rig.find(sensor.name) != nullptr;
-  const fs::path csv = folder / "data.csv";
-  if (fs::is_directory(folder)) {
-    if (!recording.rig.is_null() && !described && sensor.name.starts_with("cam")) {
-      log::info("{}: left out, because the rig does not describe {}", folder.string(), sensor.name);
-      return;
-    }
-    if (!fs::exists(csv)) fail_input("{}: missing; the folder is there without it", csv.string());
-    recording.add(sensor.kind, sensor.make(csv));
-  } else if (described) {
-    fail_input("{}: missing, though the rig describes {}; add it, or leave {} out of sensors.use",
-               csv.string(), sensor.name, sensor.choice);
-  }
+// Without the file, whether that is a mistake of the recording rather than a sensor it never had.
+bool is_missed(const SensorPlace& place, const config::Node& rig) {
+  if (place.name == "cam1") return false;  // one camera is enough to go on
+  const bool folder_without_file =
+      place.path.filename() == "data.csv" && fs::is_directory(place.path.parent_path());
+  return folder_without_file || rig.find(place.name) != nullptr;
 }
 
 }  // namespace
@@ -75,18 +37,50 @@ void check_any_sensor(const Recording& recording, const fs::path& root) {
              root.string());
 }
 
+void add_sensors(const std::vector<SensorPlace>& places, const SensorChoice& choice,
+                 Recording& recording) {
+  for (const SensorPlace& place : places) {
+    if (!choice.wants(place.choice)) continue;
+    const bool described = recording.rig.find(place.name) != nullptr;
+    if (!fs::exists(place.path)) {
+      if (!is_missed(place, recording.rig)) continue;
+      fail_input("{}: missing; add it, or take {} out of {}", place.path.string(), place.name,
+                 described ? "the rig, or " + place.choice + " out of sensors.use" : "the folder");
+    }
+    if (place.kind == "camera" && !recording.rig.is_null() && !described) {
+      log::info("{}: left out: the rig does not describe {}", place.path.string(), place.name);
+      continue;
+    }
+    recording.add(place.kind, place.open(place.path));
+  }
+}
+
 void add_asl_sensors(const fs::path& root, const DatasetConfig& config, const SensorChoice& choice,
                      Recording& recording) {
   const fs::path mav = root / "mav0";
   if (!fs::is_directory(mav)) {
     fail_input("{}: missing; a data set keeps its sensors there", mav.string());
   }
-  for (const SensorFolder& sensor : sensor_folders(config.pressure_unit)) {
-    if (choice.wants(sensor.choice)) add_sensor(sensor, mav, recording);
-  }
-  const fs::path gnss = mav / "gnss0" / "data.csv";
+  const auto csv = [&](const char* name) { return mav / name / "data.csv"; };
+  const auto camera = [](int index) {
+    return [index](const fs::path& path) {
+      return csv_camera(CsvFile(path), path.parent_path() / "data", index);
+    };
+  };
+  const auto pressure = [unit = config.pressure_unit](const fs::path& path) {
+    return csv_pressure(CsvFile(path), unit);
+  };
+  add_sensors({{"imu0", "imu", "imu", csv("imu0"), [](auto& p) { return csv_imu(CsvFile(p)); }},
+               {"dvl0", "dvl", "dvl", csv("dvl0"), [](auto& p) { return csv_dvl(CsvFile(p)); }},
+               {"pressure0", "pressure", "pressure", csv("pressure0"), pressure},
+               {"depth0", "depth", "pressure", csv("depth0"),
+                [](auto& p) { return csv_depth(CsvFile(p)); }},
+               {"cam0", "camera", "camera", csv("cam0"), camera(0)},
+               {"cam1", "camera", "camera", csv("cam1"), camera(1)}},
+              choice, recording);
+  const fs::path gnss = csv("gnss0");
   if (choice.all() && fs::exists(gnss)) recording.add("gnss", csv_gnss(CsvFile(gnss)));
-  const fs::path truth = mav / "state_groundtruth_estimate0" / "data.csv";
+  const fs::path truth = csv("state_groundtruth_estimate0");
   recording.reference = [truth, gnss]() -> std::optional<Trajectory> {
     if (fs::exists(truth)) {
       if (auto trajectory = read_reference(truth)) return trajectory;

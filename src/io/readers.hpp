@@ -2,8 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "apvi/io/sequence.hpp"
 #include "io/sample_source.hpp"
@@ -38,6 +41,20 @@ Recording open_bag(const std::filesystem::path& path, const DatasetConfig& confi
 
 /// The calibration to use: `config.rig` when given, else `own` if it exists, else null.
 config::Node load_rig(const DatasetConfig& config, const std::filesystem::path& own);
+
+/// One sensor of a recording that is made of files.
+struct SensorPlace {
+  std::string name;    ///< of the rig's section: "imu0", "cam1", …
+  std::string kind;    ///< of the events: "imu", "camera", …
+  std::string choice;  ///< the word in sensors.use
+  std::filesystem::path path;
+  std::function<std::unique_ptr<SampleSource>(const std::filesystem::path&)> open;
+};
+
+/// Adds what is there of the places. Throws InputError when a sensor that the rig describes is not
+/// there. Cameras that the rig does not describe are left out: nobody could use them.
+void add_sensors(const std::vector<SensorPlace>& places, const SensorChoice& choice,
+                 Recording& recording);
 
 /// Adds the sensors found below `root`/mav0 to a recording whose rig is set. Throws InputError when
 /// a sensor that the rig describes and the choice wants is not there, or nothing is there at all.

@@ -73,9 +73,15 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
                wants_folder ? "folder" : ".bag file", wants_folder ? "file" : "folder");
   }
   switch (format) {
+    case DatasetFormat::automatic:
+      break;
     case DatasetFormat::folder:
       return open_folder(path, config, choice);
-    default:
+    case DatasetFormat::euroc:
+      return open_euroc(path, config, choice);
+    case DatasetFormat::tank:
+      return open_tank(path, config, choice);
+    case DatasetFormat::rosbag:
       break;
   }
   fail_input("{}: this build does not read this format", config.path);
