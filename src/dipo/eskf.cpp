@@ -42,6 +42,21 @@ void Eskf::propagate(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, 
   add(kDepthBias, 1, walk.depth_bias);
 }
 
+void Eskf::coast(double dt, const Unknown& unknown) {
+  imu::NavMatrix F = imu::NavMatrix::Identity();
+  const Eigen::Matrix3d R = state_.nav.R_world_body.toRotationMatrix();
+  F.block<3, 3>(imu::kPosition, imu::kTheta) = -dt * R * so3::hat(state_.nav.v_body);
+  F.block<3, 3>(imu::kPosition, imu::kVelocity) = dt * R;
+  state_.nav.p_world += dt * (R * state_.nav.v_body);
+  P_.topRows<kNavSize>() = F * P_.topRows<kNavSize>().eval();
+  P_.leftCols<kNavSize>() = P_.leftCols<kNavSize>().eval() * F.transpose();
+  const double turn = unknown.turn * unknown.turn;
+  const double speed = unknown.speed_change * unknown.speed_change;
+  inflate(imu::kTheta, 3, turn);
+  inflate(imu::kVelocity, 3, speed);
+  inflate(imu::kPosition, 3, (speed + turn * state_.nav.v_body.squaredNorm()) * dt * dt);
+}
+
 double Eskf::nis(const Measurement& m) const {
   const Measurement::Covariance S = m.H * P_ * m.H.transpose() + m.R;
   return m.residual.dot(S.ldlt().solve(m.residual));

@@ -77,6 +77,14 @@ class Eskf {
   void propagate(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt,
                  const imu::World& world, const imu::Noise& noise, const CalibrationWalk& walk);
 
+  /// What may have happened in a span without inertial data, one sigma.
+  struct Unknown {
+    double turn = 0.0;          ///< [rad]
+    double speed_change = 0.0;  ///< [m/s]
+  };
+  /// Goes on straight ahead for `dt` [s] because nothing else is known.
+  void coast(double dt, const Unknown& unknown);
+
   /// Normalised innovation squared of a measurement, before it is applied.
   double nis(const Measurement& measurement) const;
   /// Joseph-form update, reset of the error state included.

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+
+#include "apvi/config/fields.hpp"
+
+namespace apvi::dipo {
+
+/// A calibration state: estimated on line from an initial sigma, or held at what the rig says.
+struct CalibrationState {
+  bool estimate = false;
+  double sigma = 0.0;
+  double walk = 0.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("estimate", estimate, "estimate it on line, starting from the rig's value");
+    v("sigma", sigma, Range{0.0, 100.0}, "how wrong the rig's value may be, one sigma");
+    v("walk", walk, Range{0.0, 10.0}, "how fast it may wander, per square root of a second");
+  }
+};
+
+struct InitializationConfig {
+  double window_s = 2.0;
+  double heading_deg = 0.0;
+  double tilt_sigma_deg = 3.0;
+  double gyro_bias_sigma = 1e-4;
+  double accel_bias_sigma = 0.05;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("window_s", window_s, Range{0.2, 60.0}, "span of pings that gives gravity and velocity [s]");
+    v("heading_deg", heading_deg, Range{-360.0, 360.0},
+      "heading of the body's x axis at the start, about world z [deg]");
+    v("tilt_sigma_deg", tilt_sigma_deg, Range{0.01, 90.0}, "roll and pitch, one sigma [deg]");
+    v("gyro_bias_sigma", gyro_bias_sigma, Range{0.0, 1.0}, "turn-on bias, one sigma [rad/s]");
+    v("accel_bias_sigma", accel_bias_sigma, Range{0.0, 10.0}, "turn-on bias, one sigma [m/s²]");
+  }
+};
+
+struct EarthConfig {
+  std::optional<double> latitude_deg;
+  std::optional<double> heading_deg;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("latitude_deg", latitude_deg, Range{-90.0, 90.0},
+      "turns Earth rotation on, for gyros good enough to feel it [deg]");
+    v("heading_deg", heading_deg, Range{-360.0, 360.0},
+      "true heading at the start; without it only the vertical part is used [deg]");
+  }
+};
+
+struct InertialConfig {
+  double gyro_noise_factor = 1.0;
+  double accel_noise_factor = 1.0;
+  double vibration_factor = 1.0;
+  double max_gap_s = 0.5;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("gyro_noise_factor", gyro_noise_factor, Range{0.1, 1000.0},
+      "inflates the rig's gyro noise density");
+    v("accel_noise_factor", accel_noise_factor, Range{0.1, 1000.0},
+      "inflates the rig's accelerometer noise density");
+    v("vibration_factor", vibration_factor, Range{0.0, 1000.0},
+      "how much of the vibration seen between samples counts as noise; 0: trust the rig");
+    v("max_gap_s", max_gap_s, Range{0.01, 60.0},
+      "a longer pause between inertial samples is a gap: the filter goes on straight ahead [s]");
+  }
+};
+
+struct DvlConfig {
+  bool use_beams = true;
+  double soft_gate = 11.3;
+  double hard_gate_factor = 20.0;
+  int max_rejected = 5;
+  double adapt_rate = 0.1;
+  double max_noise_scale = 30.0;
+  double parity_sigmas = 6.0;
+  bool displacement = false;
+  double displacement_inflation = 4.0;
+  CalibrationState time_offset{.estimate = true, .sigma = 0.3, .walk = 1e-3};
+  CalibrationState scale{.estimate = false, .sigma = 0.02, .walk = 1e-6};
+  CalibrationState mounting{.estimate = false, .sigma = 0.09, .walk = 1e-6};
+  CalibrationState lever_arm{.estimate = false, .sigma = 1.0, .walk = 1e-5};
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("use_beams", use_beams, "one update per beam in lock when beams are reported");
+    v("soft_gate", soft_gate, Range{1.0, 1000.0},
+      "NIS above which a ping counts less (chi square of three, 1 %)");
+    v("hard_gate_factor", hard_gate_factor, Range{1.0, 1e6},
+      "a ping whose NIS is this many times the soft gate is rejected");
+    v("max_rejected", max_rejected, Range{1, 1000},
+      "after so many rejections in a row the ping is believed instead of the state");
+    v("adapt_rate", adapt_rate, Range{0.0, 1.0},
+      "how fast the noise follows the NIS; 0 keeps the rig's");
+    v("max_noise_scale", max_noise_scale, Range{1.0, 1e4}, "the noise's variance grows up to this");
+    v("parity_sigmas", parity_sigmas, Range{1.0, 1000.0},
+      "four beams that disagree by more than this many sigma: the ping is not used");
+    v("displacement", displacement, "use the second residual of the paper's Eq. 3 too");
+    v("displacement_inflation", displacement_inflation, Range{1.0, 1000.0},
+      "variance factor of that residual: it is made of velocities used already");
+    v("time_offset", time_offset, "by how much stamps are late [s]");
+    v("scale", scale, "relative scale error (sound speed)");
+    v("mounting", mounting, "mounting rotation [rad]");
+    v("lever_arm", lever_arm, "position in the body frame [m]");
+  }
+};
+
+struct DepthConfig {
+  double soft_gate = 9.0;
+  double hard_gate_factor = 100.0;
+  int max_rejected = 20;
+  CalibrationState bias{.estimate = true, .sigma = 0.05, .walk = 1e-4};
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("soft_gate", soft_gate, Range{1.0, 1000.0}, "NIS above which a sample counts less");
+    v("hard_gate_factor", hard_gate_factor, Range{1.0, 1e6},
+      "a sample whose NIS is this many times the soft gate is rejected");
+    v("max_rejected", max_rejected, Range{1, 10000},
+      "after so many rejections in a row the sample is believed instead of the state");
+    v("bias", bias, "atmosphere, tide, zero of the sensor [m]");
+  }
+};
+
+struct ZeroVelocityConfig {
+  bool enabled = true;
+  double window_s = 1.0;
+  double max_speed = 0.02;
+  double max_gyro_std = 0.003;
+  double max_accel_std = 0.05;
+  double sigma = 0.01;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled, "recognise standing still, when DVL and IMU agree");
+    v("window_s", window_s, Range{0.1, 60.0}, "span that must be still [s]");
+    v("max_speed", max_speed, Range{0.0, 1.0}, "largest DVL speed in it [m/s]");
+    v("max_gyro_std", max_gyro_std, Range{0.0, 1.0}, "largest standard deviation [rad/s]");
+    v("max_accel_std", max_accel_std, Range{0.0, 10.0}, "largest standard deviation [m/s²]");
+    v("sigma", sigma, Range{1e-6, 1.0}, "of the zero-velocity measurement [m/s]");
+  }
+};
+
+/// The `dipo` section: DVL, IMU and pressure odometry.
+struct Config {
+  InitializationConfig initialization;
+  InertialConfig inertial;
+  EarthConfig earth;
+  DvlConfig dvl;
+  DepthConfig depth;
+  ZeroVelocityConfig zero_velocity;
+  double gravity = 9.80665;
+  double history_s = 2.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("initialization", initialization, "how the filter starts");
+    v("inertial", inertial, "inertial sensor");
+    v("earth", earth, "Earth rotation");
+    v("dvl", dvl, "Doppler velocity log");
+    v("depth", depth, "pressure or depth sensor");
+    v("zero_velocity", zero_velocity, "zero-velocity updates");
+    v("gravity", gravity, Range{9.0, 10.5}, "local gravity [m/s²]");
+    v("history_s", history_s, Range{0.1, 60.0},
+      "how far back a late measurement may reach [s]");
+  }
+};
+
+}  // namespace apvi::dipo

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "apvi/dipo/config.hpp"
+#include "apvi/dipo/initializer.hpp"
+#include "apvi/dipo/noise_tracker.hpp"
+#include "apvi/dipo/timeline.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "apvi/sensors/samples.hpp"
+
+namespace apvi::dipo {
+
+/// What became of a measurement.
+enum class Verdict { accepted, weakened, rejected, no_lock, beams_disagree, repeated, too_old };
+std::string_view to_string(Verdict verdict);
+
+/// One DVL ping or depth sample and what the filter made of it.
+struct Report {
+  Stamp stamp;
+  Verdict verdict = Verdict::accepted;
+  double nis = 0.0;          ///< normalised innovation squared (0 when none was computed)
+  int rows = 0;              ///< its degrees of freedom
+  double noise_scale = 1.0;  ///< variance factor that the adaptive noise has reached
+};
+
+struct Estimate {
+  Stamp stamp;
+  State state;
+  Matrix covariance;
+};
+
+/// DVL-inertial-pressure odometry: the paper's ESKF subsystem (section III-B). Samples come in the
+/// order in which they become known; estimates are causal. Not thread-safe.
+class Dipo {
+ public:
+  /// Throws InputError when the rig lacks an IMU or a DVL.
+  Dipo(const Config& config, const Rig& rig);
+
+  void add(const ImuSample& sample);
+  void add(const DvlSample& sample);
+  void add(const PressureSample& sample);
+  void add(const DepthSample& sample);
+
+  bool initialized() const { return timeline_.started(); }
+  /// Says what initialization waits for, for the status line; empty once it is done.
+  std::string waiting_for() const;
+  /// The newest estimate; nothing before initialization.
+  std::optional<Estimate> latest() const;
+  /// The estimate at a stamp inside the history, everything known by now taken in.
+  std::optional<Estimate> at(Stamp stamp) const;
+  Stamp newest() const { return timeline_.newest(); }
+
+  /// Reports since the last call.
+  std::vector<Report> take_dvl_reports() { return std::exchange(dvl_reports_, {}); }
+  std::vector<Report> take_depth_reports() { return std::exchange(depth_reports_, {}); }
+  std::size_t gaps() const { return gaps_; }
+  std::size_t zero_velocity_updates() const { return zero_velocity_updates_; }
+
+ private:
+  using Sample = std::variant<DvlSample, DepthSample>;
+
+  void add_depth(const DepthSample& sample);
+  void start(const Initializer::Start& start);
+  void take_in_pending();
+  /// False while the sample's own time is still ahead of the inertial data.
+  bool take_in(const DvlSample& ping);
+  bool take_in(const DepthSample& sample);
+  Verdict beam_verdict(const DvlSample& ping) const;
+  Timeline::Model dvl_model(const DvlSample& ping, double offset_s, double variance) const;
+  void update_if_still(const ImuSample& sample);
+
+  Config config_;
+  Rig rig_;
+  imu::World world_;
+  Timeline timeline_;
+  Initializer initializer_;
+  VibrationTracker vibration_;
+  StillnessDetector stillness_;
+  MeasurementGate dvl_gate_;
+  MeasurementGate depth_gate_;
+  std::deque<ImuSample> early_imu_;  // before initialization
+  std::deque<Sample> pending_;       // whose own time the inertial data have not reached
+  std::optional<DvlSample> last_ping_;
+  std::optional<ImuSample> last_imu_;
+  std::vector<Report> dvl_reports_;
+  std::vector<Report> depth_reports_;
+  std::size_t gaps_ = 0;
+  std::size_t zero_velocity_updates_ = 0;
+};
+
+}  // namespace apvi::dipo

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "apvi/dipo/config.hpp"
+#include "apvi/dipo/eskf.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "apvi/sensors/samples.hpp"
+
+namespace apvi::dipo {
+
+/// Finds attitude and velocity to start from, at rest or under way: between two DVL pings the change
+/// of velocity is known, so what the accelerometer felt beyond it was gravity.
+class Initializer {
+ public:
+  /// What is still missing.
+  enum class Waiting { imu, dvl_lock, window };
+
+  struct Start {
+    ImuSample sample;  ///< the inertial sample at which `state` holds
+    State state;
+    Matrix covariance;
+  };
+
+  Initializer(const Config& config, const Rig& rig) : config_(config), rig_(rig) {}
+
+  void add(const ImuSample& sample);
+  void add(const DvlSample& sample);
+  /// Depth of the body's origin below the surface, as measured [m]; the latest one counts.
+  void add_depth(double depth_m, const Eigen::Vector3d& p_body_sensor);
+
+  std::optional<Start> try_start() const;
+  Waiting waiting() const;
+
+ private:
+  struct Depth {
+    double depth_m;
+    Eigen::Vector3d p_body_sensor;
+  };
+
+  Eigen::Vector3d body_velocity(const DvlSample& ping, const Eigen::Vector3d& gyro) const;
+  State make_state(const Eigen::Vector3d& force_body, const Eigen::Vector3d& v_body) const;
+  Matrix make_covariance(const State& state) const;
+
+  Config config_;
+  Rig rig_;
+  std::deque<ImuSample> imu_;
+  std::deque<DvlSample> pings_;
+  std::optional<Depth> depth_;
+};
+
+}  // namespace apvi::dipo

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/dipo/dipo.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "apvi/core/error.hpp"
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::dipo {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+imu::World make_world(const Config& config, const Rig& rig) {
+  imu::World world;
+  world.gravity = rig.gravity(config.gravity);
+  if (!config.earth.latitude_deg) return world;
+  const double latitude = *config.earth.latitude_deg * kDegree;
+  const double up = kEarthRate * std::sin(latitude);
+  const double north = config.earth.heading_deg ? kEarthRate * std::cos(latitude) : 0.0;
+  world.earth_rate =
+      rig.world == WorldFrame::ned ? Vector3d(north, 0.0, -up) : Vector3d(0.0, north, up);
+  return world;
+}
+
+CalibrationWalk make_walk(const Config& config) {
+  const auto walk = [](const CalibrationState& c) { return c.estimate ? c.walk : 0.0; };
+  return {.time_offset = walk(config.dvl.time_offset),
+          .scale = walk(config.dvl.scale),
+          .mounting = walk(config.dvl.mounting),
+          .lever_arm = walk(config.dvl.lever_arm),
+          .depth_bias = walk(config.depth.bias)};
+}
+
+imu::Noise sheet_noise(const Rig& rig) {
+  return {.gyro = rig.imu->gyro_noise_density,
+          .accel = rig.imu->accel_noise_density,
+          .gyro_walk = rig.imu->gyro_random_walk,
+          .accel_walk = rig.imu->accel_random_walk};
+}
+
+const Rig& checked(const Rig& rig) {
+  if (!rig.imu) fail_input("rig: imu0: missing; odometry needs an IMU");
+  if (!rig.dvl) fail_input("rig: dvl0: missing; DVL-inertial odometry needs a DVL");
+  return rig;
+}
+
+int valid_beams(const DvlSample& ping) {
+  return static_cast<int>(std::count_if(ping.beams.begin(), ping.beams.end(),
+                                        [](const auto& beam) { return beam && beam->valid; }));
+}
+
+bool same_ping(const DvlSample& a, const DvlSample& b) {
+  return a.valid == b.valid && a.velocity == b.velocity && a.altitude == b.altitude;
+}
+
+// The covariance is raised so that the innovation's becomes `factor` times what it was.
+Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, const Eskf& filter,
+                         double factor) {
+  const Measurement::Covariance more =
+      (factor - 1.0) *
+      (at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R);
+  return [model = std::move(model), more](const State& state, const Kinematics& kinematics) {
+    Measurement m = model(state, kinematics);
+    m.R += more;
+    return m;
+  };
+}
+
+}  // namespace
+
+std::string_view to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::accepted: return "accepted";
+    case Verdict::weakened: return "weakened";
+    case Verdict::rejected: return "rejected";
+    case Verdict::no_lock: return "no_lock";
+    case Verdict::beams_disagree: return "beams_disagree";
+    case Verdict::repeated: return "repeated";
+    case Verdict::too_old: return "too_old";
+  }
+  return "";
+}
+
+Dipo::Dipo(const Config& config, const Rig& rig)
+    : config_(config),
+      rig_(checked(rig)),
+      world_(make_world(config, rig)),
+      timeline_(world_, make_walk(config), Duration::from_seconds(config.history_s),
+                Duration::from_seconds(config.inertial.max_gap_s)),
+      initializer_(config, rig),
+      vibration_(config.inertial, sheet_noise(rig)),
+      stillness_(config.zero_velocity),
+      dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor, config.dvl.max_rejected,
+                config.dvl.adapt_rate, config.dvl.max_noise_scale),
+      depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor, config.depth.max_rejected,
+                  0.0, 1.0) {}
+
+void Dipo::add(const ImuSample& sample) {
+  if (last_imu_ && sample.stamp <= last_imu_->stamp) return;  // the reader has counted it
+  if (last_imu_ && seconds_between(last_imu_->stamp, sample.stamp) > config_.inertial.max_gap_s) {
+    ++gaps_;
+  }
+  last_imu_ = sample;
+  vibration_.add(sample);
+  stillness_.add(sample);
+  if (!initialized()) {
+    initializer_.add(sample);
+    early_imu_.push_back(sample);
+    if (const auto found = initializer_.try_start()) start(*found);
+    const Stamp keep = sample.stamp - Duration::from_seconds(
+                                          3.0 * config_.initialization.window_s);
+    while (!early_imu_.empty() && early_imu_.front().stamp < keep) early_imu_.pop_front();
+    return;
+  }
+  timeline_.push(sample, vibration_.noise());
+  take_in_pending();
+  update_if_still(sample);
+}
+
+void Dipo::add(const DvlSample& sample) {
+  if (last_ping_ && same_ping(*last_ping_, sample)) {  // telemetry repeats each ping several times
+    dvl_reports_.push_back({.stamp = sample.stamp, .verdict = Verdict::repeated});
+    return;
+  }
+  last_ping_ = sample;
+  stillness_.add(sample);
+  if (!initialized()) initializer_.add(sample);
+  pending_.push_back(sample);
+  take_in_pending();
+}
+
+void Dipo::add(const PressureSample& sample) {
+  if (!rig_.pressure) return;
+  add_depth({sample.stamp, rig_.pressure->depth(sample.pressure_pa)});
+}
+
+void Dipo::add(const DepthSample& sample) {
+  if (rig_.depth) add_depth(sample);
+}
+
+void Dipo::add_depth(const DepthSample& sample) {
+  if (!initialized()) {
+    initializer_.add_depth(sample.depth_m, rig_.pressure ? rig_.pressure->p_body_sensor
+                                                         : rig_.depth->p_body_sensor);
+  }
+  pending_.push_back(sample);
+  take_in_pending();
+}
+
+void Dipo::start(const Initializer::Start& start) {
+  timeline_.start(start.sample, Eskf(start.state, start.covariance));
+  for (const ImuSample& sample : early_imu_) {
+    if (sample.stamp > start.sample.stamp) timeline_.push(sample, vibration_.noise());
+  }
+  early_imu_.clear();
+  take_in_pending();
+}
+
+void Dipo::take_in_pending() {
+  if (!initialized()) {
+    constexpr std::size_t kMost = 4096;  // a DVL that never locks must not fill the memory
+    while (pending_.size() > kMost) pending_.pop_front();
+    return;
+  }
+  std::erase_if(pending_, [this](const Sample& sample) {
+    return std::visit([this](const auto& s) { return take_in(s); }, sample);
+  });
+}
+
+Verdict Dipo::beam_verdict(const DvlSample& ping) const {
+  const bool any_beam = std::any_of(ping.beams.begin(), ping.beams.end(),
+                                    [](const auto& beam) { return beam.has_value(); });
+  if (!ping.valid) return Verdict::no_lock;
+  if (!any_beam || valid_beams(ping) < static_cast<int>(kDvlBeams)) return Verdict::accepted;
+  // Four beams measure three unknowns; what is left over is noise: the unit vector n with nᵀ E = 0.
+  Eigen::Matrix<double, kDvlBeams, 3> E;
+  Eigen::Vector4d b;
+  for (std::size_t i = 0; i < kDvlBeams; ++i) {
+    E.row(static_cast<Eigen::Index>(i)) = rig_.dvl->beams[i];
+    b(static_cast<Eigen::Index>(i)) = ping.beams[i]->velocity;
+  }
+  const Eigen::Vector4d left = b - E * (E.transpose() * E).ldlt().solve(E.transpose() * b);
+  const double sigma = rig_.dvl->velocity_noise * std::sqrt(dvl_gate_.scale());
+  return left.norm() > config_.dvl.parity_sigmas * sigma ? Verdict::beams_disagree
+                                                         : Verdict::accepted;
+}
+
+Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s, double variance) const {
+  // Where the offset has moved since the ping was put in its place, its column makes up for it.
+  const auto shift = [offset_s](Measurement m, const State& state) {
+    m.residual -= m.H.col(kTimeOffset) * (state.dvl_time_offset_s - offset_s);
+    return m;
+  };
+  const double scale = rig_.dvl->scale;
+  if (config_.dvl.use_beams && valid_beams(ping) > 0) {
+    return [=, world = world_, beams = rig_.dvl->beams](const State& x, const Kinematics& k) {
+      Measurement all(valid_beams(ping));
+      int row = 0;
+      for (std::size_t i = 0; i < kDvlBeams; ++i) {
+        if (!ping.beams[i] || !ping.beams[i]->valid) continue;
+        const Measurement m =
+            dvl_beam(x, k, world, beams[i], scale * ping.beams[i]->velocity, variance);
+        all.residual(row) = m.residual(0);
+        all.H.row(row) = m.H;
+        all.R(row, row) = variance;
+        ++row;
+      }
+      return shift(all, x);
+    };
+  }
+  return [=, world = world_](const State& x, const Kinematics& k) {
+    return shift(
+        dvl_velocity(x, k, world, scale * ping.velocity, variance * Matrix3d::Identity()), x);
+  };
+}
+
+bool Dipo::take_in(const DvlSample& ping) {
+  const double offset_s = timeline_.newest_filter().state().dvl_time_offset_s;
+  const Stamp stamp = ping.stamp - Duration::from_seconds(offset_s);
+  if (stamp > timeline_.newest()) return false;
+  Report report{.stamp = ping.stamp, .verdict = beam_verdict(ping)};
+  if (!timeline_.covers(stamp)) report.verdict = Verdict::too_old;
+  if (report.verdict == Verdict::accepted) {
+    const double noise = rig_.dvl->velocity_noise;
+    Timeline::Model model = dvl_model(ping, offset_s, noise * noise * dvl_gate_.scale());
+    const Eskf filter = timeline_.filter_at(stamp);
+    const Measurement m = model(filter.state(), timeline_.kinematics_at(stamp));
+    report.nis = filter.nis(m);
+    report.rows = m.rows();
+    const auto factor = dvl_gate_.judge(report.nis, report.rows);
+    if (!factor) {
+      report.verdict = Verdict::rejected;
+    } else {
+      if (*factor > 1.0) {
+        report.verdict = Verdict::weakened;
+        model = weakened(std::move(model), m, filter, *factor);
+      }
+      timeline_.insert(stamp, std::move(model), config_.dvl.displacement);
+    }
+  }
+  report.noise_scale = dvl_gate_.scale();
+  dvl_reports_.push_back(report);
+  return true;
+}
+
+bool Dipo::take_in(const DepthSample& sample) {
+  if (sample.stamp > timeline_.newest()) return false;
+  Report report{.stamp = sample.stamp};
+  if (!timeline_.covers(sample.stamp)) {
+    report.verdict = Verdict::too_old;
+  } else {
+    const Vector3d lever = rig_.pressure ? rig_.pressure->p_body_sensor : rig_.depth->p_body_sensor;
+    const double noise = rig_.pressure ? rig_.pressure->noise_m : rig_.depth->noise_m;
+    Timeline::Model model = [=, sign = rig_.depth_sign()](const State& x, const Kinematics&) {
+      return depth(x, lever, sign, sample.depth_m, noise * noise);
+    };
+    const Eskf filter = timeline_.filter_at(sample.stamp);
+    const Measurement m = model(filter.state(), {});
+    report.nis = filter.nis(m);
+    report.rows = 1;
+    const auto factor = depth_gate_.judge(report.nis, 1);
+    if (!factor) {
+      report.verdict = Verdict::rejected;
+    } else {
+      if (*factor > 1.0) {
+        report.verdict = Verdict::weakened;
+        model = weakened(std::move(model), m, filter, *factor);
+      }
+      timeline_.insert(sample.stamp, std::move(model));
+    }
+  }
+  depth_reports_.push_back(report);
+  return true;
+}
+
+void Dipo::update_if_still(const ImuSample& sample) {
+  if (!stillness_.is_still()) return;
+  const double variance = config_.zero_velocity.sigma * config_.zero_velocity.sigma;
+  timeline_.insert(sample.stamp, [variance](const State& x, const Kinematics&) {
+    return zero_velocity(x, variance);
+  });
+  ++zero_velocity_updates_;
+}
+
+std::string Dipo::waiting_for() const {
+  if (initialized()) return "";
+  switch (initializer_.waiting()) {
+    case Initializer::Waiting::imu: return "inertial samples";
+    case Initializer::Waiting::dvl_lock: return "a DVL ping with bottom lock";
+    case Initializer::Waiting::window: return "a span of DVL pings";
+  }
+  return "";
+}
+
+std::optional<Estimate> Dipo::latest() const {
+  if (!initialized()) return std::nullopt;
+  const Eskf& filter = timeline_.newest_filter();
+  return Estimate{timeline_.newest(), filter.state(), filter.covariance()};
+}
+
+std::optional<Estimate> Dipo::at(Stamp stamp) const {
+  if (!initialized() || stamp < timeline_.oldest() || stamp > timeline_.newest()) {
+    return std::nullopt;
+  }
+  const Eskf filter = timeline_.filter_at(stamp);
+  return Estimate{stamp, filter.state(), filter.covariance()};
+}
+
+}  // namespace apvi::dipo

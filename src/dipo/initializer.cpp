@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/dipo/initializer.hpp"
+
+#include <algorithm>
+#include <numbers>
+
+#include "apvi/geometry/so3.hpp"
+#include "apvi/imu/preintegration.hpp"
+
+namespace apvi::dipo {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kPositionSigma = 1e-3;   // the origin is where the vehicle starts, by definition
+constexpr double kVelocitySigma = 0.1;    // [m/s], the first ping with its unknown delay
+constexpr double kDepthSigma = 0.05;      // [m]
+
+// Index of the first sample not before the stamp.
+std::size_t first_from(const std::deque<ImuSample>& imu, Stamp stamp) {
+  const auto it = std::lower_bound(imu.begin(), imu.end(), stamp,
+                                   [](const ImuSample& s, Stamp value) { return s.stamp < value; });
+  return static_cast<std::size_t>(it - imu.begin());
+}
+
+}  // namespace
+
+void Initializer::add(const ImuSample& sample) {
+  imu_.push_back(sample);
+  const Stamp keep = sample.stamp - Duration::from_seconds(3.0 * config_.initialization.window_s);
+  while (imu_.front().stamp < keep) imu_.pop_front();
+  while (!pings_.empty() && pings_.front().stamp < imu_.front().stamp) pings_.pop_front();
+}
+
+void Initializer::add(const DvlSample& sample) {
+  if (sample.valid && !imu_.empty() && sample.stamp >= imu_.front().stamp) pings_.push_back(sample);
+}
+
+void Initializer::add_depth(double depth_m, const Vector3d& p_body_sensor) {
+  depth_ = Depth{depth_m, p_body_sensor};
+}
+
+Initializer::Waiting Initializer::waiting() const {
+  if (imu_.empty()) return Waiting::imu;
+  return pings_.empty() ? Waiting::dvl_lock : Waiting::window;
+}
+
+Vector3d Initializer::body_velocity(const DvlSample& ping, const Vector3d& gyro) const {
+  const SE3& mount = rig_.dvl->T_body_dvl;
+  return mount.rotation * (rig_.dvl->scale * ping.velocity) - gyro.cross(mount.translation);
+}
+
+std::optional<Initializer::Start> Initializer::try_start() const {
+  if (pings_.size() < 2 || imu_.size() < 2) return std::nullopt;
+  const DvlSample& first = pings_.front();
+  const auto reaches = [&](const DvlSample& ping) {
+    return seconds_between(first.stamp, ping.stamp) >= 0.99 * config_.initialization.window_s &&
+           ping.stamp <= imu_.back().stamp;
+  };
+  const auto last = std::find_if(pings_.begin(), pings_.end(), reaches);
+  if (last == pings_.end()) return std::nullopt;
+  const std::size_t from = first_from(imu_, first.stamp);
+  const std::size_t to = first_from(imu_, last->stamp);
+  if (to <= from) return std::nullopt;
+
+  imu::Preintegration sum({}, Vector3d::Zero(), Vector3d::Zero());
+  for (std::size_t i = from + 1; i <= to; ++i) sum.integrate(imu_[i - 1], imu_[i]);
+  const Vector3d v_from = body_velocity(first, imu_[from].gyro);
+  const Vector3d v_to = sum.delta().rotation * body_velocity(*last, imu_[to].gyro);
+  // Δv = R_iᵀ (v_j - v_i - g T): what was felt beyond the change of velocity held the vehicle up.
+  const Vector3d force = (sum.delta().velocity - (v_to - v_from)) / sum.duration_s();
+  const State state = make_state(force, v_from);
+  return Start{imu_[from], state, make_covariance(state)};
+}
+
+State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body) const {
+  State state;
+  const double heading =
+      config_.earth.heading_deg.value_or(config_.initialization.heading_deg) * kDegree;
+  const Vector3d gravity = rig_.gravity(config_.gravity);
+  state.nav.R_world_body =
+      so3::exp(Vector3d(0.0, 0.0, heading)) * so3::level_attitude(force_body, gravity);
+  state.nav.v_body = v_body;
+  state.dvl_time_offset_s = rig_.dvl->time_offset_s;
+  state.R_body_dvl = rig_.dvl->T_body_dvl.rotation;
+  state.p_body_dvl = rig_.dvl->T_body_dvl.translation;
+  if (depth_) {
+    const Vector3d lever = state.nav.R_world_body * depth_->p_body_sensor;
+    state.nav.p_world.z() = rig_.depth_sign() * depth_->depth_m - lever.z();
+  }
+  state.p_last_ping = state.nav.p_world;
+  return state;
+}
+
+Matrix Initializer::make_covariance(const State& state) const {
+  Matrix P = Matrix::Zero();
+  const auto set = [&](int index, int count, double sigma) {
+    P.diagonal().segment(index, count).setConstant(sigma * sigma);
+  };
+  const InitializationConfig& init = config_.initialization;
+  // Roll and pitch are uncertain; heading is given: the variance lies across the vertical.
+  const Matrix3d Rt = state.nav.R_world_body.conjugate().toRotationMatrix();
+  const double tilt = init.tilt_sigma_deg * kDegree;
+  P.topLeftCorner<3, 3>() =
+      Rt * Vector3d(tilt * tilt, tilt * tilt, 1e-10).asDiagonal() * Rt.transpose();
+  set(imu::kPosition, 3, kPositionSigma);
+  if (depth_) set(imu::kPosition + 2, 1, kDepthSigma);
+  set(imu::kVelocity, 3, kVelocitySigma);
+  set(imu::kGyroBias, 3, init.gyro_bias_sigma);
+  set(imu::kAccelBias, 3, init.accel_bias_sigma);
+  const auto set_if = [&](int index, int count, const CalibrationState& c) {
+    if (c.estimate) set(index, count, c.sigma);
+  };
+  set_if(kTimeOffset, 1, config_.dvl.time_offset);
+  set_if(kScale, 1, config_.dvl.scale);
+  set_if(kMounting, 3, config_.dvl.mounting);
+  set_if(kLeverArm, 3, config_.dvl.lever_arm);
+  set_if(kDepthBias, 1, config_.depth.bias);
+  return P;
+}
+
+}  // namespace apvi::dipo

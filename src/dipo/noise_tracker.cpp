@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/dipo/noise_tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace apvi::dipo {
+namespace {
+
+using Eigen::Vector3d;
+
+// Sample variance summed over the axes, of one member of the samples.
+template <typename Member>
+double spread(const std::deque<ImuSample>& samples, Member member) {
+  Vector3d mean = Vector3d::Zero();
+  for (const ImuSample& s : samples) mean += s.*member / static_cast<double>(samples.size());
+  double sum = 0.0;
+  for (const ImuSample& s : samples) sum += (s.*member - mean).squaredNorm();
+  return sum / static_cast<double>(samples.size());
+}
+
+}  // namespace
+
+void VibrationTracker::add(const ImuSample& sample) {
+  last_.push_back(sample);
+  if (last_.size() < 3) return;
+  if (last_.size() > 3) last_.pop_front();
+  // The second difference of white noise has six times its variance; three axes are summed. Motion
+  // itself is too slow to show in it.
+  const Vector3d accel = last_[2].accel - 2.0 * last_[1].accel + last_[0].accel;
+  const Vector3d gyro = last_[2].gyro - 2.0 * last_[1].gyro + last_[0].gyro;
+  const double weight = ++count_ < 100 ? 1.0 / count_ : 0.01;
+  accel_variance_ += weight * (accel.squaredNorm() / 18.0 - accel_variance_);
+  gyro_variance_ += weight * (gyro.squaredNorm() / 18.0 - gyro_variance_);
+  period_s_ += weight * (seconds_between(last_[1].stamp, last_[2].stamp) - period_s_);
+}
+
+imu::Noise VibrationTracker::noise() const {
+  const double k = config_.vibration_factor * config_.vibration_factor * period_s_;
+  imu::Noise noise = sheet_;
+  noise.gyro = std::hypot(sheet_.gyro * config_.gyro_noise_factor, std::sqrt(k * gyro_variance_));
+  noise.accel =
+      std::hypot(sheet_.accel * config_.accel_noise_factor, std::sqrt(k * accel_variance_));
+  return noise;
+}
+
+void StillnessDetector::add(const ImuSample& sample) {
+  if (!config_.enabled) return;
+  imu_.push_back(sample);
+  // Twice the window, so that a full window is there whenever it is asked for.
+  const Stamp keep = sample.stamp - Duration::from_seconds(1.1 * config_.window_s);
+  while (imu_.front().stamp < keep) imu_.pop_front();
+  while (!pings_.empty() && pings_.front().stamp < keep) pings_.pop_front();
+}
+
+void StillnessDetector::add(const DvlSample& sample) {
+  if (config_.enabled && sample.valid) pings_.push_back(sample);
+}
+
+bool StillnessDetector::is_still() {
+  if (!config_.enabled || imu_.empty()) return false;
+  if (seconds_between(imu_.front().stamp, imu_.back().stamp) < config_.window_s) return false;
+  const bool dvl_agrees =
+      !pings_.empty() && std::all_of(pings_.begin(), pings_.end(), [&](const DvlSample& ping) {
+        return ping.velocity.norm() <= config_.max_speed;
+      });
+  const bool still =
+      dvl_agrees &&
+      spread(imu_, &ImuSample::gyro) <= config_.max_gyro_std * config_.max_gyro_std &&
+      spread(imu_, &ImuSample::accel) <= config_.max_accel_std * config_.max_accel_std;
+  imu_.clear();  // one verdict per window
+  return still;
+}
+
+std::optional<double> MeasurementGate::judge(double nis, int rows) {
+  if (nis > hard_gate_ && rejected_ < max_rejected_) {
+    ++rejected_;
+    return std::nullopt;
+  }
+  rejected_ = 0;
+  // An outlier must not speak for the noise of all: its weight is limited.
+  constexpr double kMostPerSample = 8.0;
+  const double excess = std::min(nis / rows, kMostPerSample) - 1.0;
+  scale_ = std::clamp(scale_ * (1.0 + adapt_rate_ * excess), 1.0, max_scale_);
+  return std::max(1.0, nis / soft_gate_);
+}
+
+}  // namespace apvi::dipo

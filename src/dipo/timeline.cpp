@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/dipo/timeline.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "apvi/core/error.hpp"
+
+namespace apvi::dipo {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kGyroSpan_s = 0.03;   // half width of the average
+constexpr double kSlopeSpan_s = 0.1;   // half width of the difference that gives angular acceleration
+
+// What an unseen second may do to a vehicle: it turns and changes speed at will.
+constexpr double kGapTurnRate = 0.2;       // [rad/s]
+constexpr double kGapAcceleration = 0.3;   // [m/s²]
+constexpr double kGapMaxTurn = 1.0;        // [rad]
+constexpr double kGapMaxSpeed = 2.0;       // [m/s]
+
+}  // namespace
+
+Timeline::Timeline(const imu::World& world, const CalibrationWalk& walk, Duration length,
+                   Duration max_step)
+    : world_(world), walk_(walk), length_(length), max_step_(max_step) {}
+
+void Timeline::start(const ImuSample& sample, const Eskf& filter) {
+  steps_.clear();
+  steps_.push_back({sample, {}, filter, {}});
+}
+
+void Timeline::push(const ImuSample& sample, const imu::Noise& noise) {
+  APVI_CHECK(started() && sample.stamp > newest());
+  Step step{sample, noise, newest_filter(), {}};
+  const Stamp from = newest();
+  steps_.push_back(std::move(step));
+  move(steps_.back().filter, from, sample.stamp, steps_.size() - 1);
+  while (steps_.size() > 2 && steps_[1].sample.stamp < sample.stamp - length_) steps_.pop_front();
+}
+
+// Index of the first step not before `stamp`.
+std::size_t Timeline::step_after(Stamp stamp) const {
+  const auto it = std::lower_bound(steps_.begin(), steps_.end(), stamp,
+                                   [](const Step& s, Stamp value) { return s.sample.stamp < value; });
+  return static_cast<std::size_t>(it - steps_.begin());
+}
+
+// Propagates over a part of the span that ends at `step`, with that span's mean rate and force.
+void Timeline::move(Eskf& filter, Stamp from, Stamp to, std::size_t step) const {
+  const Duration span = to - from;
+  if (span.ns <= 0) return;
+  const Step& end = steps_[step];
+  const Step& begin = steps_[step - 1];
+  const double dt = span.seconds();
+  if (end.sample.stamp - begin.sample.stamp > max_step_) {
+    filter.coast(dt, {std::min(kGapTurnRate * dt, kGapMaxTurn),
+                      std::min(kGapAcceleration * dt, kGapMaxSpeed)});
+    return;
+  }
+  filter.propagate(0.5 * (begin.sample.gyro + end.sample.gyro),
+                   0.5 * (begin.sample.accel + end.sample.accel), dt, world_, end.noise, walk_);
+}
+
+void Timeline::take_in(Eskf& filter, const Entry& entry) const {
+  filter.update(entry.model(filter.state(), kinematics_at(entry.stamp)));
+  if (entry.clone_position) filter.clone_position();
+}
+
+Eskf Timeline::filter_at(Stamp stamp) const {
+  APVI_CHECK(started() && stamp >= oldest() && stamp <= newest());
+  const std::size_t step = step_after(stamp);
+  if (steps_[step].sample.stamp == stamp) return steps_[step].filter;
+  Eskf filter = steps_[step - 1].filter;
+  Stamp at = steps_[step - 1].sample.stamp;
+  for (const Entry& entry : steps_[step].entries) {
+    if (entry.stamp > stamp) break;
+    move(filter, at, entry.stamp, step);
+    take_in(filter, entry);
+    at = entry.stamp;
+  }
+  move(filter, at, stamp, step);
+  return filter;
+}
+
+Kinematics Timeline::kinematics_at(Stamp stamp) const {
+  const std::size_t first = step_after(stamp - Duration::from_seconds(kSlopeSpan_s));
+  const std::size_t centre = std::min(step_after(stamp), steps_.size() - 1);
+  Kinematics k{steps_[centre].sample.gyro, steps_[centre].sample.accel, Vector3d::Zero()};
+  Vector3d gyro_sum = Vector3d::Zero();
+  Vector3d accel_sum = Vector3d::Zero();
+  int count = 0;
+  std::size_t last = centre;
+  for (std::size_t i = first; i < steps_.size(); ++i) {
+    const double offset_s = seconds_between(stamp, steps_[i].sample.stamp);
+    if (offset_s > kSlopeSpan_s) break;
+    last = i;
+    if (std::abs(offset_s) > kGyroSpan_s) continue;
+    gyro_sum += steps_[i].sample.gyro;
+    accel_sum += steps_[i].sample.accel;
+    ++count;
+  }
+  if (count > 0) {
+    k.gyro = gyro_sum / count;
+    k.accel = accel_sum / count;
+  }
+  if (last > first) {
+    k.angular_acceleration = (steps_[last].sample.gyro - steps_[first].sample.gyro) /
+                             seconds_between(steps_[first].sample.stamp, steps_[last].sample.stamp);
+  }
+  return k;
+}
+
+void Timeline::insert(Stamp stamp, Model model, bool clone_position) {
+  APVI_CHECK(covers(stamp));
+  const std::size_t step = step_after(stamp);
+  std::vector<Entry>& entries = steps_[step].entries;
+  const auto place = std::upper_bound(entries.begin(), entries.end(), stamp,
+                                      [](Stamp value, const Entry& e) { return value < e.stamp; });
+  entries.insert(place, {stamp, std::move(model), clone_position});
+  for (std::size_t i = step; i < steps_.size(); ++i) replay(i);
+}
+
+// Recomputes the filter at a step from the one before it.
+void Timeline::replay(std::size_t step) {
+  Eskf filter = steps_[step - 1].filter;
+  Stamp at = steps_[step - 1].sample.stamp;
+  for (const Entry& entry : steps_[step].entries) {
+    move(filter, at, entry.stamp, step);
+    take_in(filter, entry);
+    at = entry.stamp;
+  }
+  move(filter, at, steps_[step].sample.stamp, step);
+  steps_[step].filter = filter;
+}
+
+}  // namespace apvi::dipo
