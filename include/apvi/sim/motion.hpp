@@ -13,12 +13,12 @@
 #include "apvi/geometry/spline.hpp"
 #include "apvi/sim/waves.hpp"
 
-/// How the simulated vehicle moves. World: z up, the mean water surface at a given z. Body: x forward,
-/// y left, z up.
+/// How the simulated vehicle moves. World: z up, mean water surface at z = 0. Body: x forward, y
+/// left, z up.
 namespace apvi::sim {
 
 enum class PathKind { lawnmower, wall, orbit, waypoints, hover, file };
-enum class Look { along, fixed, centre };
+enum class Look { along, left, right, fixed, centre };
 enum class FileFrame { up, ned };
 
 /// Roll and pitch of a vehicle that is neither a rail nor a brick.
@@ -38,7 +38,8 @@ struct AttitudeConfig {
     v("trim_pitch_deg", trim_pitch_deg, Range{-60.0, 60.0}, "constant pitch, nose up [deg]");
     v("bank_gain", bank_gain, Range{-5.0, 5.0}, "roll into turns, 1 for a coordinated turn");
     v("climb_gain", climb_gain, Range{-2.0, 2.0}, "share of the path's slope that pitch follows");
-    v("oscillation_deg", oscillation_deg, Range{0.0, 20.0}, "roll and pitch wobble, one sigma [deg]");
+    v("oscillation_deg", oscillation_deg, Range{0.0, 20.0},
+      "roll and pitch wobble, one sigma [deg]");
     v("oscillation_period_s", oscillation_period_s, Range{0.5, 60.0}, "its dominant period [s]");
     v("sway_m", sway_m, Range{0.0, 1.0}, "unsteadiness of the position, one sigma [m]");
   }
@@ -87,20 +88,19 @@ using HeightFunction = std::function<std::optional<double>(double x, double y)>;
 struct MotionContext {
   Stamp start;
   double duration_s = 60.0;
-  double surface_z_m = 0.0;  ///< mean water surface
   double gravity = 9.80665;  ///< [m/s²]
   std::uint64_t seed = 1;
-  HeightFunction height;     ///< needed for `altitude_m` alone
+  HeightFunction height;  ///< needed for `altitude_m` alone
 };
 
 /// Time that a planned motion goes on before the start and after the end, so that exposures, time
 /// offsets and derivatives there find a curve [s].
 inline constexpr double kMotionMargin = 1.0;
 
-/// The curve that the vehicle's body flies, at least from `start` to `start + duration_s`. A path that
-/// ends early begins again (lawnmower and wall return to their first point over a leg that crosses what
-/// was seen, when `revisit` is set). Throws InputError when a path has no extent, `altitude_m` meets a
-/// place without terrain, or the trajectory file is shorter than the duration.
+/// The curve that the vehicle's body flies, at least from `start` to `start + duration_s`. A path
+/// that ends early begins again (lawnmower and wall return to their first point over a leg that
+/// crosses what was seen, when `revisit` is set). Throws InputError when a path has no extent,
+/// `altitude_m` meets a place without terrain, or the trajectory file is shorter than the duration.
 Se3Spline plan_motion(const MotionConfig& config, const MotionContext& context);
 
 /// The waves that `plan_motion` uses; the pressure sensor feels the same.
@@ -137,13 +137,19 @@ void MotionConfig::visit(V& v) {
   v("file_period_s", file_period_s, Range{0.05, 10.0}, "knots of the curve through the file [s]");
   v("file_place", file_place, "move the file's first pose to origin and heading_deg");
   v("look", look,
-    Choices<Look>{{"along", Look::along}, {"fixed", Look::fixed}, {"centre", Look::centre}},
-    "where the bow points: along the path, to look_heading_deg, or at a point");
+    Choices<Look>{{"along", Look::along},
+                  {"left", Look::left},
+                  {"right", Look::right},
+                  {"fixed", Look::fixed},
+                  {"centre", Look::centre}},
+    "where the bow points: along the path, square to it, to look_heading_deg, or at a point");
   v("look_heading_deg", look_heading_deg, Range{-360.0, 360.0}, "for look: fixed [deg]");
   v("centre", centre, metres, "x, y for look: centre [m]");
-  v("altitude_m", altitude_m, Range{0.1, 100.0}, "follow the terrain at this height, instead of z [m]");
+  v("altitude_m", altitude_m, Range{0.1, 100.0},
+    "follow the terrain at this height, instead of z [m]");
   v("corner_m", corner_m, Range{0.0, 20.0}, "how far corners are cut [m]");
-  v("max_turn_deg_s", max_turn_deg_s, Range{1.0, 180.0}, "slows down rather than turn faster [deg/s]");
+  v("max_turn_deg_s", max_turn_deg_s, Range{1.0, 180.0},
+    "slows down rather than turn faster [deg/s]");
   v("rest_s", rest_s, Range{0.0, 60.0}, "stands still at the beginning [s]");
   v("ramp_s", ramp_s, Range{0.1, 60.0}, "time to reach cruising speed [s]");
   v("surge_m", surge_m, Range{0.0, 5.0}, "amplitude of a to and fro along the bow [m]");

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/sim/renderer.hpp"
+
+namespace apvi::sim {
+
+enum class EventKind {
+  visibility,
+  blackout,
+  silt,
+  low_texture,
+  over_exposure,
+  dropped_frames,
+  dvl_loss,
+  dvl_outliers,
+  pressure_spikes,
+  imu_saturation,
+};
+
+std::string_view to_string(EventKind kind);
+
+/// Something that goes wrong from `start_s` to `end_s` after the beginning. What `strength` means
+/// depends on the kind; 0 takes the default in brackets:
+///   visibility       attenuation length [m] (1): ramps down, stays, ramps up again
+///   blackout         darkness in [0, 1] (1): light and image go, abruptly
+///   silt             density of the cloud in [0, 1] (0.9): rises fast, settles slowly
+///   low_texture      no effect of its own: marks a stretch over bare ground (`world.bare`)
+///   over_exposure    factor on the gain (4)
+///   dropped_frames   share of the frames that are lost, in [0, 1] (1)
+///   dvl_loss         share of the pings without bottom lock, in [0, 1] (1)
+///   dvl_outliers     size of the outliers [m/s] (0.5), in a third of the pings
+///   pressure_spikes  size of the spikes [m] (2), in a tenth of the samples
+///   imu_saturation   size of the shocks / measuring range (1.5)
+struct EventConfig {
+  EventKind kind = EventKind::blackout;
+  double start_s = 0.0;
+  double end_s = 0.0;
+  double strength = 0.0;
+  double ramp_s = 2.0;
+
+  template <typename V>
+  void visit(V& v);
+};
+
+/// The schedule of a scene, asked by the renderer and the sensors.
+class EventSchedule {
+ public:
+  EventSchedule() = default;
+  /// `water_attenuation_length_m`: the scene's own visibility, from where the ramps start. Throws
+  /// InputError for an event that ends before it starts, begins after `duration_s`, or has a
+  /// strength that its kind does not know.
+  EventSchedule(std::vector<EventConfig> events, double duration_s,
+                double water_attenuation_length_m);
+
+  const std::vector<EventConfig>& events() const { return events_; }
+  /// The strength of the kind at `t_s`, 0 when nothing of it happens.
+  double strength(EventKind kind, double t_s) const;
+  /// What the camera suffers at `t_s`.
+  Disturbance disturbance(double t_s) const;
+
+ private:
+  std::vector<EventConfig> events_;
+  double clear_length_m_ = 10.0;
+};
+
+/// The schedule as csv: start_s, end_s, kind.
+std::string to_csv(const EventSchedule& schedule);
+
+template <typename V>
+void EventConfig::visit(V& v) {
+  using config::Range;
+  v("kind", kind,
+    config::Choices<EventKind>{{"visibility", EventKind::visibility},
+                               {"blackout", EventKind::blackout},
+                               {"silt", EventKind::silt},
+                               {"low_texture", EventKind::low_texture},
+                               {"over_exposure", EventKind::over_exposure},
+                               {"dropped_frames", EventKind::dropped_frames},
+                               {"dvl_loss", EventKind::dvl_loss},
+                               {"dvl_outliers", EventKind::dvl_outliers},
+                               {"pressure_spikes", EventKind::pressure_spikes},
+                               {"imu_saturation", EventKind::imu_saturation}},
+    "what happens");
+  v("start_s", start_s, Range{0.0, 1e6}, "when it begins [s]");
+  v("end_s", end_s, Range{0.0, 1e6}, "when it is over [s]");
+  v("strength", strength, Range{0.0, 1e3}, "how bad, in the kind's unit; 0: its default");
+  v("ramp_s", ramp_s, Range{0.0, 1e3}, "time to build up and to fade (visibility, silt) [s]");
+}
+
+}  // namespace apvi::sim

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <iterator>
+
+#include "formats.hpp"
+
+// COLMAP's text model: world to camera, quaternion wxyz; its pixel (0.5, 0.5) is the centre of the
+// first pixel, half a pixel from ours.
+namespace apvi::sim {
+namespace {
+
+std::string camera_line(std::size_t id, const CameraModel::Parameters& p) {
+  const std::string size = fmt::format("{} {}", p.width, p.height);
+  const std::string pinhole =
+      fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}", p.fx, p.fy, p.cx + 0.5, p.cy + 0.5);
+  const auto& k = p.coefficients;
+  const std::string lens = fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}", k[0], k[1], k[2], k[3]);
+  switch (p.distortion) {
+    case Distortion::none:
+      return fmt::format("{} PINHOLE {} {}\n", id, size, pinhole);
+    case Distortion::radtan:
+      return fmt::format("{} OPENCV {} {} {}\n", id, size, pinhole, lens);
+    case Distortion::equidistant:
+      return fmt::format("{} OPENCV_FISHEYE {} {} {}\n", id, size, pinhole, lens);
+  }
+  return "";
+}
+
+}  // namespace
+
+void write_colmap(const std::filesystem::path& root, const Scene& scene,
+                  const Recording& recording) {
+  std::string cameras = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
+  std::string images = "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then POINTS2D[]\n";
+  std::size_t id = 0;
+  for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
+    const CameraCalibration& camera = scene.rig.cameras[c];
+    cameras += camera_line(c + 1, camera.model.parameters());
+    for (const FrameTime& frame : recording.frames) {
+      const SE3 T_world_body = recording.spline.at(frame.truth).T_world_body;
+      const SE3 T_camera_world = (T_world_body * camera.T_body_camera).inverse();
+      const auto& q = T_camera_world.rotation;
+      const auto& t = T_camera_world.translation;
+      fmt::format_to(std::back_inserter(images),
+                     "{} {:.12f} {:.12f} {:.12f} {:.12f} {:.9f} {:.9f} {:.9f} {} cam{}/{}.png\n\n",
+                     ++id, q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z(), c + 1, c,
+                     frame.stamp.ns);
+    }
+  }
+  const std::filesystem::path model = root / "sparse" / "0";
+  write_below(model / "cameras.txt", cameras);
+  write_below(model / "images.txt", images);
+  write_below(model / "points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n");
+  write_below(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
+}
+
+}  // namespace apvi::sim

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "apvi/sim/simulation.hpp"
+
+/// Sensor samples as the text of csv files. `header` is the first line without its end.
+namespace apvi::sim {
+
+std::string imu_csv(const std::vector<ImuSample>& samples, std::string_view header);
+/// This project's columns: velocity, figure of merit, altitude, validity, beams.
+std::string dvl_csv(const std::vector<DvlSample>& samples);
+std::string pressure_csv(const std::vector<PressureSample>& samples);
+std::string depth_csv(const std::vector<DepthSample>& samples);
+std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header);
+/// Stamp, position, quaternion wxyz, velocity, gyro bias, accelerometer bias.
+std::string truth_csv(const ImuRecord& record, std::string_view header);
+
+inline constexpr std::string_view kImuHeader =
+    "#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],a_x [m s^-2],a_y [m s^-2],"
+    "a_z [m s^-2]";
+inline constexpr std::string_view kTruthHeader =
+    "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z,v_x [m s^-1],v_y [m s^-1],"
+    "v_z [m s^-1],b_w_x [rad s^-1],b_w_y [rad s^-1],b_w_z [rad s^-1],b_a_x [m s^-2],b_a_y [m s^-2],"
+    "b_a_z [m s^-2]";
+
+}  // namespace apvi::sim

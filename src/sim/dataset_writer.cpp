@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sim/dataset_writer.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "apvi/core/error.hpp"
+#include "apvi/io/tum.hpp"
+#include "csv_text.hpp"
+#include "formats.hpp"
+
+namespace apvi::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using Triple = std::array<double, 3>;
+
+Trajectory true_trajectory(const ImuRecord& record) {
+  Trajectory trajectory;
+  for (std::size_t i = 0; i < record.samples.size(); ++i) {
+    trajectory.poses.push_back({record.samples[i].stamp, record.truth[i].T_world_body});
+  }
+  return trajectory;
+}
+
+Triple median_of(std::vector<Triple> values) {
+  Triple median{};
+  for (std::size_t channel = 0; channel < 3; ++channel) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end(),
+                     [&](const Triple& a, const Triple& b) { return a[channel] < b[channel]; });
+    median[channel] = (*middle)[channel];
+  }
+  return median;
+}
+
+// The veil as it is in the images, whose gain varies: the median over the frames that have it.
+Triple veil_in_images(const fs::path& folder, const Triple& fallback) {
+  std::vector<fs::path> files;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none)) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  std::vector<Triple> values;
+  for (const fs::path& file : files) {
+    const auto frame = nlohmann::json::parse(std::ifstream(file), nullptr, false);
+    if (frame.contains("b_inf")) values.push_back(frame["b_inf"].get<Triple>());
+  }
+  return values.empty() ? fallback : median_of(std::move(values));
+}
+
+void write_medium(const fs::path& root, const SceneConfig& scene) {
+  const Medium medium = make_medium(scene.water);
+  const auto triple = [](const Eigen::Vector3d& v) { return Triple{v.x(), v.y(), v.z()}; };
+  const nlohmann::ordered_json json = {
+      {"beta_d", triple(medium.beta_d)},
+      {"beta_b", triple(medium.beta_b)},
+      {"b_inf", veil_in_images(root / "truth" / "medium", triple(medium.b_inf))}};
+  write_below(root / "truth" / "medium.json", json.dump(2) + "\n");
+}
+
+}  // namespace
+
+void write_below(const fs::path& path, const std::string& content) {
+  std::error_code error;
+  fs::create_directories(path.parent_path(), error);
+  if (error)
+    fail_run("{}: cannot make this folder: {}", path.parent_path().string(), error.message());
+  io::write_text_file(path, content);
+}
+
+fs::path image_path(const fs::path& root, OutputFormat format, std::size_t camera, Stamp stamp) {
+  const std::string name = fmt::format("{}.png", stamp.ns);
+  switch (format) {
+    case OutputFormat::folder:
+    case OutputFormat::euroc:
+      return root / "mav0" / fmt::format("cam{}", camera) / "data" / name;
+    case OutputFormat::tank:
+      return root / (camera == 0 ? "IMG_L" : "IMG_R") / name;
+    case OutputFormat::colmap:
+      return root / "images" / fmt::format("cam{}", camera) / name;
+    case OutputFormat::rosbag:
+      return root / "frames" / fmt::format("cam{}", camera) / name;
+  }
+  return {};
+}
+
+void write_recording(const fs::path& root, OutputFormat format, const Scene& scene,
+                     const Recording& recording) {
+  switch (format) {
+    case OutputFormat::folder:
+      return write_folder(root, scene, recording);
+    case OutputFormat::euroc:
+      return write_euroc(root, scene, recording);
+    case OutputFormat::tank:
+      return write_tank(root, scene, recording);
+    case OutputFormat::colmap:
+      return write_colmap(root, scene, recording);
+    case OutputFormat::rosbag:
+      return write_bag(root, scene, recording);
+  }
+}
+
+void write_truth(const fs::path& root, const Scene& scene, const EventSchedule& events,
+                 const Recording& recording, const TriangleMesh& mesh) {
+  const fs::path truth = root / "truth";
+  write_below(truth / "rig.yaml", config::to_yaml(scene.rig_node) + "\n");
+  write_below(truth / "events.csv", to_csv(events));
+  io::write_tum(truth / "trajectory.tum", true_trajectory(recording.imu));
+  write_medium(root, scene.config);
+  if (scene.config.truth.mesh) write_ply(mesh, truth / "mesh.ply");
+}
+
+void write_folder(const fs::path& root, const Scene& scene, const Recording& recording) {
+  const fs::path mav = root / "mav0";
+  write_below(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
+  if (scene.rig.imu) {
+    write_below(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kImuHeader));
+  }
+  if (scene.rig.dvl) write_below(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
+  if (scene.rig.pressure) {
+    write_below(mav / "pressure0" / "data.csv", pressure_csv(recording.pressure));
+  } else if (scene.rig.depth) {
+    write_below(mav / "depth0" / "data.csv", depth_csv(recording.depth));
+  }
+  for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
+    write_below(mav / fmt::format("cam{}", i) / "data.csv",
+                camera_csv(recording.frames, "#timestamp [ns],filename"));
+  }
+  write_below(mav / "state_groundtruth_estimate0" / "data.csv",
+              truth_csv(recording.imu, kTruthHeader));
+}
+
+}  // namespace apvi::sim

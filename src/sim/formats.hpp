@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+
+#include "apvi/sim/scene_config.hpp"
+#include "apvi/sim/simulation.hpp"
+
+/// One writer per output format; see dataset_writer.hpp.
+namespace apvi::sim {
+
+/// Makes the folders above `path` and writes the file; RunError when that fails.
+void write_below(const std::filesystem::path& path, const std::string& content);
+
+void write_folder(const std::filesystem::path& root, const Scene& scene,
+                  const Recording& recording);
+void write_euroc(const std::filesystem::path& root, const Scene& scene, const Recording& recording);
+void write_tank(const std::filesystem::path& root, const Scene& scene, const Recording& recording);
+void write_colmap(const std::filesystem::path& root, const Scene& scene,
+                  const Recording& recording);
+void write_bag(const std::filesystem::path& root, const Scene& scene, const Recording& recording);
+
+}  // namespace apvi::sim

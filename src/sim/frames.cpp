@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "frames.hpp"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/progress.hpp"
+#include "apvi/sim/renderer.hpp"
+#include "formats.hpp"
+
+namespace apvi::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Job {
+  std::size_t camera = 0;
+  FrameTime frame;
+  fs::path image;
+};
+
+// Complete or not there.
+void write_whole(const fs::path& path, const std::string& bytes) {
+  fs::path temporary = path;
+  temporary += ".tmp";
+  write_below(temporary, bytes);
+  std::error_code error;
+  fs::rename(temporary, path, error);
+  if (error) fail_run("{}: cannot write this file: {}", path.string(), error.message());
+}
+
+std::string png_bytes(const cv::Mat& image) {
+  constexpr int kCompression = 3;  // higher is much slower and hardly smaller on noisy images
+  std::vector<uchar> buffer;
+  if (!cv::imencode(".png", image, buffer, {cv::IMWRITE_PNG_COMPRESSION, kCompression})) {
+    fail_run("cannot encode a PNG image");
+  }
+  return {buffer.begin(), buffer.end()};
+}
+
+// Portable float map: rows from bottom to top, little endian (negative scale).
+std::string pfm_bytes(const cv::Mat& depth) {
+  std::string bytes = fmt::format("Pf\n{} {}\n-1.0\n", depth.cols, depth.rows);
+  for (int row = depth.rows - 1; row >= 0; --row) {
+    bytes.append(depth.ptr<char>(row), static_cast<std::size_t>(depth.cols) * sizeof(float));
+  }
+  return bytes;
+}
+
+std::string medium_json(const Medium& medium, double gain) {
+  const auto triple = [](const Eigen::Vector3d& v) { return std::array{v.x(), v.y(), v.z()}; };
+  const nlohmann::ordered_json json = {{"beta_d", triple(medium.beta_d)},
+                                       {"beta_b", triple(medium.beta_b)},
+                                       {"b_inf", triple(medium.b_inf)},
+                                       {"gain", gain}};
+  return json.dump(2) + "\n";
+}
+
+bool quiet(const Disturbance& d) {
+  return !d.attenuation_length_m && d.darkness == 0.0 && d.silt == 0.0 && d.exposure == 1.0;
+}
+
+class FrameMaker {
+ public:
+  FrameMaker(const fs::path& root, const Scene& scene, const EventSchedule& events,
+             const Recording& recording, const TriangleMesh& mesh, const RayCaster& world,
+             int threads)
+      : root_(root), scene_(scene), events_(events), recording_(recording) {
+    const SceneConfig& config = scene.config;
+    for (const CameraCalibration& camera : scene.rig.cameras) {
+      renderers_.emplace_back(mesh, world, camera.model,
+                              RendererConfig{config.water, config.light, config.camera.effects},
+                              scene.seed(), threads);
+    }
+  }
+
+  void make(const Job& job) const {
+    constexpr int kCameraBit = 40;  // cameras have noise of their own
+    ImageRequest request;
+    request.stamp = job.frame.truth;
+    request.frame = job.frame.index + (static_cast<std::uint64_t>(job.camera) << kCameraBit);
+    request.T_world_camera = [this, &job](Stamp stamp) {
+      return recording_.spline.at(stamp).T_world_body *
+             scene_.rig.cameras[job.camera].T_body_camera;
+    };
+    request.disturbance = events_.disturbance(seconds_between(kSimulationStart, job.frame.truth));
+    const RenderedFrame rendered = renderers_[job.camera].render(request);
+    if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
+    write_whole(job.image, png_bytes(rendered.image));
+  }
+
+ private:
+  bool wants_truth(const Job& job) const {
+    const auto every = static_cast<std::uint64_t>(scene_.config.truth.image_every);
+    return job.camera == 0 && every > 0 && job.frame.index % every == 0;
+  }
+  void write_frame_truth(const Job& job, const RenderedFrame& rendered,
+                         const Disturbance& disturbance) const {
+    const fs::path truth = root_ / "truth";
+    const std::string name = std::to_string(job.frame.stamp.ns);
+    write_whole(truth / "depth" / (name + ".pfm"), pfm_bytes(rendered.depth));
+    write_whole(truth / "clear" / (name + ".png"), png_bytes(rendered.clear));
+    if (!quiet(disturbance)) return;  // the scene's medium is asked for, not an event's
+    write_whole(truth / "medium" / (name + ".json"), medium_json(rendered.medium, rendered.gain));
+  }
+
+  const fs::path& root_;
+  const Scene& scene_;
+  const EventSchedule& events_;
+  const Recording& recording_;
+  std::vector<Renderer> renderers_;
+};
+
+// Calls `work` for every index below `count` on several threads; the first exception is rethrown
+// here. `idle` runs on this thread ten times a second and stops the rest by returning false.
+void for_each_index(std::size_t count, int threads, const std::function<void(std::size_t)>& work,
+                    const std::function<bool(std::size_t done)>& idle) {
+  std::atomic<std::size_t> next = 0;
+  std::atomic<std::size_t> done = 0;
+  std::atomic<bool> stop = false;
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::exception_ptr error;
+  int running = threads;
+  const auto loop = [&] {
+    try {
+      for (std::size_t i = 0; !stop && (i = next++) < count; ++done) work(i);
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      if (!error) error = std::current_exception();
+      stop = true;
+    }
+    const std::lock_guard lock(mutex);
+    --running;
+    changed.notify_one();
+  };
+  std::vector<std::jthread> pool;
+  for (int i = 0; i < threads; ++i) pool.emplace_back(loop);
+  std::unique_lock lock(mutex);
+  while (!changed.wait_for(lock, std::chrono::milliseconds(100), [&] { return running == 0; })) {
+    lock.unlock();
+    if (!idle(done)) stop = true;
+    lock.lock();
+  }
+  lock.unlock();
+  pool.clear();
+  if (error) std::rethrow_exception(error);
+}
+
+}  // namespace
+
+void render_frames(const fs::path& root, OutputFormat format, const Scene& scene,
+                   const EventSchedule& events, const Recording& recording,
+                   const TriangleMesh& mesh, const RayCaster& world, int threads,
+                   const InterruptGuard& interrupt) {
+  std::vector<Job> jobs;
+  for (std::size_t camera = 0; camera < scene.rig.cameras.size(); ++camera) {
+    for (const FrameTime& frame : recording.frames) {
+      const fs::path image = image_path(root, format, camera, frame.stamp);
+      if (!fs::exists(image)) jobs.push_back({camera, frame, image});
+    }
+  }
+  if (jobs.empty()) return;
+  const std::size_t total = recording.frames.size() * scene.rig.cameras.size();
+  const std::size_t before = total - jobs.size();
+  StatusLine status("frames");
+  const FrameMaker maker(root, scene, events, recording, mesh, world, threads);
+  for_each_index(
+      jobs.size(), threads, [&](std::size_t i) { maker.make(jobs[i]); },
+      [&](std::size_t done) {
+        const std::size_t ready = before + done;
+        status.update(static_cast<double>(ready) / static_cast<double>(total),
+                      fmt::format("{} of {}", ready, total));
+        return !interrupt.interrupted();
+      });
+  status.finish();
+}
+
+}  // namespace apvi::sim

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "path.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "apvi/core/error.hpp"
+
+namespace apvi::sim {
+namespace {
+
+using Eigen::Vector3d;
+using Points = std::vector<Vector3d>;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+Vector3d origin_of(const MotionConfig& config) {
+  return {config.origin[0], config.origin[1], config.origin[2]};
+}
+
+// Lines to and fro, `across` apart. Flown back as they came, unless a diagonal that crosses them
+// leads to the first corner again.
+Points lines_corners(const MotionConfig& config, const Vector3d& along, const Vector3d& across) {
+  Points corners;
+  for (int i = 0; i < config.lines; ++i) {
+    const Vector3d near = origin_of(config) + i * across;
+    const Vector3d far = near + config.length_m * along;
+    corners.push_back(i % 2 == 0 ? near : far);
+    corners.push_back(i % 2 == 0 ? far : near);
+  }
+  if (!config.revisit) {
+    for (std::size_t i = corners.size() - 1; i-- > 1;) corners.push_back(corners[i]);
+  } else if (config.lines % 2 == 0) {
+    // The last line ends beside the first corner: run down its length once more, to cross all
+    // lines.
+    corners.push_back(origin_of(config) + config.length_m * along);
+  }
+  corners.push_back(corners.front());
+  return corners;
+}
+
+Points orbit_corners(const MotionConfig& config) {
+  constexpr int kPerLap = 90;
+  const double heading = config.heading_deg * kDegree;
+  const Vector3d u(std::cos(heading), std::sin(heading), 0.0);
+  const Vector3d v(-u.y(), u.x(), 0.0);
+  const int up = config.laps * kPerLap;
+  Points corners;
+  for (int i = 0; i <= 2 * up; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / kPerLap;
+    const double climbed = static_cast<double>(i <= up ? i : 2 * up - i) / kPerLap;
+    corners.push_back(origin_of(config) + config.radius_m * std::cos(angle) * u +
+                      config.radius_m * config.aspect * std::sin(angle) * v +
+                      Vector3d(0.0, 0.0, config.climb_m * climbed));
+  }
+  return corners;
+}
+
+Points waypoint_corners(const MotionConfig& config) {
+  if (config.waypoints.size() < 2) {
+    fail_input("motion.waypoints: path: waypoints needs at least two [x, y, z] points");
+  }
+  Points corners;
+  for (const auto& w : config.waypoints) corners.emplace_back(w[0], w[1], w[2]);
+  if (config.revisit) {
+    corners.push_back(corners.front());
+  } else {
+    for (std::size_t i = config.waypoints.size() - 1; i-- > 0;) corners.push_back(corners[i]);
+  }
+  return corners;
+}
+
+// Walks along the closed polyline round after round.
+Points walk(const Points& corners, double length_m) {
+  Points dense{corners.front()};
+  const auto wanted = static_cast<std::size_t>(std::ceil(length_m / kPathStep)) + 2;
+  double left = kPathStep;  // until the next point
+  for (std::size_t i = 0; dense.size() < wanted; i = (i + 1) % (corners.size() - 1)) {
+    const Vector3d leg = corners[i + 1] - corners[i];
+    const double length = leg.norm();
+    double done = 0.0;
+    while (done + left <= length && dense.size() < wanted) {
+      done += left;
+      left = kPathStep;
+      dense.push_back(corners[i] + leg * (done / length));
+    }
+    left -= length - done;
+  }
+  return dense;
+}
+
+void follow_terrain(Points& path, double altitude_m, const HeightFunction& height) {
+  if (!height) fail_input("motion.altitude_m: there is no terrain to follow; give z in origin");
+  for (Vector3d& p : path) {
+    const auto ground = height(p.x(), p.y());
+    if (!ground) {
+      fail_input(
+          "motion.altitude_m: no terrain below the path at x {:.1f}, y {:.1f} m; move the path "
+          "inside "
+          "the world or make the world larger",
+          p.x(), p.y());
+    }
+    p.z() = *ground + altitude_m;
+  }
+  constexpr double kTerrainSmoothing = 1.2;  // [m]: a vehicle does not follow every stone
+  smooth(path, kTerrainSmoothing / kPathStep);
+}
+
+// One moving average over 2 half + 1 samples; near the ends over as many as there are on both
+// sides.
+template <typename T>
+void average(std::vector<T>& values, std::size_t half) {
+  const std::vector<T> in = values;
+  std::vector<T> sums{T(in[0] * 0.0)};
+  for (const T& value : in) sums.push_back(T(sums.back() + (value - in[0])));
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    const std::size_t h = std::min({half, i, in.size() - 1 - i});
+    values[i] = in[0] + (sums[i + h + 1] - sums[i - h]) / static_cast<double>(2 * h + 1);
+  }
+}
+
+template <typename T>
+void smooth_any(std::vector<T>& values, double sigma) {
+  constexpr int kPasses = 3;
+  // A mean over n samples has the variance (n² - 1) / 12.
+  const double width = std::sqrt(12.0 * sigma * sigma / kPasses + 1.0);
+  const auto half = static_cast<std::size_t>(std::lround((width - 1.0) / 2.0));
+  if (values.size() < 3 || half == 0) return;
+  for (int pass = 0; pass < kPasses; ++pass) average(values, half);
+}
+
+}  // namespace
+
+void smooth(Points& values, double sigma) {
+  smooth_any(values, sigma);
+}
+void smooth(std::vector<double>& values, double sigma) {
+  smooth_any(values, sigma);
+}
+
+Points pattern_corners(const MotionConfig& config) {
+  const double heading = config.heading_deg * kDegree;
+  const Vector3d along(std::cos(heading), std::sin(heading), 0.0);
+  const Vector3d left(-along.y(), along.x(), 0.0);
+  Points corners;
+  switch (config.path) {
+    case PathKind::lawnmower:
+      corners = lines_corners(config, along, config.spacing_m * left);
+      break;
+    case PathKind::wall:
+      corners = lines_corners(config, along, Vector3d(0.0, 0.0, config.spacing_m));
+      break;
+    case PathKind::orbit:
+      corners = orbit_corners(config);
+      break;
+    case PathKind::waypoints:
+      corners = waypoint_corners(config);
+      break;
+    case PathKind::hover:
+    case PathKind::file:
+      APVI_CHECK(false);
+  }
+  double length = 0.0;
+  for (std::size_t i = 1; i < corners.size(); ++i) length += (corners[i] - corners[i - 1]).norm();
+  if (length < 0.1) fail_input("motion: the path is {:.2f} m long; give it an extent", length);
+  return corners;
+}
+
+Points dense_path(const MotionConfig& config, double length_m, const HeightFunction& height) {
+  Points path = walk(pattern_corners(config), length_m);
+  if (config.altitude_m) follow_terrain(path, *config.altitude_m, height);
+  smooth(path, config.corner_m / kPathStep);
+  return path;
+}
+
+}  // namespace apvi::sim

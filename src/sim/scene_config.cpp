@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sim/scene_config.hpp"
+
+#include <fmt/format.h>
+
+#include <numbers>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/random.hpp"
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using config::Node;
+
+enum Stream : std::uint64_t { kRigError = 51 };
+constexpr double kAssumedSoundSpeed = 1500.0;  // the A50's [m/s]
+
+// A small survey vehicle. Body forward-left-up; the camera looks forward and 25 degrees down, the
+// DVL (forward-right-down) straight down.
+constexpr const char* kSurveyVehicle = R"(
+body: imu0
+world: up
+cam0:
+  model: pinhole
+  intrinsics: [420.0, 420.0, 319.5, 239.5]
+  distortion: radtan
+  coefficients: [-0.11, 0.035, 0.0004, -0.0003]
+  resolution: [640, 480]
+  rate_hz: 20
+  T_body_sensor: [0, -0.42261826, 0.90630779, 0.18, -1, 0, 0, 0, 0, -0.90630779, -0.42261826, -0.03, 0, 0, 0, 1]
+  time_offset_s: 0.0
+dvl0:
+  T_body_sensor: [1, 0, 0, -0.12, 0, -1, 0, 0.03, 0, 0, -1, -0.14, 0, 0, 0, 1]
+  time_offset_s: 0.1
+pressure0: {p_body_sensor: [-0.05, 0.06, 0.08], water_density: 1025.0, gravity: 9.80665, atmospheric_pressure_pa: 101325}
+)";
+
+Node number(double value) {
+  Node node;
+  node.kind = Node::Kind::scalar;
+  node.text = fmt::format("{:.10g}", value);
+  return node;
+}
+
+// A file name as written in a configuration file, relative to that file.
+std::string beside(const Node& node) {
+  const fs::path name = node.text;
+  if (name.is_absolute() || !node.source || node.line == 0) return node.text;
+  const fs::path candidate = fs::path(*node.source).parent_path() / name;
+  return fs::exists(candidate) || !fs::exists(name) ? candidate.string() : node.text;
+}
+
+void resolve_file_names(Node& root) {
+  if (root.find("motion") == nullptr) return;
+  Node& motion = root.member("motion");
+  if (const Node* file = motion.find("file"); file != nullptr && !file->text.empty()) {
+    const std::string name = beside(*file);
+    motion.member("file").text = name;
+  }
+}
+
+Node rig_of(const Node& given) {
+  if (given.kind == Node::Kind::scalar) return config::load_file(beside(given));
+  Node rig = config::parse_yaml(kSurveyVehicle, "built-in rig");
+  if (!given.is_null()) config::merge(rig, given);
+  return rig;
+}
+
+// The rig's noise and the DVL's scale are what the simulated devices have.
+Node true_rig(const SceneConfig& scene) {
+  Node rig = rig_of(scene.rig);
+  constexpr double kLeast = 1e-9;  // a rig does not know perfect devices
+  if (scene.imu.enabled) {
+    Node& imu = rig.member("imu0");
+    imu.member("rate_hz") = number(scene.imu.rate_hz);
+    imu.member("gyro_noise_density") = number(std::max(scene.imu.gyro_noise_density, kLeast));
+    imu.member("gyro_random_walk") = number(scene.imu.gyro_random_walk);
+    imu.member("accel_noise_density") = number(std::max(scene.imu.accel_noise_density, kLeast));
+    imu.member("accel_random_walk") = number(scene.imu.accel_random_walk);
+  }
+  if (rig.find("dvl0") != nullptr && scene.dvl.enabled) {
+    Node& dvl = rig.member("dvl0");
+    const double noise =
+        std::hypot(scene.dvl.noise_floor, scene.dvl.noise_per_speed * scene.motion.speed_m_s);
+    dvl.member("velocity_noise") = number(std::max(noise, 1e-5));
+    dvl.member("sound_speed") = number(kAssumedSoundSpeed / (1.0 + scene.dvl.scale_error));
+    dvl.member("assumed_sound_speed") = number(kAssumedSoundSpeed);
+  }
+  for (const char* name : {"pressure0", "depth0"}) {
+    if (rig.find(name) != nullptr && scene.pressure.enabled) {
+      rig.member(name).member("noise_m") = number(std::max(scene.pressure.noise_m, 1e-5));
+    }
+  }
+  return rig;
+}
+
+void drop_disabled(const SceneConfig& scene, Node& rig) {
+  std::erase_if(rig.members, [&](const auto& member) {
+    const std::string& name = member.first;
+    return (name == "dvl0" && !scene.dvl.enabled) || (name == "imu0" && !scene.imu.enabled) ||
+           ((name == "pressure0" || name == "depth0") && !scene.pressure.enabled);
+  });
+}
+
+Eigen::Vector3d normal3(Random& random) {
+  const double x = random.normal();
+  const double y = random.normal();
+  return {x, y, random.normal()};
+}
+
+Node pose_node(const SE3& pose) {
+  Node node;
+  node.kind = Node::Kind::list;
+  const Eigen::Matrix4d m = pose.matrix();
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) node.items.push_back(number(m(row, column)));
+  }
+  return node;
+}
+
+SE3 shaken(const SE3& pose, const RigErrorConfig& error, Random& random) {
+  const double angle = error.rotation_deg * std::numbers::pi / 180.0;
+  const Eigen::Vector3d turn = angle * normal3(random);
+  const Eigen::Vector3d shift = error.translation_m * normal3(random);
+  return {(pose.rotation * so3::exp(turn)).normalized(), pose.translation + shift};
+}
+
+}  // namespace
+
+Node perturbed_rig(const Scene& scene) {
+  const RigErrorConfig& error = scene.config.rig_error;
+  Random random = Random(scene.seed()).fork(kRigError);
+  Node rig = scene.rig_node;
+  for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
+    Node& camera = rig.member(fmt::format("cam{}", i));
+    const SE3 pose = shaken(scene.rig.cameras[i].T_body_camera, error, random);
+    const double focal = 1.0 + 0.01 * error.focal_percent * random.normal();
+    if (error.rotation_deg + error.translation_m > 0.0)
+      camera.member("T_body_sensor") = pose_node(pose);
+    if (error.focal_percent == 0.0) continue;
+    const CameraModel::Parameters& p = scene.rig.cameras[i].model.parameters();
+    camera.member("intrinsics").items[0] = number(p.fx * focal);
+    camera.member("intrinsics").items[1] = number(p.fy * focal);
+  }
+  if (scene.rig.dvl) {
+    Node& dvl = rig.member("dvl0");
+    const SE3 pose = shaken(scene.rig.dvl->T_body_dvl, error, random);
+    if (error.rotation_deg + error.translation_m > 0.0)
+      dvl.member("T_body_sensor") = pose_node(pose);
+    if (error.hide_dvl_latency) dvl.member("time_offset_s") = number(0.0);
+    if (error.hide_dvl_scale) dvl.member("sound_speed") = number(kAssumedSoundSpeed);
+  }
+  if (scene.rig.pressure && error.translation_m > 0.0) {
+    const Eigen::Vector3d p =
+        scene.rig.pressure->p_body_sensor + error.translation_m * normal3(random);
+    Node& arm = rig.member("pressure0").member("p_body_sensor");
+    arm = pose_node({});
+    arm.items = {number(p.x()), number(p.y()), number(p.z())};
+  }
+  return rig;
+}
+
+EventSchedule make_schedule(const SceneConfig& scene) {
+  const Medium medium = make_medium(scene.water);
+  const double green = std::max(medium.beta_d.y(), 1e-3);
+  return EventSchedule(scene.events, scene.duration_s, 1.0 / green);
+}
+
+Scene make_scene(const Node& node) {
+  Node root = node;
+  resolve_file_names(root);
+  Scene scene;
+  config::read(root, scene.config);
+  scene.rig_node = true_rig(scene.config);
+  drop_disabled(scene.config, scene.rig_node);
+  scene.rig = make_rig(scene.rig_node);
+  if (scene.rig.world != WorldFrame::up) {
+    fail_input("rig: world: the simulator's world has z up; remove `world: ned`");
+  }
+  if (!scene.config.camera.enabled) {
+    std::erase_if(scene.rig_node.members, [](const auto& m) { return m.first.starts_with("cam"); });
+    scene.rig.cameras.clear();
+  }
+  make_schedule(scene.config);  // complains now, not after the world is built
+  return scene;
+}
+
+Scene load_scene(const fs::path& path, const std::vector<std::string>& overrides) {
+  Node root = config::load_with_inheritance(path);
+  for (const std::string& assignment : overrides) config::apply_override(root, assignment);
+  return make_scene(root);
+}
+
+}  // namespace apvi::sim
