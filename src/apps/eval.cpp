@@ -35,44 +35,51 @@ struct Arguments {
   bool json = false;
 };
 
+// An option that takes one of some words.
+template <typename T, typename Target>
+void add_word(CLI::App& command, const std::string& name, Target& target, const Words<T>& words,
+              const std::string& help) {
+  std::vector<std::string> names;
+  for (const auto& [word, value] : words) names.push_back(word);
+  const auto set = [&target, words](const std::string& given) {
+    for (const auto& [word, value] : words) {
+      if (word == given) target = value;
+    }
+  };
+  command.add_option_function<std::string>(name, set, help)
+      ->check(CLI::IsMember(names))
+      ->type_name("WORD");
+}
+
 void add_options(CLI::App& command, Arguments& a) {
-  const Words<eval::Alignment> alignments = {{"se3", eval::Alignment::se3},
-                                             {"yaw", eval::Alignment::yaw},
-                                             {"first", eval::Alignment::first},
-                                             {"none", eval::Alignment::none}};
-  const Words<eval::Association> associations = {{"auto", eval::Association::interpolate},
-                                                 {"nearest", eval::Association::nearest}};
   const Words<WorldFrame> worlds = {{"up", WorldFrame::up}, {"ned", WorldFrame::ned}};
+  eval::AssociationOptions& association = a.options.association;
+  add_word<eval::Alignment>(
+      command, "--align", a.options.alignment,
+      {{"se3", eval::Alignment::se3},
+       {"yaw", eval::Alignment::yaw},
+       {"first", eval::Alignment::first},
+       {"none", eval::Alignment::none}},
+      "taken out before comparing: a rigid motion (default), translation and heading, the first "
+      "pose, nothing");
+  add_word<eval::Association>(
+      command, "--associate", association.mode,
+      {{"auto", eval::Association::interpolate}, {"nearest", eval::Association::nearest}},
+      "interpolate the denser trajectory (default), or pair the nearest as evo does");
   command
-      .add_option("--align", a.options.alignment,
-                  "se3 (default), yaw (translation and heading), first (first poses equal), none")
-      ->transform(CLI::CheckedTransformer(alignments))
-      ->type_name("WORD");
-  command
-      .add_option("--associate", a.options.association.mode,
-                  "auto (default: interpolates the denser trajectory), nearest (as evo)")
-      ->transform(CLI::CheckedTransformer(associations))
-      ->type_name("WORD");
-  command
-      .add_option("--max-difference", a.options.association.max_difference_s,
+      .add_option("--max-difference", association.max_difference_s,
                   "nearest: largest distance in time of a pair [s]")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command
-      .add_option("--max-gap", a.options.association.max_gap_s,
+      .add_option("--max-gap", association.max_gap_s,
                   "auto, coverage: longest gap to interpolate over [s]")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command
-      .add_option("--estimate-world", a.estimate_world,
-                  "up or ned; from the rig of the run where there is one, else up")
-      ->transform(CLI::CheckedTransformer(worlds))
-      ->type_name("WORD");
-  command
-      .add_option("--reference-world", a.reference_world,
-                  "up or ned; as the estimate, but up for positions only (GNSS)")
-      ->transform(CLI::CheckedTransformer(worlds))
-      ->type_name("WORD");
+  add_word<WorldFrame>(command, "--estimate-world", a.estimate_world, worlds,
+                       "z up or north-east-down (default: from the rig of the run, else up)");
+  add_word<WorldFrame>(command, "--reference-world", a.reference_world, worlds,
+                       "the same (default: as the estimate, but up for positions only)");
   command.add_flag("--json", a.json, "print JSON instead of a table");
 }
 

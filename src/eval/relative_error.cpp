@@ -41,7 +41,13 @@ IndexPairs pairs_by_time(const std::vector<PosePair>& pairs, double seconds) {
   for (const PosePair& pair : pairs) {
     time.push_back(seconds_between(pairs.front().stamp, pair.stamp));
   }
-  return all_pairs(time, seconds);
+  IndexPairs found = all_pairs(time, seconds);
+  // The last poses have none a full span later; by distance, evo's definition keeps those it can.
+  constexpr double kJitter = 0.01;  // of the span
+  std::erase_if(found, [&](const auto& ends) {
+    return time[ends.first] + seconds > time.back() + kJitter * seconds;
+  });
+  return found;
 }
 
 IndexPairs consecutive_pairs_by_path(const std::vector<PosePair>& pairs, double metres) {
