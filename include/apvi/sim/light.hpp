@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "apvi/config/fields.hpp"
-#include "apvi/geometry/se3.hpp"
 #include "apvi/sim/water.hpp"
 
 namespace apvi::sim {
@@ -56,6 +55,9 @@ struct LightConfig {
 
 /// Daylight that reaches a depth, as irradiance on a level plane: daylight exp(-k_d depth).
 Eigen::Vector3d daylight_at(const LightConfig& config, const Medium& medium, double depth_m);
+/// Intensity of the lamp off its axis, 1 on it, a half at beam_deg, nothing
+/// behind the lamp: exp(-ln 2 (1 - cos) / (1 - cos beam_deg)).
+double lamp_beam(const LampConfig& lamp, double cos_angle);
 /// Irradiance of the lamp on a surface at `p` with unit `normal`, both in the camera frame:
 /// intensity * beam(angle) * cos(incidence) / d^2 * exp(-beta_d d), d the distance to the lamp.
 Eigen::Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium,

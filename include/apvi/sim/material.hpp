@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "apvi/sim/noise_texture.hpp"
+
 namespace apvi::sim {
 
 /// What a triangle is made of; the renderer evaluates its solid texture per pixel.
@@ -23,5 +25,16 @@ enum class Material : std::uint8_t {
   mussels,
 };
 inline constexpr int kMaterialCount = 14;
+
+/// Points on surfaces of one material. `evaluate_material` fills the colour and turns the normals
+/// by the bumps of the texture.
+struct SurfaceBatch {
+  Points p;          ///< world [m]
+  Lanes nx, ny, nz;  ///< unit normal, towards the camera
+  Lanes detail;      ///< of the mesh: see there
+  Lanes object;      ///< random in [0, 1), the same over a thing
+  Lanes r, g, b;     ///< albedo, filled
+};
+void evaluate_material(Material material, SurfaceBatch& batch);
 
 }  // namespace apvi::sim

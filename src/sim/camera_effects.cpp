@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sim/camera_effects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "apvi/sim/noise_texture.hpp"
+#include "clones.hpp"
+
+namespace apvi::sim {
+namespace {
+
+// Sum of four uniform numbers, shifted and scaled: mean 0, sigma 1, tails end at 3.5 sigma. Near
+// enough to a normal for pixel noise, and the same bits everywhere.
+inline float nearly_normal(std::uint32_t key) {
+  const std::uint32_t a = hash32(key);
+  const std::uint32_t b = hash32(key ^ 0x68bc21ebU);
+  const int sum = static_cast<int>((a & 0xffffU) + (a >> 16) + (b & 0xffffU) + (b >> 16));
+  return static_cast<float>(sum - 131070) *
+         (1.0F / 37837.0F);  // sigma of the sum: 65536 sqrt(4/12)
+}
+
+// Photons come one by one: variance equals the count; the amplifier adds its own.
+APVI_CLONES void add_noise(const float* in, float* out, int count, float electrons,
+                           float read_noise, std::uint32_t key) {
+  for (int i = 0; i < count; ++i) {
+    const float light = in[i] > 0.0F ? in[i] : 0.0F;
+    const float sigma = __builtin_sqrtf(light * electrons + read_noise * read_noise) / electrons;
+    out[i] = in[i] + sigma * nearly_normal(key + static_cast<std::uint32_t>(i));
+  }
+}
+
+APVI_CLONES void to_bytes(const float* in, std::uint8_t* out, int count) {
+  for (int i = 0; i < count; ++i) {
+    float x = in[i] * 255.0F + 0.5F;
+    x = x < 0.0F ? 0.0F : (x > 255.0F ? 255.0F : x);
+    out[i] = static_cast<std::uint8_t>(static_cast<int>(x));
+  }
+}
+
+void respond(float* row, int count, double gamma) {
+  if (gamma == 1.0) return;
+  const auto power = static_cast<float>(1.0 / gamma);
+  for (int i = 0; i < count; ++i) row[i] = std::pow(std::clamp(row[i], 0.0F, 1.0F), power);
+}
+
+}  // namespace
+
+cv::Mat develop(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
+                std::uint64_t seed, std::uint64_t frame) {
+  if (!config.noise) return develop_clean(linear, config);
+  cv::Mat picture(linear.size(), CV_8UC3);
+  const int count = 3 * linear.cols;
+  cv::Mat row(1, linear.cols, CV_32FC3);
+  const auto electrons = static_cast<float>(config.full_well_e / gain);
+  const std::uint32_t stream =
+      hash32(static_cast<std::uint32_t>(seed ^ (seed >> 32)), static_cast<std::uint32_t>(frame));
+  for (int y = 0; y < linear.rows; ++y) {
+    const std::uint32_t key = hash32(stream, static_cast<std::uint32_t>(y));
+    add_noise(linear.ptr<float>(y), row.ptr<float>(), count, electrons,
+              static_cast<float>(config.read_noise_e), key);
+    respond(row.ptr<float>(), count, config.gamma);
+    to_bytes(row.ptr<float>(), picture.ptr<std::uint8_t>(y), count);
+  }
+  return picture;
+}
+
+cv::Mat develop_clean(const cv::Mat& linear, const CameraEffectsConfig& config) {
+  cv::Mat picture(linear.size(), CV_8UC3);
+  const int count = 3 * linear.cols;
+  cv::Mat row(1, linear.cols, CV_32FC3);
+  for (int y = 0; y < linear.rows; ++y) {
+    std::copy_n(linear.ptr<float>(y), count, row.ptr<float>());
+    respond(row.ptr<float>(), count, config.gamma);
+    to_bytes(row.ptr<float>(), picture.ptr<std::uint8_t>(y), count);
+  }
+  return picture;
+}
+
+}  // namespace apvi::sim

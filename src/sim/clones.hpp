@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+/// Compiles a function for several instruction sets and picks one when the program is loaded. The
+/// thread sanitizer cannot live with the loader's hook, and clang has no need of it here.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define APVI_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define APVI_CLONES
+#endif

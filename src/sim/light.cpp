@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sim/light.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace apvi::sim {
+
+using Eigen::Vector3d;
+
+Vector3d daylight_at(const LightConfig& config, const Medium& medium, double depth_m) {
+  return config.daylight * (-medium.k_d * std::max(0.0, depth_m)).array().exp();
+}
+
+double lamp_beam(const LampConfig& lamp, double cos_angle) {
+  if (cos_angle <= 0.0) return 0.0;
+  const double half = std::cos(lamp.beam_deg * std::numbers::pi / 180.0);
+  return std::exp(-std::numbers::ln2 * (1.0 - cos_angle) / (1.0 - half));
+}
+
+Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium, const Vector3d& p,
+                         const Vector3d& normal) {
+  const Vector3d position(lamp.position_m[0], lamp.position_m[1], lamp.position_m[2]);
+  const Vector3d ray = p - position;
+  const double distance = std::max(0.05, ray.norm());
+  const Vector3d direction = ray / distance;
+  const double incidence = std::max(0.0, -normal.dot(direction));
+  const double geometry =
+      lamp.intensity * lamp_beam(lamp, direction.z()) * incidence / (distance * distance);
+  const Vector3d colour(lamp.colour[0], lamp.colour[1], lamp.colour[2]);
+  const Vector3d water = (-medium.beta_d * distance).array().exp();
+  return geometry * colour.cwiseProduct(water);
+}
+
+Vector3d sun_direction(const LightConfig& config) {
+  const double elevation = config.sun_elevation_deg * std::numbers::pi / 180.0;
+  const double azimuth = config.sun_azimuth_deg * std::numbers::pi / 180.0;
+  return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+          std::sin(elevation)};
+}
+
+}  // namespace apvi::sim

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Sand, stone and what lives on them. Frequencies are per metre; colours are albedos.
+#include "material_kernels.hpp"
+
+namespace apvi::sim::texture {
+
+void sand(SurfaceBatch& s) {
+  Lanes wide, mottle, grain;
+  Gradient relief;
+  Cells shells;
+  fbm(s.p, {.frequency = 0.35F, .octaves = 3, .gain = 0.6F, .seed = 11}, wide);
+  fbm(s.p, {.frequency = 4.0F, .octaves = 4, .gain = 0.65F, .seed = 12}, mottle);
+  fbm(s.p, {.frequency = 70.0F, .octaves = 3, .gain = 0.9F, .seed = 13}, grain);
+  fbm_gradient(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.5F, .seed = 14}, relief);
+  cells(s.p, 17.0F, 15, shells);
+  bump(s, relief, 0.022F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float rich = s.detail.v[i];
+    const float light = 1.0F + 0.25F * wide.v[i] +
+                        rich * (0.55F * mottle.v[i] + 0.5F * grain.v[i] + 0.4F * relief.value.v[i]);
+    Colour c = mix({0.60F, 0.53F, 0.40F}, {0.44F, 0.41F, 0.33F}, clamp01(0.5F + wide.v[i]));
+    c = c * light;
+    // Patches of dark film (diatoms), and shell and coral rubble: white and black pieces.
+    const float film = rich * 0.55F * smooth_step(0.18F, 0.55F, mottle.v[i] + 0.6F * wide.v[i]);
+    c = mix(c, {0.24F, 0.22F, 0.13F}, film);
+    const float size =
+        0.10F + 0.22F * (shells.id.v[i] * 13.0F -
+                         static_cast<float>(static_cast<int>(shells.id.v[i] * 13.0F)));
+    const float piece =
+        rich * shells.weight.v[i] * smooth_step(size, 0.7F * size, shells.nearest.v[i]);
+    const bool white = shells.id.v[i] > 0.70F;
+    const bool dark = shells.id.v[i] < 0.22F;
+    const Colour tint = white ? Colour{0.82F, 0.79F, 0.72F} : Colour{0.17F, 0.15F, 0.12F};
+    put(s, i, mix(c, tint, white || dark ? piece : 0.0F));
+  }
+}
+
+void silt(SurfaceBatch& s) {
+  Lanes wide;
+  fbm(s.p, {.frequency = 0.5F, .octaves = 2, .gain = 0.5F, .seed = 21}, wide);
+  for (int i = 0; i < kBatch; ++i) {
+    put(s, i, Colour{0.40F, 0.37F, 0.30F} * (1.0F + 0.08F * wide.v[i]));
+  }
+}
+
+void rock(SurfaceBatch& s) {
+  static constexpr Colour kStone[] = {
+      {0.40F, 0.36F, 0.30F}, {0.33F, 0.33F, 0.32F}, {0.47F, 0.40F, 0.29F}, {0.36F, 0.30F, 0.26F}};
+  Lanes patches, algae, fine;
+  Gradient relief;
+  Cells spots;
+  fbm(s.p, {.frequency = 2.2F, .octaves = 4, .gain = 0.6F, .seed = 31}, patches);
+  fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = 32}, algae);
+  fbm(s.p, {.frequency = 45.0F, .octaves = 3, .gain = 0.8F, .seed = 33}, fine);
+  fbm_gradient(s.p, {.frequency = 6.0F, .octaves = 5, .gain = 0.55F, .seed = 34}, relief);
+  cells(s.p, 28.0F, 35, spots);
+  bump(s, relief, 0.05F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float shade = 1.0F + 0.7F * relief.value.v[i] + 0.55F * fine.v[i];
+    Colour c = pick(kStone, 4, s.object.v[i]) * shade;
+    // Turf on what faces up, pink crusts of coralline algae, dark holes, pale spots of barnacles.
+    const float up = clamp01(0.35F + 0.65F * s.nz.v[i]);
+    c = mix(c, Colour{0.20F, 0.24F, 0.09F} * shade,
+            0.85F * up * smooth_step(-0.05F, 0.3F, algae.v[i]));
+    c = mix(c, Colour{0.52F, 0.26F, 0.33F} * shade, 0.8F * smooth_step(0.16F, 0.34F, patches.v[i]));
+    c = mix(c, Colour{0.50F, 0.34F, 0.12F} * shade, 0.7F * smooth_step(0.2F, 0.36F, -patches.v[i]));
+    c = c * (1.0F - 0.5F * smooth_step(0.22F, 0.5F, -relief.value.v[i]));
+    const float colony = smooth_step(0.1F, 0.3F, algae.v[i] - patches.v[i]);
+    const float barnacle =
+        spots.weight.v[i] * colony * smooth_step(0.32F, 0.22F, spots.nearest.v[i]);
+    const float mouth = smooth_step(0.06F, 0.10F, spots.nearest.v[i]);
+    c = mix(c, Colour{0.68F, 0.64F, 0.56F} * (0.35F + 0.65F * mouth),
+            spots.id.v[i] > 0.35F ? barnacle : 0.0F);
+    put(s, i,
+        mix(c, {0.52F, 0.47F, 0.37F},
+            0.75F * smooth_step(0.82F, 0.97F, s.nz.v[i] + 0.25F * fine.v[i])));
+  }
+}
+
+void brain_coral(SurfaceBatch& s) {
+  static constexpr Colour kRidges[] = {
+      {0.58F, 0.45F, 0.20F}, {0.42F, 0.44F, 0.20F}, {0.55F, 0.36F, 0.25F}};
+  Gradient maze;
+  Lanes wide;
+  fbm_gradient(s.p, {.frequency = 26.0F, .octaves = 1, .gain = 0.5F, .seed = 41}, maze);
+  fbm(s.p, {.frequency = 3.0F, .octaves = 4, .gain = 0.6F, .seed = 42}, wide);
+  Gradient ridge = maze;
+  for (int i = 0; i < kBatch; ++i) {  // the field's zero lines are the valleys
+    const float side = maze.value.v[i] < 0.0F ? -1.0F : 1.0F;
+    ridge.dx.v[i] *= side;
+    ridge.dy.v[i] *= side;
+    ridge.dz.v[i] *= side;
+  }
+  bump(s, ridge, 0.018F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float valley = 1.0F - smooth_step(0.02F, 0.2F, magnitude(maze.value.v[i]));
+    Colour c = pick(kRidges, 3, s.object.v[i]) * (1.0F + 0.5F * wide.v[i]);
+    c = mix(c, {0.20F, 0.22F, 0.12F},
+            0.8F * valley * smooth_step(0.03F, 0.005F, s.p.footprint.v[i]));
+    put(s, i, mix(c, {0.62F, 0.58F, 0.48F}, 0.7F * smooth_step(0.28F, 0.42F, wide.v[i])));
+  }
+}
+
+void branch_coral(SurfaceBatch& s) {
+  static constexpr Colour kBranches[] = {
+      {0.55F, 0.40F, 0.18F}, {0.36F, 0.34F, 0.42F}, {0.48F, 0.33F, 0.16F}, {0.40F, 0.42F, 0.22F}};
+  Lanes tone;
+  Cells polyps;
+  fbm(s.p, {.frequency = 7.0F, .octaves = 4, .gain = 0.6F, .seed = 51}, tone);
+  cells(s.p, 110.0F, 52, polyps);
+  bump_cells(s, polyps, 110.0F, 0.003F, 0.6F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float polyp = polyps.weight.v[i] * smooth_step(0.5F, 0.2F, polyps.nearest.v[i]);
+    Colour c = pick(kBranches, 4, s.object.v[i]) * (0.9F + 0.5F * tone.v[i] + 0.35F * polyp);
+    const float old = smooth_step(0.35F, 0.0F, s.detail.v[i]);  // dead and overgrown at the foot
+    c = mix(c, {0.25F, 0.22F, 0.16F}, 0.8F * old);
+    put(s, i, mix(c, {0.80F, 0.76F, 0.68F}, smooth_step(0.8F, 1.0F, s.detail.v[i])));
+  }
+}
+
+void plate_coral(SurfaceBatch& s) {
+  static constexpr Colour kPlates[] = {
+      {0.40F, 0.38F, 0.20F}, {0.50F, 0.38F, 0.24F}, {0.34F, 0.36F, 0.30F}};
+  Lanes tone;
+  Gradient knobs;
+  fbm(s.p, {.frequency = 4.0F, .octaves = 5, .gain = 0.65F, .seed = 61}, tone);
+  fbm_gradient(s.p, {.frequency = 40.0F, .octaves = 2, .gain = 0.5F, .seed = 62}, knobs);
+  bump(s, knobs, 0.008F);
+  for (int i = 0; i < kBatch; ++i) {
+    Colour c =
+        pick(kPlates, 3, s.object.v[i]) * (1.0F + 0.6F * tone.v[i] + 0.6F * knobs.value.v[i]);
+    c = mix(c, {0.56F, 0.50F, 0.40F}, 0.6F * smooth_step(0.22F, 0.4F, tone.v[i]));
+    put(s, i, mix(c, {0.74F, 0.71F, 0.60F}, 0.8F * smooth_step(0.86F, 0.98F, s.detail.v[i])));
+  }
+}
+
+void sponge(SurfaceBatch& s) {
+  static constexpr Colour kSponges[] = {
+      {0.66F, 0.34F, 0.08F}, {0.68F, 0.55F, 0.12F}, {0.42F, 0.20F, 0.38F}, {0.58F, 0.16F, 0.10F}};
+  Lanes tone;
+  Cells pores;
+  fbm(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.6F, .seed = 71}, tone);
+  cells(s.p, 45.0F, 72, pores);
+  bump_cells(s, pores, 45.0F, -0.006F, 0.5F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float pore = pores.weight.v[i] * smooth_step(0.38F, 0.15F, pores.nearest.v[i]);
+    const Colour c = pick(kSponges, 4, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
+    put(s, i, mix(c, c * 0.25F, 0.85F * pore));
+  }
+}
+
+void fan_coral(SurfaceBatch& s) {
+  static constexpr Colour kFans[] = {
+      {0.46F, 0.16F, 0.30F}, {0.60F, 0.30F, 0.10F}, {0.50F, 0.42F, 0.14F}};
+  Lanes tone;
+  Cells mesh;
+  fbm(s.p, {.frequency = 6.0F, .octaves = 3, .gain = 0.6F, .seed = 81}, tone);
+  cells(s.p, 38.0F, 82, mesh);
+  for (int i = 0; i < kBatch; ++i) {
+    const float strand = 1.0F - mesh.weight.v[i] * smooth_step(0.06F, 0.2F, mesh.border.v[i]);
+    const Colour c = pick(kFans, 3, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
+    put(s, i, c * (0.35F + 0.75F * strand));
+  }
+}
+
+void weed(SurfaceBatch& s) {
+  static constexpr Colour kWeeds[] = {
+      {0.20F, 0.22F, 0.07F}, {0.28F, 0.20F, 0.08F}, {0.13F, 0.22F, 0.08F}};
+  Lanes veins;
+  fbm(s.p, {.frequency = 18.0F, .octaves = 3, .gain = 0.6F, .seed = 91, .stretch = {1, 1, 0.2F}},
+      veins);
+  for (int i = 0; i < kBatch; ++i) {
+    const Colour c =
+        pick(kWeeds, 3, s.object.v[i]) * (0.8F + 0.7F * veins.v[i] + 0.5F * s.detail.v[i]);
+    put(s, i, c);
+  }
+}
+
+void mussels(SurfaceBatch& s) {
+  Cells shells;
+  Lanes tone;
+  cells(s.p, 24.0F, 101, shells);
+  fbm(s.p, {.frequency = 6.0F, .octaves = 4, .gain = 0.6F, .seed = 102}, tone);
+  bump_cells(s, shells, 24.0F, 0.020F, 0.75F);
+  for (int i = 0; i < kBatch; ++i) {
+    const float gap = smooth_step(0.12F, 0.02F, shells.border.v[i]) * shells.weight.v[i];
+    Colour c = mix({0.10F, 0.11F, 0.14F}, {0.30F, 0.27F, 0.22F}, shells.id.v[i]);
+    c = c * (1.0F + 0.6F * tone.v[i]);
+    c = mix(c, {0.55F, 0.52F, 0.46F}, shells.id.v[i] > 0.9F ? 0.8F : 0.0F);
+    c = mix(c, {0.24F, 0.26F, 0.10F}, 0.7F * smooth_step(0.1F, 0.35F, tone.v[i]));
+    put(s, i, c * (1.0F - 0.7F * gap));
+  }
+}
+
+}  // namespace apvi::sim::texture
