@@ -82,9 +82,10 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
     case DatasetFormat::tank:
       return open_tank(path, config, choice);
     case DatasetFormat::rosbag:
-      break;
+      return open_bag(path, config, choice);
   }
-  fail_input("{}: this build does not read this format", config.path);
+  APVI_CHECK(false);
+  return {};
 }
 
 void check(const DatasetConfig& config) {

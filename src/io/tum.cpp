@@ -31,15 +31,16 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
   return trajectory;
 }
 
+std::string tum_line(const StampedPose& pose) {
+  const auto& p = pose.T_world_body.translation;
+  const auto& q = pose.T_world_body.rotation;
+  return fmt::format("{} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
+                     seconds_text(pose.stamp), p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w());
+}
+
 void write_tum(const std::filesystem::path& path, const Trajectory& trajectory) {
   std::string content;
-  for (const StampedPose& pose : trajectory.poses) {
-    const auto& p = pose.T_world_body.translation;
-    const auto& q = pose.T_world_body.rotation;
-    fmt::format_to(std::back_inserter(content),
-                   "{} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
-                   seconds_text(pose.stamp), p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w());
-  }
+  for (const StampedPose& pose : trajectory.poses) content += tum_line(pose);
   write_text_file(path, content);
 }
 

@@ -14,6 +14,8 @@ namespace apvi::io {
 /// numbers that are not finite, quaternions far from unit norm, and stamps that do not increase.
 Trajectory read_trajectory(const std::filesystem::path& path);
 
+/// One TUM line, newline included, with the stamp exact to the nanosecond.
+std::string tum_line(const StampedPose& pose);
 /// Writes TUM lines with nanosecond stamps. Throws RunError when the file cannot be written in full.
 void write_tum(const std::filesystem::path& path, const Trajectory& trajectory);
 /// Writes EuRoC's `state_groundtruth_estimate0` columns (position and quaternion wxyz).

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/bag_topics.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/core/text.hpp"
+
+namespace apvi::io {
+namespace {
+
+using Words = std::vector<std::string_view>;
+
+// How to tell a sensor's topic from others. A type ends with one of `types` behind the package's
+// name. A name must have one of `must` in it (when there are any) and none of `never`; among those
+// left the earliest of `better` wins, then the shortest name.
+struct Rule {
+  std::string_view sensor;
+  Words types;
+  Words must;
+  Words never;
+  Words better;
+};
+
+bool contains_any(std::string_view text, const Words& words) {
+  return std::any_of(words.begin(), words.end(), [&](std::string_view word) {
+    return text.find(word) != std::string_view::npos;
+  });
+}
+
+std::string_view short_type(std::string_view type) {
+  return type.substr(type.find('/') + 1);
+}
+
+bool fits(const BagTopic& topic, const Rule& rule) {
+  const std::string name = text::to_lower(topic.name);
+  const auto type = short_type(topic.type);
+  return std::find(rule.types.begin(), rule.types.end(), type) != rule.types.end() &&
+         (rule.must.empty() || contains_any(name, rule.must)) && !contains_any(name, rule.never);
+}
+
+std::size_t rank_of(const BagTopic& topic, const Rule& rule) {
+  const std::string name = text::to_lower(topic.name);
+  const auto it = std::find_if(rule.better.begin(), rule.better.end(), [&](std::string_view word) {
+    return name.find(word) != std::string::npos;
+  });
+  return static_cast<std::size_t>(it - rule.better.begin());
+}
+
+std::string guess(const std::vector<BagTopic>& topics, const Rule& rule, const std::string& bag) {
+  std::vector<const BagTopic*> candidates;
+  for (const BagTopic& topic : topics) {
+    if (fits(topic, rule)) candidates.push_back(&topic);
+  }
+  if (candidates.empty()) return "";
+  const auto key = [&](const BagTopic* t) {
+    return std::tuple(rank_of(*t, rule), t->name.size(), t->name);
+  };
+  std::sort(candidates.begin(), candidates.end(),
+            [&](const BagTopic* a, const BagTopic* b) { return key(a) < key(b); });
+  const std::string& chosen = candidates.front()->name;
+  const bool tie =
+      candidates.size() > 1 && rank_of(*candidates[0], rule) == rank_of(*candidates[1], rule);
+  if (tie) {
+    log::warning("{}: {} from {}, though {} would do as well; set dataset.topics.{} to choose", bag,
+                 rule.sensor, chosen, candidates[1]->name, rule.sensor);
+  } else {
+    log::info("{}: {} from {}", bag, rule.sensor, chosen);
+  }
+  return chosen;
+}
+
+std::string configured(const std::vector<BagTopic>& topics, const std::string& name,
+                       std::string_view sensor, const std::string& bag) {
+  std::vector<std::string> names;
+  for (const BagTopic& topic : topics) {
+    if (topic.name == name) return name;
+    names.push_back(topic.name);
+  }
+  fail_input("dataset.topics.{}: there is no topic {} in {}; it has {}", sensor, name, bag,
+             fmt::join(names, ", "));
+}
+
+const Words kImages = {"Image", "CompressedImage"};
+const Words kNoPictures = {"depth", "disparity", "mask"};
+
+Rule camera_rule(std::string_view sensor, Words must) {
+  // Of a picture in several versions: the clearest one, and the one that lost nothing.
+  return {sensor, kImages, std::move(must), kNoPictures, {"dehazed", "image_raw", "image_rect"}};
+}
+
+}  // namespace
+
+ChosenTopics choose_topics(const std::vector<BagTopic>& topics, const TopicConfig& config,
+                           const std::string& bag) {
+  const auto choose = [&](const std::string& set, const Rule& rule) {
+    return set.empty() ? guess(topics, rule, bag) : configured(topics, set, rule.sensor, bag);
+  };
+  ChosenTopics chosen;
+  chosen.imu = choose(config.imu, {"imu", {"Imu"}, {}, {"mag"}, {"imu/data", "imu0", "imu"}});
+  chosen.dvl = choose(config.dvl, {"dvl", {"DVL"}, {}, {"water_track"}, {"dvl/data", "dvl"}});
+  if (chosen.dvl.empty()) {
+    chosen.dvl = choose("", {"dvl",
+                             {"TwistWithCovarianceStamped", "TwistStamped"},
+                             {"dvl"},
+                             {"water_track"},
+                             {"dvl/data", "dvl"}});
+  }
+  chosen.pressure = choose(config.pressure, {"pressure", {"FluidPressure"}, {}, {"atmos"}, {}});
+  chosen.depth = choose(config.depth, {"depth",
+                                       {"Odometry", "PoseWithCovarianceStamped", "PoseStamped"},
+                                       {"depth"},
+                                       {},
+                                       {"depth/data", "depth"}});
+  // Another estimate, or ground truth completed by one, is no reference.
+  chosen.reference = choose(config.reference, {"reference",
+                                               {"Odometry", "PoseStamped"},
+                                               {"/gt", "truth", "vicon", "mocap", "optitrack"},
+                                               {"gt_full", "slam/pose", "depth"},
+                                               {"apriltag_slam/gt", "/gt", "truth"}});
+  chosen.cam0 = choose(config.cam0, camera_rule("cam0", {"left", "cam0", "camera0"}));
+  chosen.cam1 = choose(config.cam1, camera_rule("cam1", {"right", "cam1", "camera1"}));
+  if (chosen.cam0.empty() && config.cam0.empty()) {
+    chosen.cam0 = choose("", camera_rule("cam0", {}));
+    if (chosen.cam0 == chosen.cam1) chosen.cam1.clear();
+  }
+  return chosen;
+}
+
+}  // namespace apvi::io
