@@ -13,7 +13,10 @@ namespace {
 template <typename T>
 std::optional<T> parse_whole(std::string_view text) {
   text = trim(text);
-  if (text.starts_with('+')) text.remove_prefix(1);
+  if (text.starts_with('+')) {
+    text.remove_prefix(1);
+    if (text.starts_with('-')) return std::nullopt;
+  }
   T value{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
@@ -69,7 +72,10 @@ std::optional<std::int64_t> parse_int64(std::string_view text) {
 std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text) {
   text = trim(text);
   const bool negative = text.starts_with('-');
-  if (negative) text.remove_prefix(1);
+  if (negative) {
+    text.remove_prefix(1);
+    if (text.empty() || !(is_digit(text.front()) || text.front() == '.')) return std::nullopt;
+  }
   const std::size_t point = std::min(text.find('.'), text.size());
   const std::string_view whole = text.substr(0, point);
   std::string fraction(point < text.size() ? text.substr(point + 1) : std::string_view{});
