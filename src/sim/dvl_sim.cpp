@@ -80,15 +80,43 @@ Sensor sensor_at(const Se3Spline& spline, const SE3& T_body_dvl, Stamp stamp) {
   return {motion.T_world_body * T_body_dvl, T_body_dvl.rotation.conjugate() * (v_body + lever)};
 }
 
-// Range along the beam if a surface sends the sound back.
-std::optional<double> echo(const Sensor& sensor, const Vector3d& beam, const RayCaster& world,
-                           const DvlSimConfig& config) {
-  const Vector3d direction = (sensor.T_world_dvl.rotation * beam).normalized();
-  const auto hit = world.cast(sensor.T_world_dvl.translation, direction, config.max_range_m);
+// Rays that stand for a beam: its axis and a ring about it, well inside the half-power width of 4.4
+// degrees.
+constexpr int kRing = 6;
+constexpr double kRingAngle = 1.4 * std::numbers::pi / 180.0;
+
+// Range of the surface along one ray if it faces the ray enough to send sound back.
+std::optional<double> ray_echo(const Vector3d& origin, const Vector3d& direction,
+                               const RayCaster& world, const DvlSimConfig& config) {
+  const auto hit = world.cast(origin, direction, config.max_range_m);
   if (!hit || hit->range < config.min_range_m) return std::nullopt;
   const double limit = std::cos(config.max_incidence_deg * std::numbers::pi / 180.0);
   if (std::abs(hit->normal.dot(direction)) < limit) return std::nullopt;
   return hit->range;
+}
+
+// Mean range over the footprint if enough of it sends sound back: a single stone on edge does not
+// silence a beam.
+std::optional<double> echo(const Sensor& sensor, const Vector3d& beam, const RayCaster& world,
+                           const DvlSimConfig& config) {
+  const Vector3d axis = (sensor.T_world_dvl.rotation * beam).normalized();
+  const Vector3d side = axis.unitOrthogonal();
+  const Vector3d other = axis.cross(side);
+  double sum = 0.0;
+  int count = 0;
+  for (int i = 0; i <= kRing; ++i) {
+    const double turn = 2.0 * std::numbers::pi * i / kRing;
+    const double tilt = i < kRing ? std::tan(kRingAngle) : 0.0;
+    const Vector3d direction =
+        (axis + tilt * (std::cos(turn) * side + std::sin(turn) * other)).normalized();
+    const auto range = ray_echo(sensor.T_world_dvl.translation, direction, world, config);
+    if (!range) continue;
+    sum += *range;
+    ++count;
+  }
+  constexpr int kEnough = (kRing + 1) / 2;
+  if (count < kEnough) return std::nullopt;
+  return sum / count;
 }
 
 double quantised(double value, double quantum) {

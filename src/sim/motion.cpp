@@ -21,6 +21,7 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kDegree = kPi / 180.0;
 // Short enough that the B-spline, which smooths its control points, leaves a wobble of 1 Hz alone.
 constexpr double kKnotS = 0.1;
+constexpr double kSteepest = 0.4;  // slope that pitch answers to; steeper is a lift
 constexpr double kYawSmoothingS = 0.5;
 enum Stream : std::uint64_t { kWobble = 11, kWaves = 12 };
 
@@ -155,7 +156,7 @@ void lean(const MotionConfig& config, const MotionContext& context, Plan& plan) 
     const Vector3d velocity = (plan.position[b] - plan.position[a]) / span;
     const double turn = (plan.yaw[b] - plan.yaw[a]) / span;
     const double speed = velocity.head<2>().norm();
-    const double slope = std::atan2(velocity.z(), std::max(speed, 0.1));
+    const double slope = std::clamp(velocity.z() / std::max(speed, 0.1), -kSteepest, kSteepest);
     plan.roll.push_back(attitude.trim_roll_deg * kDegree -
                         attitude.bank_gain * std::atan(speed * turn / context.gravity));
     plan.nose_up.push_back(attitude.trim_pitch_deg * kDegree + attitude.climb_gain * slope);

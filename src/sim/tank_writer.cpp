@@ -36,12 +36,9 @@ std::string tank_dvl(const std::vector<DvlSample>& samples) {
   return csv;
 }
 
-std::string tank_depth(const Scene& scene, const Recording& recording) {
+std::string tank_depth(const std::vector<DepthSample>& samples) {
   std::string csv = "timestamp[ns],pos_z[m]\n";
-  for (const PressureSample& s : recording.pressure) {
-    append(csv, "{},{:.9g}\n", s.stamp.ns, -scene.rig.pressure->depth(s.pressure_pa));
-  }
-  for (const DepthSample& s : recording.depth) append(csv, "{},{:.9g}\n", s.stamp.ns, -s.depth_m);
+  for (const DepthSample& s : samples) append(csv, "{},{:.9g}\n", s.stamp.ns, -s.depth_m);
   return csv;
 }
 
@@ -58,7 +55,7 @@ std::string tank_truth(const ImuRecord& record) {
 
 }  // namespace
 
-void write_tank(const std::filesystem::path& root, const Scene& scene, const Recording& recording) {
+config::Node rig_with_depth(const Scene& scene) {
   config::Node rig = perturbed_rig(scene);
   if (const config::Node* pressure = rig.find("pressure0")) {
     config::Node depth;
@@ -68,11 +65,23 @@ void write_tank(const std::filesystem::path& root, const Scene& scene, const Rec
     rig.member("depth0") = depth;
     std::erase_if(rig.members, [](const auto& member) { return member.first == "pressure0"; });
   }
-  write_below(root / "rig.yaml", config::to_yaml(rig) + "\n");
+  return rig;
+}
+
+std::vector<DepthSample> depths(const Scene& scene, const Recording& recording) {
+  std::vector<DepthSample> samples = recording.depth;
+  for (const PressureSample& s : recording.pressure) {
+    samples.push_back({s.stamp, scene.rig.pressure->depth(s.pressure_pa)});
+  }
+  return samples;
+}
+
+void write_tank(const std::filesystem::path& root, const Scene& scene, const Recording& recording) {
+  write_below(root / "rig.yaml", config::to_yaml(rig_with_depth(scene)) + "\n");
   if (scene.rig.imu) write_below(root / "imu.csv", tank_imu(recording.imu.samples));
   if (scene.rig.dvl) write_below(root / "dvl.csv", tank_dvl(recording.dvl));
   if (scene.rig.pressure || scene.rig.depth) {
-    write_below(root / "depth.csv", tank_depth(scene, recording));
+    write_below(root / "depth.csv", tank_depth(depths(scene, recording)));
   }
   write_below(root / "gt.csv", tank_truth(recording.imu));
 }

@@ -168,7 +168,9 @@ TEST(ImuSim, SaturationClipsWhileItLasts) {
     const double most = record.samples[i].accel.cwiseAbs().maxCoeff();
     EXPECT_LE(most, config.accel_range);
     const bool inside = i >= 100 && i < 200;
-    if (!inside) EXPECT_LT(most, 11.0) << i;
+    if (!inside) {
+      EXPECT_LT(most, 11.0) << i;
+    }
     if (inside && most == config.accel_range) ++clipped;
   }
   EXPECT_GT(clipped, 50);
