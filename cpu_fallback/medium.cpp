@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include <array>
+#include <vector>
+
+#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/splat_math.hpp"
+
+namespace apvi::splat {
+namespace {
+
+constexpr std::int64_t kRowsPerTask = 16;
+
+template <typename T>
+struct Pointers {
+  std::int64_t width;
+  const T* color;
+  const T* range;
+  const T* alpha;
+  std::array<ChannelMedium<T>, 3> medium;
+
+  explicit Pointers(const MediumInput& in)
+      : width(in.color.size(1)),
+        color(in.color.data_ptr<T>()),
+        range(in.range.data_ptr<T>()),
+        alpha(in.alpha.data_ptr<T>()) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      medium[c] = {in.beta_d.data_ptr<T>()[c], in.beta_b.data_ptr<T>()[c],
+                   in.b_inf.data_ptr<T>()[c]};
+    }
+  }
+
+  ChannelPixel<T> pixel(std::int64_t i, std::size_t c) const {
+    return {color[3 * i + static_cast<std::int64_t>(c)], range[i], alpha[i]};
+  }
+};
+
+template <typename T>
+void forward_rows(const Pointers<T>& in, std::int64_t begin, std::int64_t end, T* image) {
+  for (std::int64_t i = begin * in.width; i < end * in.width; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      image[3 * i + static_cast<std::int64_t>(c)] = medium_forward(in.pixel(i, c), in.medium[c]);
+    }
+  }
+}
+
+/// Sums of one row, in double, so that the total does not depend on how rows fall to threads.
+using RowSums = std::array<ChannelMedium<double>, 3>;
+
+template <typename T>
+void backward_row(const Pointers<T>& in, const T* grad_image, std::int64_t row,
+                  const MediumInput& out, RowSums& sums) {
+  T* const grad_color = out.color.data_ptr<T>();
+  T* const grad_range = out.range.data_ptr<T>();
+  T* const grad_alpha = out.alpha.data_ptr<T>();
+  for (std::int64_t i = row * in.width; i < (row + 1) * in.width; ++i) {
+    T range_sum = 0;
+    T alpha_sum = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::int64_t k = 3 * i + static_cast<std::int64_t>(c);
+      const ChannelGradient<T> g = medium_backward(in.pixel(i, c), in.medium[c], grad_image[k]);
+      grad_color[k] = g.pixel.color;
+      range_sum += g.pixel.range;
+      alpha_sum += g.pixel.alpha;
+      sums[c].beta_d += static_cast<double>(g.medium.beta_d);
+      sums[c].beta_b += static_cast<double>(g.medium.beta_b);
+      sums[c].b_inf += static_cast<double>(g.medium.b_inf);
+    }
+    grad_range[i] = range_sum;
+    grad_alpha[i] = alpha_sum;
+  }
+}
+
+template <typename T>
+void add_up(const std::vector<RowSums>& rows, const MediumInput& out) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    ChannelMedium<double> total = {};
+    for (const RowSums& row : rows) {
+      total.beta_d += row[c].beta_d;
+      total.beta_b += row[c].beta_b;
+      total.b_inf += row[c].b_inf;
+    }
+    out.beta_d.data_ptr<T>()[c] = static_cast<T>(total.beta_d);
+    out.beta_b.data_ptr<T>()[c] = static_cast<T>(total.beta_b);
+    out.b_inf.data_ptr<T>()[c] = static_cast<T>(total.b_inf);
+  }
+}
+
+class CpuMediumBackend final : public MediumBackend {
+ public:
+  std::string_view name() const override { return "cpu"; }
+
+  torch::Tensor forward(const MediumInput& input) const override {
+    torch::Tensor image = torch::empty_like(input.color);
+    AT_DISPATCH_FLOATING_TYPES(input.color.scalar_type(), "medium_forward", [&] {
+      const Pointers<scalar_t> in(input);
+      auto* const out = image.data_ptr<scalar_t>();
+      at::parallel_for(
+          0, input.color.size(0), kRowsPerTask,
+          [&](std::int64_t begin, std::int64_t end) { forward_rows(in, begin, end, out); });
+    });
+    return image;
+  }
+
+  MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const override {
+    const MediumInput out = {.color = torch::empty_like(input.color),
+                             .range = torch::empty_like(input.range),
+                             .alpha = torch::empty_like(input.alpha),
+                             .beta_d = torch::empty_like(input.beta_d),
+                             .beta_b = torch::empty_like(input.beta_b),
+                             .b_inf = torch::empty_like(input.b_inf)};
+    std::vector<RowSums> sums(static_cast<std::size_t>(input.color.size(0)), RowSums{});
+    AT_DISPATCH_FLOATING_TYPES(input.color.scalar_type(), "medium_backward", [&] {
+      const Pointers<scalar_t> in(input);
+      const auto* const grad = grad_image.data_ptr<scalar_t>();
+      at::parallel_for(0, input.color.size(0), kRowsPerTask,
+                       [&](std::int64_t begin, std::int64_t end) {
+                         for (std::int64_t row = begin; row < end; ++row) {
+                           backward_row(in, grad, row, out, sums[static_cast<std::size_t>(row)]);
+                         }
+                       });
+      add_up<scalar_t>(sums, out);
+    });
+    return out;
+  }
+};
+
+}  // namespace
+
+const MediumBackend& cpu_medium_backend() {
+  static const CpuMediumBackend backend;
+  return backend;
+}
+
+}  // namespace apvi::splat

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+namespace apvi::splat {
+
+/// The water of a session, the same in every direction. Tensors [3], RGB.
+struct Medium {
+  torch::Tensor beta_d;  ///< attenuation of the direct light [1/m], positive
+  torch::Tensor beta_b;  ///< growth of the backscatter [1/m], positive
+  torch::Tensor b_inf;   ///< colour of water without end, in (0, 1)
+};
+
+/// The same, free of bounds, as an optimiser needs it: beta = softplus(raw), b_inf = sigmoid(raw),
+/// so that no step leaves the valid range and no gradient dies at its edge.
+struct MediumParameters {
+  torch::Tensor raw_beta_d;
+  torch::Tensor raw_beta_b;
+  torch::Tensor raw_b_inf;
+
+  /// Inverse of `medium`. Throws c10::Error when a beta is not positive or b_inf not inside (0, 1).
+  static MediumParameters from(const Medium& medium);
+  Medium medium() const;
+};
+
+/// A rendered image as seen through the water, the paper's Eq. (8); where nothing was rendered, the
+/// water's own colour. The distance is the range along the ray (the paper takes the depth along the
+/// optical axis, up to a third less in the corners of a wide lens).
+///
+/// `color` [H,W,3] without water and alpha-weighted, `range` [H,W] in metres and finite, `alpha`
+/// [H,W]. Differentiable in everything. Throws c10::Error when shapes, types or devices do not
+/// agree.
+torch::Tensor apply_medium(const torch::Tensor& color, const torch::Tensor& range,
+                           const torch::Tensor& alpha, const Medium& medium);
+
+}  // namespace apvi::splat

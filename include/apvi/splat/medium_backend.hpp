@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <string_view>
+
+namespace apvi::splat {
+
+/// What the water model takes. All tensors on one device, of one floating type (CUDA: float32),
+/// contiguous.
+struct MediumInput {
+  torch::Tensor color;   ///< [H,W,3] without water, alpha-weighted, linear
+  torch::Tensor range;   ///< [H,W] distance to the surface along the ray [m], finite
+  torch::Tensor alpha;   ///< [H,W] opacity
+  torch::Tensor beta_d;  ///< [3] attenuation of the direct light, RGB [1/m]
+  torch::Tensor beta_b;  ///< [3] growth of the backscatter, RGB [1/m]
+  torch::Tensor b_inf;   ///< [3] colour of water without end, RGB
+};
+
+/// The seam between CPU and CUDA: both take and return the same tensors. Nothing here is recorded
+/// by autograd; the one function that is lies above (src/splat/medium.cpp).
+class MediumBackend {
+ public:
+  MediumBackend() = default;
+  MediumBackend(const MediumBackend&) = delete;
+  MediumBackend& operator=(const MediumBackend&) = delete;
+  virtual ~MediumBackend() = default;
+
+  virtual std::string_view name() const = 0;
+  /// The image through the water [H,W,3].
+  virtual torch::Tensor forward(const MediumInput& input) const = 0;
+  /// Derivatives of a loss by every member of `input`, from the one by the image [H,W,3].
+  virtual MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const = 0;
+};
+
+/// cpu_fallback/medium.cpp; float32 and float64, the same bits with any number of threads.
+const MediumBackend& cpu_medium_backend();
+/// kernels/cuda_backend.cpp, in builds with APVI_BACKEND=cuda.
+const MediumBackend& cuda_medium_backend();
+
+/// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.
+const MediumBackend& medium_backend(const torch::Device& device);
+/// Where this build keeps its tensors: the GPU when it was made with APVI_BACKEND=cuda.
+torch::Device active_device();
+
+}  // namespace apvi::splat

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "medium.hpp"
+
+#include <cub/block/block_reduce.cuh>
+
+#include "apvi/splat/splat_math.hpp"
+
+namespace apvi::splat::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+__device__ ChannelPixel<float> pixel_at(const MediumPointers& in, std::int64_t i, int channel) {
+  return {in.color[3 * i + channel], in.range[i], in.alpha[i]};
+}
+
+__device__ ChannelMedium<float> medium_at(const MediumPointers& in, int channel) {
+  return {in.beta_d[channel], in.beta_b[channel], in.b_inf[channel]};
+}
+
+/// One thread a value.
+__global__ void forward_kernel(MediumPointers in, float* image) {
+  const std::int64_t k = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
+  if (k >= 3 * in.pixels) return;
+  const int channel = static_cast<int>(k % 3);
+  image[k] = medium_forward(pixel_at(in, k / 3, channel), medium_at(in, channel));
+}
+
+/// Every thread walks over pixels with the stride of the grid; what it gathers for the medium's
+/// nine scalars is summed over the block and left in `partials`.
+__global__ void backward_kernel(MediumPointers in, const float* grad_image,
+                                MediumGradientPointers out) {
+  float sums[kMediumScalars] = {};
+  const std::int64_t stride = static_cast<std::int64_t>(gridDim.x) * kThreads;
+  for (std::int64_t i = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
+       i < in.pixels; i += stride) {
+    float range_sum = 0.0f;
+    float alpha_sum = 0.0f;
+    for (int c = 0; c < 3; ++c) {
+      const ChannelGradient<float> g =
+          medium_backward(pixel_at(in, i, c), medium_at(in, c), grad_image[3 * i + c]);
+      out.color[3 * i + c] = g.pixel.color;
+      range_sum += g.pixel.range;
+      alpha_sum += g.pixel.alpha;
+      sums[c] += g.medium.beta_d;
+      sums[3 + c] += g.medium.beta_b;
+      sums[6 + c] += g.medium.b_inf;
+    }
+    out.range[i] = range_sum;
+    out.alpha[i] = alpha_sum;
+  }
+  using Reduce = cub::BlockReduce<float, kThreads>;
+  __shared__ typename Reduce::TempStorage storage;
+  for (int s = 0; s < kMediumScalars; ++s) {
+    const float sum = Reduce(storage).Sum(sums[s]);
+    if (threadIdx.x == 0) out.partials[s * kMediumBlocks + blockIdx.x] = sum;
+    __syncthreads();  // the storage is used again
+  }
+}
+
+/// One block a scalar, one thread a partial sum.
+__global__ void add_up_kernel(MediumGradientPointers out) {
+  using Reduce = cub::BlockReduce<float, kMediumBlocks>;
+  __shared__ typename Reduce::TempStorage storage;
+  const float sum = Reduce(storage).Sum(out.partials[blockIdx.x * kMediumBlocks + threadIdx.x]);
+  if (threadIdx.x == 0) out.scalars[blockIdx.x] = sum;
+}
+
+}  // namespace
+
+cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaStream_t stream) {
+  const auto blocks = static_cast<unsigned>((3 * in.pixels + kThreads - 1) / kThreads);
+  if (blocks == 0) return cudaSuccess;
+  forward_kernel<<<blocks, kThreads, 0, stream>>>(in, image);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,
+                                   const MediumGradientPointers& out, cudaStream_t stream) {
+  backward_kernel<<<kMediumBlocks, kThreads, 0, stream>>>(in, grad_image, out);
+  add_up_kernel<<<kMediumScalars, kMediumBlocks, 0, stream>>>(out);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::splat::cuda

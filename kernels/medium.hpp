@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+/// Launchers of the water model's kernels: pointers to device memory, sizes, a stream, and nothing
+/// of LibTorch. They return what the launch reported.
+namespace apvi::splat::cuda {
+
+/// Blocks of the backward pass; each leaves one partial sum of every scalar of the medium.
+inline constexpr int kMediumBlocks = 256;
+inline constexpr int kMediumScalars = 9;  ///< beta_d, beta_b, b_inf, RGB each
+
+struct MediumPointers {
+  std::int64_t pixels;
+  const float* color;   ///< [pixels,3]
+  const float* range;   ///< [pixels]
+  const float* alpha;   ///< [pixels]
+  const float* beta_d;  ///< [3]
+  const float* beta_b;  ///< [3]
+  const float* b_inf;   ///< [3]
+};
+
+struct MediumGradientPointers {
+  float* color;     ///< [pixels,3]
+  float* range;     ///< [pixels]
+  float* alpha;     ///< [pixels]
+  float* partials;  ///< [kMediumScalars,kMediumBlocks], scratch
+  float* scalars;   ///< [kMediumScalars]
+};
+
+/// `image` [pixels,3].
+cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaStream_t stream);
+/// Sums in a fixed order, so the result is the same from run to run.
+cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,
+                                   const MediumGradientPointers& out, cudaStream_t stream);
+
+}  // namespace apvi::splat::cuda

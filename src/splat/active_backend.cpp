@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The one place that knows which backends this build has.
+#include <torch/torch.h>
+
+#include "apvi/splat/medium_backend.hpp"
+
+namespace apvi::splat {
+
+const MediumBackend& medium_backend(const torch::Device& device) {
+  if (device.is_cpu()) return cpu_medium_backend();
+#if APVI_WITH_CUDA
+  if (device.is_cuda()) return cuda_medium_backend();
+#endif
+  TORCH_CHECK(false, "this build has no backend for ", device);
+}
+
+torch::Device active_device() {
+  return APVI_WITH_CUDA ? torch::kCUDA : torch::kCPU;
+}
+
+}  // namespace apvi::splat

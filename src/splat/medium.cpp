@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/medium.hpp"
+
+#include <torch/torch.h>
+
+#include "apvi/splat/medium_backend.hpp"
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+using torch::autograd::AutogradContext;
+using torch::autograd::variable_list;
+
+MediumInput to_input(const variable_list& tensors) {
+  return {.color = tensors[0].contiguous(),
+          .range = tensors[1].contiguous(),
+          .alpha = tensors[2].contiguous(),
+          .beta_d = tensors[3].contiguous(),
+          .beta_b = tensors[4].contiguous(),
+          .b_inf = tensors[5].contiguous()};
+}
+
+struct ApplyMedium : torch::autograd::Function<ApplyMedium> {
+  static Tensor forward(AutogradContext* context, const Tensor& color, const Tensor& range,
+                        const Tensor& alpha, const Tensor& beta_d, const Tensor& beta_b,
+                        const Tensor& b_inf) {
+    const variable_list inputs = {color, range, alpha, beta_d, beta_b, b_inf};
+    context->save_for_backward(inputs);
+    return medium_backend(color.device()).forward(to_input(inputs));
+  }
+
+  static variable_list backward(AutogradContext* context, const variable_list& grads) {
+    const MediumInput input = to_input(context->get_saved_variables());
+    const MediumInput g =
+        medium_backend(input.color.device()).backward(input, grads[0].contiguous());
+    return {g.color, g.range, g.alpha, g.beta_d, g.beta_b, g.b_inf};
+  }
+};
+
+void check_like(const Tensor& tensor, const char* name, at::IntArrayRef shape,
+                const Tensor& color) {
+  TORCH_CHECK(tensor.sizes() == shape, "medium: ", name, " has shape ", tensor.sizes(),
+              " instead of ", shape);
+  TORCH_CHECK(tensor.scalar_type() == color.scalar_type() && tensor.device() == color.device(),
+              "medium: ", name, " is ", tensor.toString(), ", but the image ", color.toString());
+}
+
+}  // namespace
+
+MediumParameters MediumParameters::from(const Medium& medium) {
+  TORCH_CHECK((medium.beta_d > 0).all().item<bool>() && (medium.beta_b > 0).all().item<bool>(),
+              "medium: beta_d and beta_b must be positive");
+  TORCH_CHECK(((medium.b_inf > 0) & (medium.b_inf < 1)).all().item<bool>(),
+              "medium: b_inf must lie inside (0, 1)");
+  const auto inverse_softplus = [](const Tensor& x) { return x + torch::log(-torch::expm1(-x)); };
+  return {.raw_beta_d = inverse_softplus(medium.beta_d),
+          .raw_beta_b = inverse_softplus(medium.beta_b),
+          .raw_b_inf = torch::logit(medium.b_inf)};
+}
+
+Medium MediumParameters::medium() const {
+  return {.beta_d = torch::softplus(raw_beta_d),
+          .beta_b = torch::softplus(raw_beta_b),
+          .b_inf = torch::sigmoid(raw_b_inf)};
+}
+
+Tensor apply_medium(const Tensor& color, const Tensor& range, const Tensor& alpha,
+                    const Medium& medium) {
+  TORCH_CHECK(color.dim() == 3 && color.size(2) == 3, "medium: the image must be [H,W,3], not ",
+              color.sizes());
+  check_like(range, "range", {color.size(0), color.size(1)}, color);
+  check_like(alpha, "alpha", {color.size(0), color.size(1)}, color);
+  check_like(medium.beta_d, "beta_d", {3}, color);
+  check_like(medium.beta_b, "beta_b", {3}, color);
+  check_like(medium.b_inf, "b_inf", {3}, color);
+  return ApplyMedium::apply(color, range, alpha, medium.beta_d, medium.beta_b, medium.b_inf);
+}
+
+}  // namespace apvi::splat
