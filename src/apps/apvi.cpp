@@ -23,7 +23,9 @@ int dispatch(int argc, char** argv) {
       "-q,--quiet", [] { apvi::log::set_console_level(apvi::log::Level::warning); },
       "show warnings and errors only");
   app.fallthrough();
+  apvi::apps::add_run(app);
   apvi::apps::add_eval(app);
+  apvi::apps::add_sim(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

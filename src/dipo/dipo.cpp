@@ -98,10 +98,16 @@ Dipo::Dipo(const Config& config, const Rig& rig)
       initializer_(config, rig),
       vibration_(config.inertial, sheet_noise(rig)),
       stillness_(config.zero_velocity),
-      dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor, config.dvl.max_rejected,
-                config.dvl.adapt_rate, config.dvl.max_noise_scale),
-      depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor, config.depth.max_rejected,
-                  0.0, 1.0) {}
+      adapter_(config.adaptation),
+      dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor, config.dvl.max_rejected),
+      depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor,
+                  config.depth.max_rejected) {}
+
+imu::Noise Dipo::noise_now() const {
+  imu::Noise noise = vibration_.noise();
+  noise.accel *= adapter_.accel_factor();
+  return noise;
+}
 
 void Dipo::add(const ImuSample& sample) {
   if (last_imu_ && sample.stamp <= last_imu_->stamp) return;  // the reader has counted it
@@ -120,7 +126,7 @@ void Dipo::add(const ImuSample& sample) {
     while (!early_imu_.empty() && early_imu_.front().stamp < keep) early_imu_.pop_front();
     return;
   }
-  timeline_.push(sample, vibration_.noise());
+  timeline_.push(sample, noise_now());
   take_in_pending();
   update_if_still(sample);
 }
@@ -158,7 +164,7 @@ void Dipo::add_depth(const DepthSample& sample) {
 void Dipo::start(const Initializer::Start& start) {
   timeline_.start(start.sample, Eskf(start.state, start.covariance));
   for (const ImuSample& sample : early_imu_) {
-    if (sample.stamp > start.sample.stamp) timeline_.push(sample, vibration_.noise());
+    if (sample.stamp > start.sample.stamp) timeline_.push(sample, noise_now());
   }
   early_imu_.clear();
   take_in_pending();
@@ -188,7 +194,7 @@ Verdict Dipo::beam_verdict(const DvlSample& ping) const {
     b(static_cast<Eigen::Index>(i)) = ping.beams[i]->velocity;
   }
   const Eigen::Vector4d left = b - E * (E.transpose() * E).ldlt().solve(E.transpose() * b);
-  const double sigma = rig_.dvl->velocity_noise * std::sqrt(dvl_gate_.scale());
+  const double sigma = rig_.dvl->velocity_noise * std::sqrt(adapter_.dvl_variance_factor());
   return left.norm() > config_.dvl.parity_sigmas * sigma ? Verdict::beams_disagree
                                                          : Verdict::accepted;
 }
@@ -216,9 +222,10 @@ Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s, double v
       return shift(all, x);
     };
   }
-  return [=, world = world_](const State& x, const Kinematics& k) {
+  return [=, world = world_, velocity = rig_.dvl->true_velocity(ping.velocity)](
+             const State& x, const Kinematics& k) {
     return shift(
-        dvl_velocity(x, k, world, scale * ping.velocity, variance * Matrix3d::Identity()), x);
+        dvl_velocity(x, k, world, velocity, variance * Matrix3d::Identity()), x);
   };
 }
 
@@ -230,12 +237,17 @@ bool Dipo::take_in(const DvlSample& ping) {
   if (!timeline_.covers(stamp)) report.verdict = Verdict::too_old;
   if (report.verdict == Verdict::accepted) {
     const double noise = rig_.dvl->velocity_noise;
-    Timeline::Model model = dvl_model(ping, offset_s, noise * noise * dvl_gate_.scale());
+    Timeline::Model model = dvl_model(ping, offset_s, noise * noise * adapter_.dvl_variance_factor());
     const Eskf filter = timeline_.filter_at(stamp);
     const Measurement m = model(filter.state(), timeline_.kinematics_at(stamp));
     report.nis = filter.nis(m);
     report.rows = m.rows();
-    const auto factor = dvl_gate_.judge(report.nis, report.rows);
+    const auto factor = dvl_gate_.judge(report.nis);
+    const Vector3d expected =
+        predict_dvl(filter.state(), timeline_.kinematics_at(stamp).gyro);
+    if (factor) {
+      adapter_.add(rig_.dvl->true_velocity(ping.velocity) - expected, report.nis, report.rows);
+    }
     if (!factor) {
       report.verdict = Verdict::rejected;
     } else {
@@ -246,7 +258,8 @@ bool Dipo::take_in(const DvlSample& ping) {
       timeline_.insert(stamp, std::move(model), config_.dvl.displacement);
     }
   }
-  report.noise_scale = dvl_gate_.scale();
+  report.accel_factor = adapter_.accel_factor();
+  report.dvl_variance_factor = adapter_.dvl_variance_factor();
   dvl_reports_.push_back(report);
   return true;
 }
@@ -266,7 +279,7 @@ bool Dipo::take_in(const DepthSample& sample) {
     const Measurement m = model(filter.state(), {});
     report.nis = filter.nis(m);
     report.rows = 1;
-    const auto factor = depth_gate_.judge(report.nis, 1);
+    const auto factor = depth_gate_.judge(report.nis);
     if (!factor) {
       report.verdict = Verdict::rejected;
     } else {

@@ -50,7 +50,7 @@ Initializer::Waiting Initializer::waiting() const {
 
 Vector3d Initializer::body_velocity(const DvlSample& ping, const Vector3d& gyro) const {
   const SE3& mount = rig_.dvl->T_body_dvl;
-  return mount.rotation * (rig_.dvl->scale * ping.velocity) - gyro.cross(mount.translation);
+  return mount.rotation * rig_.dvl->true_velocity(ping.velocity) - gyro.cross(mount.translation);
 }
 
 std::optional<Initializer::Start> Initializer::try_start() const {
@@ -109,7 +109,7 @@ Matrix Initializer::make_covariance(const State& state) const {
   set(imu::kPosition, 3, kPositionSigma);
   if (depth_) set(imu::kPosition + 2, 1, kDepthSigma);
   set(imu::kVelocity, 3, kVelocitySigma);
-  set(imu::kGyroBias, 3, init.gyro_bias_sigma);
+  set(imu::kGyroBias, 3, init.gyro_bias_sigma.value_or(rig_.imu->gyro_noise_density));
   set(imu::kAccelBias, 3, init.accel_bias_sigma);
   const auto set_if = [&](int index, int count, const CalibrationState& c) {
     if (c.estimate) set(index, count, c.sigma);

@@ -72,17 +72,34 @@ bool StillnessDetector::is_still() {
   return still;
 }
 
-std::optional<double> MeasurementGate::judge(double nis, int rows) {
+std::optional<double> MeasurementGate::judge(double nis) {
   if (nis > hard_gate_ && rejected_ < max_rejected_) {
     ++rejected_;
     return std::nullopt;
   }
   rejected_ = 0;
-  // An outlier must not speak for the noise of all: its weight is limited.
-  constexpr double kMostPerSample = 8.0;
-  const double excess = std::min(nis / rows, kMostPerSample) - 1.0;
-  scale_ = std::clamp(scale_ * (1.0 + adapt_rate_ * excess), 1.0, max_scale_);
   return std::max(1.0, nis / soft_gate_);
+}
+
+void NoiseAdapter::add(const Vector3d& innovation, double nis, int rows) {
+  if (!config_.enabled) return;
+  constexpr double kMemory = 0.1;       // of the running means, per ping
+  constexpr double kMostPerPing = 5.0;  // an outlier must not speak for all
+  product_ += kMemory * (innovation.dot(last_) - product_);
+  power_ += kMemory * (innovation.squaredNorm() - power_);
+  last_ = innovation;
+  const double excess = std::min(nis / rows, kMostPerPing) - 1.0;
+  // Trust is lost quickly and won back slowly: the next manoeuvre will be like the last one.
+  const double step = std::exp((excess > 0.0 ? config_.rate : config_.recovery_rate) * excess);
+  const bool motion_lags = product_ > -0.1 * power_;
+  // What is too small grows where the blame lies; what is too large shrinks everywhere.
+  if (motion_lags || excess < 0.0) {
+    accel_factor_ = std::clamp(accel_factor_ * std::sqrt(step), 1.0, config_.max_accel_factor);
+  }
+  if (!motion_lags || excess < 0.0) {
+    dvl_variance_factor_ =
+        std::clamp(dvl_variance_factor_ * step, 1.0, config_.max_dvl_variance_factor);
+  }
 }
 
 }  // namespace apvi::dipo

@@ -76,6 +76,7 @@ struct DvlSection {
   Node T_body_sensor;
   double time_offset_s = 0.0;
   double velocity_noise = 0.01;
+  std::array<int, 3> axis_signs = {1, 1, 1};
   std::optional<std::array<Triple, kDvlBeams>> beams;
   Node sound_speed;
   double assumed_sound_speed = 1500.0;
@@ -84,6 +85,8 @@ struct DvlSection {
     v("T_body_sensor", T_body_sensor, "16 numbers, row by row: DVL to body");
     v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "by how much the stamps are late [s]");
     v("velocity_noise", velocity_noise, Range{1e-5, 10.0}, "one sigma of a component [m/s]");
+    v("axis_signs", axis_signs, Range{-1, 1},
+      "1 or -1 for each reported component, where a log's axes are left-handed");
     v("beams", beams, "four unit vectors; beam velocity = vector . sensor velocity");
     v("sound_speed", sound_speed,
       "of the water [m/s], or {temperature_c, salinity_psu, depth_m}; absent: as assumed");
@@ -212,6 +215,10 @@ DvlCalibration to_dvl(const DvlSection& section, const Node& node) {
   dvl.velocity_noise = section.velocity_noise;
   dvl.beams = default_dvl_beams();
   dvl.scale = water_sound_speed(section) / section.assumed_sound_speed;
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (section.axis_signs[i] == 0) fail_at(node, "dvl0.axis_signs", "each must be 1 or -1");
+    dvl.axis_signs(static_cast<Eigen::Index>(i)) = section.axis_signs[i];
+  }
   for (std::size_t i = 0; section.beams && i < kDvlBeams; ++i) {
     const Eigen::Vector3d beam = to_vector((*section.beams)[i]);
     if (std::abs(beam.norm() - 1.0) > 0.01) {

@@ -26,7 +26,7 @@ struct InitializationConfig {
   double window_s = 2.0;
   double heading_deg = 0.0;
   double tilt_sigma_deg = 3.0;
-  double gyro_bias_sigma = 1e-4;
+  std::optional<double> gyro_bias_sigma;
   double accel_bias_sigma = 0.05;
 
   template <typename V>
@@ -36,7 +36,8 @@ struct InitializationConfig {
     v("heading_deg", heading_deg, Range{-360.0, 360.0},
       "heading of the body's x axis at the start, about world z [deg]");
     v("tilt_sigma_deg", tilt_sigma_deg, Range{0.01, 90.0}, "roll and pitch, one sigma [deg]");
-    v("gyro_bias_sigma", gyro_bias_sigma, Range{0.0, 1.0}, "turn-on bias, one sigma [rad/s]");
+    v("gyro_bias_sigma", gyro_bias_sigma, Range{0.0, 1.0},
+      "turn-on bias, one sigma [rad/s]; null: as large as the gyro's noise over one second");
     v("accel_bias_sigma", accel_bias_sigma, Range{0.0, 10.0}, "turn-on bias, one sigma [m/s²]");
   }
 };
@@ -58,7 +59,7 @@ struct EarthConfig {
 struct InertialConfig {
   double gyro_noise_factor = 1.0;
   double accel_noise_factor = 1.0;
-  double vibration_factor = 1.0;
+  double vibration_factor = 3.0;
   double max_gap_s = 0.5;
 
   template <typename V>
@@ -75,13 +76,34 @@ struct InertialConfig {
   }
 };
 
+struct AdaptationConfig {
+  bool enabled = true;
+  double rate = 0.3;
+  double recovery_rate = 0.003;
+  double initial_accel_factor = 10.0;
+  double max_accel_factor = 300.0;
+  double max_dvl_variance_factor = 100.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled, "let noises follow the innovations of the DVL");
+    v("rate", rate, Range{0.0, 1.0}, "how fast a noise grows, per ping");
+    v("recovery_rate", recovery_rate, Range{0.0, 1.0}, "how fast it shrinks again, per ping");
+    v("initial_accel_factor", initial_accel_factor, Range{1.0, 1e6},
+      "what the accelerometer's noise density starts with");
+    v("max_accel_factor", max_accel_factor, Range{1.0, 1e6},
+      "the accelerometer's noise density grows up to this factor");
+    v("max_dvl_variance_factor", max_dvl_variance_factor, Range{1.0, 1e6},
+      "the DVL's variance grows up to this factor");
+  }
+};
+
 struct DvlConfig {
   bool use_beams = true;
   double soft_gate = 11.3;
   double hard_gate_factor = 20.0;
   int max_rejected = 5;
-  double adapt_rate = 0.1;
-  double max_noise_scale = 30.0;
   double parity_sigmas = 6.0;
   bool displacement = false;
   double displacement_inflation = 4.0;
@@ -100,9 +122,6 @@ struct DvlConfig {
       "a ping whose NIS is this many times the soft gate is rejected");
     v("max_rejected", max_rejected, Range{1, 1000},
       "after so many rejections in a row the ping is believed instead of the state");
-    v("adapt_rate", adapt_rate, Range{0.0, 1.0},
-      "how fast the noise follows the NIS; 0 keeps the rig's");
-    v("max_noise_scale", max_noise_scale, Range{1.0, 1e4}, "the noise's variance grows up to this");
     v("parity_sigmas", parity_sigmas, Range{1.0, 1000.0},
       "four beams that disagree by more than this many sigma: the ping is not used");
     v("displacement", displacement, "use the second residual of the paper's Eq. 3 too");
@@ -158,6 +177,7 @@ struct Config {
   InitializationConfig initialization;
   InertialConfig inertial;
   EarthConfig earth;
+  AdaptationConfig adaptation;
   DvlConfig dvl;
   DepthConfig depth;
   ZeroVelocityConfig zero_velocity;
@@ -170,6 +190,7 @@ struct Config {
     v("initialization", initialization, "how the filter starts");
     v("inertial", inertial, "inertial sensor");
     v("earth", earth, "Earth rotation");
+    v("adaptation", adaptation, "noise that follows the innovations");
     v("dvl", dvl, "Doppler velocity log");
     v("depth", depth, "pressure or depth sensor");
     v("zero_velocity", zero_velocity, "zero-velocity updates");

@@ -29,7 +29,8 @@ struct Report {
   Verdict verdict = Verdict::accepted;
   double nis = 0.0;          ///< normalised innovation squared (0 when none was computed)
   int rows = 0;              ///< its degrees of freedom
-  double noise_scale = 1.0;  ///< variance factor that the adaptive noise has reached
+  double accel_factor = 1.0;         ///< what the adaptive noises have reached
+  double dvl_variance_factor = 1.0;
 };
 
 struct Estimate {
@@ -74,6 +75,7 @@ class Dipo {
   /// False while the sample's own time is still ahead of the inertial data.
   bool take_in(const DvlSample& ping);
   bool take_in(const DepthSample& sample);
+  imu::Noise noise_now() const;
   Verdict beam_verdict(const DvlSample& ping) const;
   Timeline::Model dvl_model(const DvlSample& ping, double offset_s, double variance) const;
   void update_if_still(const ImuSample& sample);
@@ -85,6 +87,7 @@ class Dipo {
   Initializer initializer_;
   VibrationTracker vibration_;
   StillnessDetector stillness_;
+  NoiseAdapter adapter_;
   MeasurementGate dvl_gate_;
   MeasurementGate depth_gate_;
   std::deque<ImuSample> early_imu_;  // before initialization

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <deque>
 #include <optional>
 
@@ -47,32 +48,48 @@ class StillnessDetector {
   std::deque<DvlSample> pings_;
 };
 
-/// Gates innovations and lets a sensor's noise follow them: a NIS that is too large on average means
-/// that the noise is larger than the rig says.
+/// Gates innovations: a large one counts less, a huge one not at all, unless they keep coming.
 class MeasurementGate {
  public:
-  MeasurementGate(double soft_gate, double hard_gate_factor, int max_rejected, double adapt_rate,
-                  double max_scale)
+  MeasurementGate(double soft_gate, double hard_gate_factor, int max_rejected)
       : soft_gate_(soft_gate),
         hard_gate_(soft_gate * hard_gate_factor),
-        max_rejected_(max_rejected),
-        adapt_rate_(adapt_rate),
-        max_scale_(max_scale) {}
+        max_rejected_(max_rejected) {}
 
   /// Factor by which to multiply the innovation's covariance; nothing when the measurement is to be
   /// rejected.
-  std::optional<double> judge(double nis, int rows);
-  /// Variance factor that the noise has reached by following the NIS.
-  double scale() const { return scale_; }
+  std::optional<double> judge(double nis);
 
  private:
   double soft_gate_;
   double hard_gate_;
   int max_rejected_;
-  double adapt_rate_;
-  double max_scale_;
-  double scale_ = 1.0;
   int rejected_ = 0;
+};
+
+/// Lets the noise follow the innovations of the DVL: a NIS that is too large on average means that
+/// somebody is noisier than said. Who it is shows in how one innovation resembles the next (Mehra,
+/// "On the identification of variances and adaptive Kalman filtering", 1970): when they keep their
+/// sign, the motion model lags behind and the accelerometer is to blame (vibration, a lever arm that
+/// nobody measured); when they alternate, the filter chases noise and the DVL is.
+class NoiseAdapter {
+ public:
+  explicit NoiseAdapter(const AdaptationConfig& config)
+      : config_(config), accel_factor_(config.enabled ? config.initial_accel_factor : 1.0) {}
+
+  /// `innovation` in the DVL frame, `nis` its normalised square with `rows` degrees of freedom.
+  void add(const Eigen::Vector3d& innovation, double nis, int rows);
+
+  double accel_factor() const { return accel_factor_; }  ///< of the accelerometer's noise density
+  double dvl_variance_factor() const { return dvl_variance_factor_; }
+
+ private:
+  AdaptationConfig config_;
+  Eigen::Vector3d last_ = Eigen::Vector3d::Zero();
+  double product_ = 0.0;  // running mean of innovation . last innovation
+  double power_ = 0.0;    // and of its square
+  double accel_factor_ = 1.0;
+  double dvl_variance_factor_ = 1.0;
 };
 
 }  // namespace apvi::dipo

@@ -41,6 +41,13 @@ struct DvlCalibration {
   /// Unit vectors in the sensor frame; a beam reads its dot product with the sensor's velocity.
   std::array<Eigen::Vector3d, kDvlBeams> beams;
   double scale = 1.0;  ///< true velocity / reported velocity = sound speed / assumed sound speed
+  /// Signs of the reported components, for devices or logs whose axes are left-handed.
+  Eigen::Vector3d axis_signs = Eigen::Vector3d::Ones();
+
+  /// The sensor's velocity in its own right-handed frame [m/s] from what was reported.
+  Eigen::Vector3d true_velocity(const Eigen::Vector3d& reported) const {
+    return scale * axis_signs.cwiseProduct(reported);
+  }
 };
 
 struct PressureCalibration {

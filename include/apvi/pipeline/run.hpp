@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+
+#include "apvi/eval/trajectory_metrics.hpp"
+#include "apvi/pipeline/run_config.hpp"
+
+namespace apvi::pipeline {
+
+struct RunOptions {
+  std::filesystem::path folder;
+  bool overwrite = false;
+  std::function<bool()> interrupted = [] { return false; };  ///< asked after every sample
+};
+
+struct RunResult {
+  bool interrupted = false;
+  std::size_t poses = 0;
+  double sequence_s = 0.0;  ///< span of the samples that were read
+  double wall_s = 0.0;      ///< time it took
+  eval::TrajectoryMetrics metrics;
+};
+
+/// Runs localization over a recording into a run folder and evaluates it against the recording's
+/// reference, if there is one. What was computed is in the folder even when this throws. Throws
+/// InputError for a bad recording or configuration, RunError when nothing could be estimated or written.
+RunResult run(const RunConfig& config, const RunOptions& options);
+
+}  // namespace apvi::pipeline

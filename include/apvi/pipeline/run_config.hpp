@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/dipo/config.hpp"
+#include "apvi/eval/trajectory_metrics.hpp"
+#include "apvi/io/sequence.hpp"
+
+namespace apvi::pipeline {
+
+enum class RunMode { sequential, replay, realtime };
+
+struct SensorsSection {
+  std::vector<std::string> use = {"imu", "dvl", "pressure"};
+  template <typename V>
+  void visit(V& v) {
+    v("use", use, "which sensors: any of imu, dvl, pressure");
+  }
+};
+
+struct RunSection {
+  RunMode mode = RunMode::sequential;
+  int seed = 0;
+  int threads = 2;
+  template <typename V>
+  void visit(V& v) {
+    using config::Choices;
+    using config::Range;
+    v("mode", mode,
+      Choices<RunMode>{{"sequential", RunMode::sequential},
+                       {"replay", RunMode::replay},
+                       {"realtime", RunMode::realtime}},
+      "one thread in order of time; threads that wait for each other; threads that drop");
+    v("seed", seed, Range{0, 2147483647}, "of everything random");
+    v("threads", threads, Range{1, 1024}, "at most so many at once");
+  }
+};
+
+/// Everything about a run, as in a configuration file.
+struct RunConfig {
+  io::DatasetConfig dataset;
+  config::Node rig;
+  SensorsSection sensors;
+  RunSection run;
+  dipo::Config dipo;
+  eval::EvalOptions eval;
+
+  template <typename V>
+  void visit(V& v) {
+    v("dataset", dataset, "the recording");
+    v("rig", rig, "keys laid over the recording's rig.yaml");
+    v("sensors", sensors, "which of its sensors are used");
+    v("run", run, "how it is run");
+    v("dipo", dipo, "DVL, IMU and pressure odometry");
+    v("eval", eval, "comparison with the reference");
+  }
+};
+
+/// Reads a configuration file with what it inherits, then the overrides "key=value" in order, and
+/// checks what single keys cannot say. Throws InputError.
+RunConfig load_run_config(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides);
+/// Throws InputError for values that contradict each other or need what is not built.
+void check(const RunConfig& config);
+
+/// The rig of a run: the recording's own, or `dataset.rig`, with the configuration's `rig` laid over.
+/// Throws InputError when there is none at all.
+config::Node rig_of(const RunConfig& config, const config::Node& recorded);
+
+}  // namespace apvi::pipeline

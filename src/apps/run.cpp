@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/interrupt.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/pipeline/run.hpp"
+#include "commands.hpp"
+
+namespace apvi::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path config;
+  std::vector<std::string> overrides;
+  fs::path folder;
+  bool overwrite = false;
+};
+
+// runs/<configuration>-<data set>, with a number behind it when that is taken.
+fs::path default_folder(const Arguments& a, const pipeline::RunConfig& config) {
+  const fs::path data = fs::path(config.dataset.path).lexically_normal();
+  const std::string name = data.has_filename() ? data.stem().string()
+                                               : data.parent_path().filename().string();
+  const std::string base = a.config.stem().string() + "-" + name;
+  fs::path folder = fs::path("runs") / base;
+  for (int i = 2; fs::exists(folder); ++i) folder = fs::path("runs") / fmt::format("{}-{}", base, i);
+  return folder;
+}
+
+void run(const Arguments& a) {
+  const pipeline::RunConfig config = pipeline::load_run_config(a.config, a.overrides);
+  const InterruptGuard guard;
+  const pipeline::RunOptions options{
+      .folder = a.folder.empty() ? default_folder(a, config) : a.folder,
+      .overwrite = a.overwrite,
+      .interrupted = [&guard] { return guard.interrupted(); }};
+  const pipeline::RunResult result = pipeline::run(config, options);
+  if (result.interrupted) log::warning("interrupted; what was computed is kept");
+  log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
+            result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
+  std::fputs(eval::to_table({.fused = result.metrics, .dipo = {}, .vio = {}}).c_str(), stdout);
+  log::info("results in {}", options.folder.string());
+}
+
+}  // namespace
+
+void add_run(CLI::App& app) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand("run", "localization over a recording, into a run folder");
+  command->add_option("CONFIG", a->config, "configuration file, for example configs/default.yaml")
+      ->required();
+  command->add_option("--set", a->overrides, "override a key: dataset.path=FOLDER; may be repeated")
+      ->type_name("KEY=VALUE")
+      ->take_all()
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("-o,--output", a->folder, "run folder (default: below runs/)");
+  command->add_flag("--overwrite", a->overwrite, "replace the run that the folder holds");
+  command->callback([a] { run(*a); });
+}
+
+}  // namespace apvi::apps

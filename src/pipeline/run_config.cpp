@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/pipeline/run_config.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "apvi/core/error.hpp"
+
+namespace apvi::pipeline {
+
+RunConfig load_run_config(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides) {
+  config::Node node = config::load_with_inheritance(file);
+  for (const std::string& assignment : overrides) config::apply_override(node, assignment);
+  RunConfig config;
+  config::read(node, config);
+  check(config);
+  return config;
+}
+
+void check(const RunConfig& config) {
+  constexpr std::array<std::string_view, 4> kSensors = {"camera", "imu", "dvl", "pressure"};
+  for (const std::string& name : config.sensors.use) {
+    if (std::find(kSensors.begin(), kSensors.end(), name) == kSensors.end()) {
+      fail_input("sensors.use: {} is none of: {}", name, fmt::join(kSensors, ", "));
+    }
+    if (name == "camera") {
+      fail_input("sensors.use: camera: visual-inertial odometry is not part of this version; use "
+                 "[imu, dvl, pressure]");
+    }
+  }
+  if (config.run.mode != RunMode::sequential) {
+    fail_input("run.mode: without a camera there is one thread; use sequential");
+  }
+  const double most = config.dipo.history_s;
+  if (config.dipo.dvl.time_offset.estimate && config.dipo.dvl.time_offset.sigma > most) {
+    fail_input("dipo.dvl.time_offset.sigma: {} s is more than dipo.history_s keeps ({} s)",
+               config.dipo.dvl.time_offset.sigma, most);
+  }
+}
+
+config::Node rig_of(const RunConfig& config, const config::Node& recorded) {
+  config::Node rig = recorded;
+  if (!config.dataset.rig.empty()) rig = config::load_with_inheritance(config.dataset.rig);
+  if (!config.rig.is_null()) config::merge(rig, config.rig);
+  if (rig.is_null()) {
+    fail_input("{}: no calibration: put a rig.yaml there, or name one in dataset.rig",
+               config.dataset.path);
+  }
+  return rig;
+}
+
+}  // namespace apvi::pipeline
