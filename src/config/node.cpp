@@ -16,31 +16,41 @@ namespace {
 namespace fs = std::filesystem;
 using Source = std::shared_ptr<const std::string>;
 
-constexpr int kMaxDepth = 64;  // no configuration is deeper; a hostile file must not end the stack
+// No configuration is deeper or larger. A hostile file must not end the stack, nor must aliases of
+// aliases fill the memory.
+constexpr int kMaxDepth = 64;
+constexpr int kMaxNodes = 100'000;
 
-Node convert(const YAML::Node& yaml, const Source& source, int depth);
+// Where nodes come from, and how many there have been.
+struct Origin {
+  Source source;
+  int count = 0;
+};
 
-void convert_map(const YAML::Node& yaml, const Source& source, int depth, Node& node) {
+Node convert(const YAML::Node& yaml, Origin& origin, int depth);
+
+void convert_map(const YAML::Node& yaml, Origin& origin, int depth, Node& node) {
   node.kind = Node::Kind::map;
   for (const auto& entry : yaml) {
     if (!entry.first.IsScalar()) fail_at(node, "", "a key must be a plain word");
     const std::string key = entry.first.Scalar();
     if (node.find(key) != nullptr) {
       Node here;
-      here.source = source;
+      here.source = origin.source;
       here.line = entry.first.Mark().line + 1;
       fail_at(here, key, "this key is given twice; delete one of them");
     }
-    Node value = convert(entry.second, source, depth + 1);
+    Node value = convert(entry.second, origin, depth + 1);
     if (value.is_null()) value.line = entry.first.Mark().line + 1;
     node.members.emplace_back(key, std::move(value));
   }
 }
 
-Node convert(const YAML::Node& yaml, const Source& source, int depth) {
+Node convert(const YAML::Node& yaml, Origin& origin, int depth) {
   Node node;
-  node.source = source;
+  node.source = origin.source;
   node.line = yaml.Mark().line + 1;
+  if (++origin.count > kMaxNodes) fail_at(node, "", "too large to be a configuration");
   if (depth > kMaxDepth) fail_at(node, "", "nested too deeply to be a configuration");
   switch (yaml.Type()) {
     case YAML::NodeType::Scalar:
@@ -49,10 +59,10 @@ Node convert(const YAML::Node& yaml, const Source& source, int depth) {
       break;
     case YAML::NodeType::Sequence:
       node.kind = Node::Kind::list;
-      for (const YAML::Node& item : yaml) node.items.push_back(convert(item, source, depth + 1));
+      for (const YAML::Node& item : yaml) node.items.push_back(convert(item, origin, depth + 1));
       break;
     case YAML::NodeType::Map:
-      convert_map(yaml, source, depth, node);
+      convert_map(yaml, origin, depth, node);
       break;
     case YAML::NodeType::Null:
     case YAML::NodeType::Undefined:
@@ -146,9 +156,15 @@ void fail_at(const Node& node, std::string_view key, std::string_view what) {
 }
 
 Node parse_yaml(const std::string& text, const std::string& source) {
-  const auto name = std::make_shared<const std::string>(source);
+  Origin origin{std::make_shared<const std::string>(source)};
   try {
-    return convert(YAML::Load(text), name, 0);
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.empty()) return convert(YAML::Node(), origin, 0);
+    if (documents.size() > 1) {
+      fail_input("{}:{}: a second document begins here; put it into a file of its own", source,
+                 documents[1].Mark().line + 1);
+    }
+    return convert(documents.front(), origin, 0);
   } catch (const YAML::Exception& e) {
     fail_input("{}:{}: not valid YAML: {}", source, e.mark.line + 1, e.msg);
   }
