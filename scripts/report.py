@@ -1,0 +1,57 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Makes one self-contained report.html from a run folder.
+
+    scripts/report.py RUN [-o report.html]
+
+Nothing is loaded from elsewhere: figures and images are in the page, so that it can be sent around.
+Sections appear when the run has what they show.
+"""
+import argparse
+import importlib.util
+import pathlib
+import sys
+
+PACKAGES = {"jinja2": "python3-jinja2", "matplotlib": "python3-matplotlib", "numpy": "python3-numpy"}
+
+
+def missing_packages():
+    """Debian packages without which no report can be made."""
+    return [package for module, package in PACKAGES.items() if not importlib.util.find_spec(module)]
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="folder that `apvi run` made")
+    parser.add_argument("-o", "--output", type=pathlib.Path, metavar="FILE",
+                        help="the page (default: RUN/report.html)")
+    return parser.parse_args()
+
+
+def fail(message, status):
+    print(f"report.py: {message}", file=sys.stderr)
+    return status
+
+
+def main():
+    arguments = parse_arguments()
+    missing = missing_packages()
+    if missing:
+        return fail(f"apt install {' '.join(missing)}; Debian's packages are for /usr/bin/python3, "
+                    f"and this is {sys.executable}", 1)
+    from report import page, run_data  # pylint: disable=import-outside-toplevel
+    output = arguments.output or arguments.run / "report.html"
+    try:
+        run = run_data.load(arguments.run)
+    except run_data.InputError as error:
+        return fail(error, 2)
+    try:
+        page.write(run, output)
+    except OSError as error:
+        return fail(f"{output}: cannot be written: {error.strerror}", 1)
+    print(output)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Figures of where the vehicle went and how wrong that was. Each returns a matplotlib figure."""
+import numpy as np
+from matplotlib import pyplot
+
+from . import style
+from .run_data import seconds
+
+MAX_VECTOR_POINTS = 5000  # more than these are drawn as pixels, or the page grows with the run
+
+
+class Clock:
+    """The time axis of a run: seconds, minutes of a long one."""
+
+    def __init__(self, duration_s):
+        self.scale, self.unit = (1.0, "s") if duration_s <= 600.0 else (60.0, "min")
+        self.end = duration_s / self.scale
+
+    def __call__(self, t):
+        return np.asarray(t) / self.scale
+
+    def label(self, axes):
+        axes.set_xlabel(f"time [{self.unit}]")
+        axes.set_xlim(0.0, 1.005 * self.end)
+
+
+def clock_of(run):
+    return Clock(max(run.estimate.t[-1], 1e-3))
+
+
+def scatter(axes, x, y, **kwargs):
+    axes.plot(x, y, linestyle="none", rasterized=len(x) > MAX_VECTOR_POINTS, **kwargs)
+
+
+def placed(run, comparison):
+    """The estimate and the others as drawn: moved onto the reference if there is one."""
+    def move(track):
+        return comparison.motion.apply(track) if comparison else track
+    others = {name: move(track) for name, track in run.others.items()
+              if len(track) > 1 and not same_path(track, run.estimate)}
+    return move(run.estimate), others
+
+
+def same_path(a, b):
+    return len(a) == len(b) and np.allclose(a.p, b.p, atol=1e-6)
+
+
+def seen_reference(run):
+    return run.reference.within(run.estimate.t[0] - 1.0, run.estimate.t[-1] + 1.0)
+
+
+def plan_size(extent):
+    """Figure size [in] for a plan of this extent: as wide as the page unless the path is tall."""
+    aspect = np.clip(extent[0] / max(extent[1], 1e-9), 0.9, 2.4)
+    height = min(style.WIDTH / aspect, 6.6)
+    return min(style.WIDTH, aspect * height + 0.8), height
+
+
+def emptiest_corner(axes, points):
+    """Centre of the corner, in parts of the axes, that has the fewest points near it."""
+    corners = np.array([[0.87, 0.06], [0.13, 0.06], [0.87, 0.91], [0.13, 0.91]])
+    parts = axes.transAxes.inverted().transform(axes.transData.transform(points))
+    near = [(np.abs(parts - corner) < (0.14, 0.09)).all(axis=1).sum() for corner in corners]
+    return corners[int(np.argmin(near))]
+
+
+def scale_bar(axes, points):
+    """A bar of a round length, in a corner where it hides no path."""
+    limits = axes.axis()
+    wanted = (limits[1] - limits[0]) / 6.0
+    power = 10.0**np.floor(np.log10(wanted))
+    length = max(step * power for step in (1, 2, 5) if step * power <= wanted)
+    center = axes.transAxes.transform(emptiest_corner(axes, points))
+    x, y = axes.transData.inverted().transform(center)
+    axes.plot([x - length / 2.0, x + length / 2.0], [y, y], color=style.INK, linewidth=3,
+              solid_capstyle="butt")
+    axes.annotate(f"{length:g} m", (x, y), xytext=(0, 5), textcoords="offset points", ha="center")
+    axes.axis(limits)
+
+
+def mark_ends(axes, p):
+    for point, marker, color, name in ((p[0], "o", style.TEAL, "start"), (p[-1], "s", style.RED, "end")):
+        axes.plot(*point[:2], marker=marker, color=color, markersize=9, markeredgecolor="white",
+                  markeredgewidth=1.5, linestyle="none", label=name, zorder=5)
+
+
+def plan(run, comparison):
+    """The path from above."""
+    estimate, others = placed(run, comparison)
+    parts = [estimate.p]
+    figure, axes = pyplot.subplots()
+    if comparison:
+        reference = seen_reference(run)
+        parts.append(reference.p)
+        axes.plot(*reference.p.T[:2], color=style.REFERENCE, linewidth=4.0, label="reference")
+    for name, track in others.items():
+        axes.plot(*track.p.T[:2], color=style.TRACKS[name], linewidth=1.2, label=name)
+    axes.plot(*estimate.p.T[:2], color=style.BLUE, linewidth=1.6, label="estimate")
+    mark_ends(axes, estimate.p)
+    everything = np.vstack(parts)[:, :2]
+    figure.set_size_inches(plan_size(np.ptp(everything, axis=0)))
+    names = ("east", "north") if run.axes_known else ("x", "y")
+    axes.set_xlabel(f"{names[0]} [m]")
+    axes.set_ylabel(f"{names[1]} [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    style.legend_above(axes)
+    figure.canvas.draw()  # settles the limits
+    scale_bar(axes, everything)
+    return figure
+
+
+def profile(run, comparison):
+    """Depth over time in the estimate's own world, where it is what a pressure sensor measures."""
+    estimate, others = placed(run, None)
+    clock = clock_of(run)
+    figure, axes = pyplot.subplots(figsize=(style.WIDTH, 2.7))
+    if comparison and not run.reference.planar:
+        reference = comparison.motion.inverse().apply(seen_reference(run))
+        axes.plot(clock(reference.t), -reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
+                  label="reference")
+    for name, track in others.items():
+        axes.plot(clock(track.t), -track.p[:, 2], color=style.TRACKS[name], linewidth=1.2, label=name)
+    axes.plot(clock(estimate.t), -estimate.p[:, 2], color=style.BLUE, label="estimate")
+    axes.set_ylabel("depth [m]")
+    axes.invert_yaxis()
+    clock.label(axes)
+    style.legend_above(axes)
+    return figure
+
+
+def expected_error(run, axes):
+    """(time [s], sigma of the position error's norm over so many axes [m], of the rotation's [deg])."""
+    names = ("position_sigma", "rotation_sigma")
+    if run.health is None or any(name not in run.health for name in names):
+        return np.empty(0), np.empty(0), np.empty(0)
+    return (seconds(run.health, run.start_s), np.sqrt(axes) * run.health[names[0]],
+            np.sqrt(3.0) * run.health[names[1]])
+
+
+def error_panel(axes, t, error, sigma, label):
+    axes.fill_between(sigma[0], 0.0, sigma[1], color=style.BLUE, alpha=0.13, linewidth=0,
+                      label="filter's own sigma")
+    axes.plot(t, error, color=style.BLUE, label="error")
+    axes.set_ylabel(label)
+    highest = np.max(error)
+    expected = np.quantile(sigma[1], 0.9) if len(sigma[1]) else 0.0
+    top = 1.08 * (max(highest, expected) if expected < 3.0 * highest else highest)
+    axes.set_ylim(0.0, top if top > 0.0 else 1.0)
+
+
+def error(run, comparison):
+    """Distance from the reference, and the angle to it, beside what the filter expects."""
+    clock = clock_of(run)
+    sigma_t, position_sigma, rotation_sigma = expected_error(run, comparison.axes)
+    panels = 2 if comparison.rotation is not None else 1
+    figure, axes = pyplot.subplots(panels, figsize=(style.WIDTH, 0.5 + 2.3 * panels), sharex=True,
+                                   squeeze=False)
+    kind = "horizontal error" if comparison.axes == 2 else "position error"
+    error_panel(axes[0, 0], clock(comparison.t), comparison.position,
+                (clock(sigma_t), position_sigma), f"{kind} [m]")
+    if panels == 2:
+        error_panel(axes[1, 0], clock(comparison.t), comparison.rotation,
+                    (clock(sigma_t), rotation_sigma), "rotation error [°]")
+    style.legend_above(axes[0, 0])
+    clock.label(axes[-1, 0])
+    figure.align_ylabels()
+    return figure

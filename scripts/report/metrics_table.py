@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""metrics.json in words."""
+
+# key: (name, unit, digits after the point; None for a whole number)
+TRAJECTORY = {
+    "ate_rmse_m": ("Absolute position error, RMSE", "m", 3),
+    "ate_mean_m": ("… mean", "m", 3),
+    "ate_median_m": ("… median", "m", 3),
+    "ate_std_m": ("… standard deviation", "m", 3),
+    "ate_min_m": ("… smallest", "m", 3),
+    "ate_max_m": ("… largest", "m", 3),
+    "ate_first_pose_rmse_m": ("… RMSE with the first poses made equal", "m", 3),
+    "ate_percent_of_path": ("Absolute position error, of the path", "%", 3),
+    "rot_rmse_deg": ("Rotation error, RMSE", "°", 2),
+    "rpe_1s_rmse_m": ("Relative error over 1 s, RMSE", "m", 3),
+    "rpe_10m_rmse_m": ("Relative error over 10 m, RMSE", "m", 3),
+    "rpe_10m_mean_m": ("… mean", "m", 3),
+    "rpe_10m_median_m": ("… median", "m", 3),
+    "rpe_10m_all_pairs_rmse_m": ("… RMSE from every pose", "m", 3),
+    "coverage": ("Part of the reference that is covered", "%", 1),
+    "path_length_m": ("Length of the reference path", "m", 1),
+    "estimate_length_m": ("Length of the estimated path", "m", 1),
+    "end_to_start_m": ("Distance from start to end", "m", 2),
+    "matched": ("Compared poses", "", None),
+}
+OTHERS = {
+    "speed.wall_s": ("Computing time", "s", 2),
+    "speed.sequence_s": ("Length of the recording", "s", 1),
+    "speed.realtime_factor": ("Times faster than real time", "", 0),
+    "speed.tracking_fps": ("Tracked images per second", "1/s", 1),
+    "speed.render_fps": ("Rendered images per second", "1/s", 1),
+    "speed.iterations_per_s": ("Optimisation steps per second", "1/s", 1),
+    "speed.rss_peak_mib": ("Peak memory", "MiB", 1),
+    "speed.gpu_peak_mib": ("Peak memory of the GPU", "MiB", 1),
+    "counts.imu_gaps": ("Gaps in the inertial data", "", None),
+    "counts.zero_velocity_updates": ("Zero-velocity updates", "", None),
+    "vio.init_time_s": ("VIO: time to initialize", "s", 2),
+    "vio.failures": ("VIO: failures", "", None),
+    "vio.freeze_frames": ("VIO: frozen frames", "", None),
+    "vio.drop_frames": ("VIO: dropped frames", "", None),
+    "mapping.psnr_db": ("Held-out views: PSNR", "dB", 2),
+    "mapping.ssim": ("Held-out views: SSIM", "", 3),
+    "mapping.lpips": ("Held-out views: LPIPS", "", 3),
+    "mapping.ms_ssim": ("Held-out views: MS-SSIM", "", 3),
+    "mapping.psnr_median_image_db": ("PSNR of the median image, for comparison", "dB", 2),
+    "mapping.psnr_all_keyframes_db": ("All keyframes: PSNR", "dB", 2),
+    "mapping.restored_psnr_db": ("Restored views: PSNR", "dB", 2),
+    "mapping.depth_rmse_m": ("Depth error of the map, RMSE", "m", 3),
+    "mapping.depth_abs_rel": ("Depth error of the map, relative", "", 4),
+    "mapping.gaussians": ("Gaussians", "", None),
+    "mapping.iterations": ("Optimisation steps", "", None),
+    "mapping.heldout_views": ("Held-out views", "", None),
+    "build.backend": ("Backend", "", None),
+    "build.torch": ("LibTorch", "", None),
+    "build.git": ("Revision", "", None),
+}
+ESTIMATORS = {"dipo": "DIPO", "vio": "VIO"}
+
+
+def number(value, digits):
+    """As text, with thin spaces between thousands."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    if digits is None:
+        return f"{value:,.0f}".replace(",", " ") if float(value).is_integer() else f"{value:.4g}"
+    return f"{value:,.{digits}f}".replace(",", " ")
+
+
+def trajectory_value(metrics, key):
+    if key not in metrics:
+        return ""
+    value = 100.0 * metrics[key] if key == "coverage" else metrics[key]
+    return number(value, TRAJECTORY[key][2])
+
+
+def trajectory_columns(metrics):
+    """Name and figures of each estimator; one that is the fused one itself is left out."""
+    fused = {key: value for key, value in metrics.items() if not isinstance(value, dict)}
+    found = [(name, metrics[key]) for key, name in ESTIMATORS.items()
+             if isinstance(metrics.get(key), dict) and metrics[key] != fused]
+    return [("Estimate", fused), *found]
+
+
+def trajectory_table(run):
+    """Headings and rows (name, unit, values...), empty without figures."""
+    columns = trajectory_columns(run.metrics.get("trajectory", {}))
+    rows = [(name, unit, [trajectory_value(figures, key) for _, figures in columns])
+            for key, (name, unit, _) in TRAJECTORY.items() if any(key in f for _, f in columns)]
+    return [name for name, _ in columns], rows
+
+
+def count_rows(run):
+    """(sensor, verdict or reason, count, percent) of what became of the measurements."""
+    rows = []
+    for sensor in ("dvl", "depth"):
+        counts = run.metrics.get("counts", {}).get(sensor, {})
+        total = sum(counts.values())
+        rows += [("DVL pings" if sensor == "dvl" else "Depth samples", verdict.replace("_", " "),
+                  number(count, None), number(100.0 * count / total, 1))
+                 for verdict, count in sorted(counts.items(), key=lambda item: -item[1])]
+    return rows
+
+
+def dropped_rows(run):
+    """(what, count) of samples that never reached the estimator, those of the reader and of queues."""
+    dropped = dict(run.metrics.get("counts", {}).get("dropped_samples", {}))
+    dropped.update(run.metrics.get("dropped", {}))
+    return [(name.upper() if name in ("imu", "dvl") else name, number(count, None))
+            for name, count in dropped.items()]
+
+
+def flatten(metrics, prefix=""):
+    for key, value in metrics.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+def other_rows(run):
+    """(name, unit, value) of everything else; a key without a name here keeps its own."""
+    shown = ("trajectory.", "counts.dvl.", "counts.depth.", "counts.dropped_samples.", "dropped.")
+    rows = []
+    flat = dict(flatten(run.metrics))
+    for key in sorted(flat, key=lambda k: list(OTHERS).index(k) if k in OTHERS else len(OTHERS)):
+        if not key.startswith(shown):
+            name, unit, digits = OTHERS.get(key, (key, "", None))
+            rows.append((name, unit, number(flat[key], digits)))
+    return rows
+
+
+def headline(run):
+    """(value, unit, words) of the figures one looks for first."""
+    flat = dict(flatten(run.metrics))
+    wanted = [("trajectory.ate_rmse_m", "m", "position error (RMSE)", 2),
+              ("trajectory.ate_percent_of_path", "%", "of the path", 2),
+              ("trajectory.rot_rmse_deg", "°", "rotation error (RMSE)", 2),
+              ("trajectory.end_to_start_m", "m", "from start to end", 2),
+              ("trajectory.estimate_length_m", "m", "travelled", 0),
+              ("mapping.psnr_db", "dB", "PSNR of held-out views", 1),
+              ("speed.sequence_s", "s", "recorded", 0),
+              ("speed.realtime_factor", "×", "real time", 0)]
+    if "trajectory.ate_rmse_m" in flat:
+        flat.pop("trajectory.end_to_start_m", None)
+    return [(number(flat[key], digits), unit, words) for key, unit, words, digits in wanted
+            if key in flat]

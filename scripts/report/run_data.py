@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reads a run folder, and of its recording what a report can show.
+
+Times are seconds since the first pose. Positions are turned to z up: a world that the rig calls ned
+becomes east, north, up.
+"""
+import csv
+import dataclasses
+import datetime
+import json
+import pathlib
+import re
+
+import numpy as np
+
+# Rows of the turn from north, east, down to east, north, up.
+NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+POSE_NAMES = {"vio.tum": "VIO", "dipo.tum": "DIPO"}
+
+
+class InputError(Exception):
+    """What is wrong with a file, and where."""
+
+
+@dataclasses.dataclass
+class Track:
+    """Poses in order of time: t [n] in seconds, p [n, 3] in metres, R [n, 3, 3] or None."""
+    t: np.ndarray
+    p: np.ndarray
+    R: np.ndarray = None
+    planar: bool = False  # heights mean nothing
+
+    def __len__(self):
+        return len(self.t)
+
+    def within(self, first, last):
+        keep = (self.t >= first) & (self.t <= last)
+        return Track(self.t[keep], self.p[keep], None if self.R is None else self.R[keep],
+                     self.planar)
+
+
+@dataclasses.dataclass
+class Table:
+    """Columns of a csv by name; numbers where every cell is one, else text."""
+    columns: dict
+
+    def __contains__(self, name):
+        return name in self.columns
+
+    def __getitem__(self, name):
+        return self.columns[name]
+
+    def __len__(self):
+        return len(next(iter(self.columns.values())))
+
+
+@dataclasses.dataclass
+class Run:
+    folder: pathlib.Path
+    start_s: float                 # stamp of the first pose
+    estimate: Track
+    others: dict                   # name -> Track of the estimators behind the fused one
+    metrics: dict
+    config: str                    # text of resolved.yaml
+    log: str
+    calibration: Table = None
+    health: Table = None
+    reference: Track = None
+    reference_note: str = ""       # why there is no reference
+    streams: dict = dataclasses.field(default_factory=dict)  # sensor -> stamps
+    renders: list = dataclasses.field(default_factory=list)
+    date: datetime.datetime = None
+
+    def setting(self, *keys, default=""):
+        """A scalar of the configuration by its keys."""
+        return setting(self.config, keys, default)
+
+    @property
+    def name(self):
+        return pathlib.PurePath(self.setting("dataset", "path")).name or self.folder.resolve().name
+
+    @property
+    def is_ned(self):
+        return self.setting("rig", "world") == "ned"
+
+    @property
+    def axes_known(self):
+        """Whether x and y of a figure are east and north."""
+        return self.reference is not None and (self.is_ned or self.reference.planar)
+
+
+def setting(text, keys, default=""):
+    """Scalar of a file that the program itself wrote: nested maps, indented by two, one key a line."""
+    depth = 0
+    for line in text.splitlines():
+        indent = len(line) - len(line.lstrip())
+        if indent % 2 or indent // 2 < depth:
+            break
+        match = re.match(rf"{re.escape(keys[depth])}:(?: (.*))?$", line.strip())
+        if indent // 2 == depth and match:
+            depth += 1
+            if depth == len(keys):
+                value = (match.group(1) or "").strip()
+                return json.loads(value) if value.startswith('"') else value
+    return default
+
+
+def read_text(path):
+    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+
+
+def complete_lines(path):
+    """(number, line) of those that end; a run that was killed may leave half of one."""
+    text = read_text(path)
+    lines = text.split("\n")[:-1]
+    return [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
+
+
+def rotation_matrices(q):
+    """[n, 3, 3] of quaternions [n, 4] in the order x, y, z, w."""
+    x, y, z, w = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
+    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def make_track(t, p, q=None, ned=False, planar=False):
+    turn = NED_TO_ENU if ned else np.eye(3)
+    R = None if q is None else turn @ rotation_matrices(q)
+    return Track(t, p @ turn.T, R, planar)
+
+
+def read_tum(path, start_s, ned):
+    rows = []
+    for number, line in complete_lines(path):
+        if line.startswith("#"):
+            continue
+        try:
+            rows.append([float(cell) for cell in line.split()])
+        except ValueError:
+            rows.append([])
+        if len(rows[-1]) != 8:
+            raise InputError(f"{path}:{number}: not eight numbers (t x y z qx qy qz qw)")
+    if not rows:
+        return Track(np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
+    data = np.array(rows)
+    data = data[np.isfinite(data).all(axis=1)]
+    return make_track(data[:, 0] - start_s, data[:, 1:4], data[:, 4:8], ned)
+
+
+def numbers_or_text(cells):
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in cells])
+    except ValueError:
+        return np.array(cells)
+
+
+def read_table(path):
+    """None when the file is not there or has no rows."""
+    lines = complete_lines(path)
+    if len(lines) < 2:
+        return None
+    names = [name.strip() for name in re.sub(r"\s*\[[^\]]*\]", "", lines[0][1]).lstrip("#").split(",")]
+    cells = list(csv.reader(line for _, line in lines[1:]))
+    for (number, _), row in zip(lines[1:], cells):
+        if len(row) != len(names):
+            raise InputError(f"{path}:{number}: {len(row)} columns, the header names {len(names)}")
+    return Table({name: numbers_or_text(column) for name, column in zip(names, zip(*cells))})
+
+
+def seconds(table, start_s):
+    return table["timestamp"] * 1e-9 - start_s
+
+
+def first_stamp(path):
+    for _, line in complete_lines(path):
+        try:
+            return float(line.split()[0])
+        except ValueError:
+            break
+    return 0.0
+
+
+def read_reference(dataset, start_s, ned):
+    """(Track or None, why not)."""
+    if not (dataset / "mav0").is_dir():
+        what = "was not found" if not dataset.exists() else "is not a dataset folder"
+        return None, f"No reference is shown: the recording {what}."
+    poses = read_table(dataset / "mav0" / "state_groundtruth_estimate0" / "data.csv")
+    if poses is not None:
+        data = np.column_stack(list(poses.columns.values())[:8])
+        q = data[:, [5, 6, 7, 4]] if data.shape[1] == 8 else None
+        return make_track(data[:, 0] * 1e-9 - start_s, data[:, 1:4], q, ned), ""
+    gnss = read_table(dataset / "mav0" / "gnss0" / "data.csv")
+    if gnss is not None:
+        data = np.column_stack(list(gnss.columns.values())[:4])
+        return make_track(data[:, 0] * 1e-9 - start_s, data[:, 1:4], planar=True), ""
+    return None, "The recording has no reference to compare with."
+
+
+def read_stamps(path, start_s):
+    if "dvl" in path.parent.name:
+        table = read_table(path)
+        if table is None:
+            return np.empty(0)
+        t = seconds(table, start_s)
+        return t[table["valid"] == 1] if "valid" in table else t
+    try:
+        return np.loadtxt(path, delimiter=",", usecols=0, ndmin=1) * 1e-9 - start_s
+    except ValueError:
+        return np.empty(0)
+
+
+def read_streams(dataset, start_s):
+    streams = {}
+    for path in sorted((dataset / "mav0").glob("*/data.csv")):
+        stamps = read_stamps(path, start_s)
+        if len(stamps) > 1:
+            streams[path.parent.name] = np.sort(stamps)
+    return streams
+
+
+def read_metrics(path):
+    text = read_text(path)
+    if not text:
+        return {}
+    try:
+        metrics = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}:{error.lineno}: no JSON: {error.msg}") from error
+    if not isinstance(metrics, dict):
+        raise InputError(f"{path}: no JSON object")
+    return metrics
+
+
+def load(folder):
+    """Everything that is there. Raises InputError for a folder without a run, and damaged files."""
+    trajectory = folder / "trajectory.tum"
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; give one that `apvi run` made")
+    if not trajectory.is_file():
+        raise InputError(f"{folder}: no run: it has no trajectory.tum; give one that `apvi run` made")
+    config = read_text(folder / "resolved.yaml")
+    start_s = first_stamp(trajectory)
+    ned = setting(config, ("rig", "world")) == "ned"
+    run = Run(folder=folder, start_s=start_s, estimate=read_tum(trajectory, start_s, ned),
+              others={name: read_tum(folder / file, start_s, ned)
+                      for file, name in POSE_NAMES.items() if (folder / file).is_file()},
+              metrics=read_metrics(folder / "metrics.json"), config=config,
+              log=read_text(folder / "log.txt"),
+              calibration=read_table(folder / "calibration.csv"),
+              health=read_table(folder / "health.csv"),
+              renders=sorted((folder / "renders").glob("*.png")),
+              date=datetime.datetime.fromtimestamp(trajectory.stat().st_mtime))
+    path = run.setting("dataset", "path")
+    if path:
+        dataset = pathlib.Path(path)
+        run.reference, run.reference_note = read_reference(dataset, start_s, ned)
+        run.streams = read_streams(dataset, start_s)
+    return run

@@ -1,0 +1,333 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of scripts/report.py on a small run that is made here."""
+import base64
+import importlib.util
+import json
+import math
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "scripts"
+NEEDED = ("jinja2", "matplotlib", "numpy")
+MISSING = [name for name in NEEDED if not importlib.util.find_spec(name)]
+SKIPPED = 77  # the status that ctest takes for "skipped"
+
+START_NS = 1_700_000_000_000_000_000
+CALIBRATION_HEADER = (
+    "#timestamp [ns],dvl_time_offset [s],dvl_time_offset_sigma [s],dvl_scale_error,"
+    "dvl_scale_error_sigma,mounting_x [rad],mounting_y [rad],mounting_z [rad],mounting_sigma [rad],"
+    "lever_x [m],lever_y [m],lever_z [m],lever_sigma [m],depth_bias [m],depth_bias_sigma [m],"
+    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad s^-1],"
+    "accel_bias_x [m s^-2],accel_bias_y [m s^-2],accel_bias_z [m s^-2],accel_bias_sigma [m s^-2]")
+HEALTH_HEADER = ("#timestamp [ns],verdict,nis,degrees_of_freedom,accel_noise_factor,"
+                 "dvl_variance_factor,position_sigma [m],rotation_sigma [deg],velocity_sigma [m s^-1]")
+REFERENCE_HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z"
+
+
+def poses(count=60):
+    """(stamp [ns], x, y, z, yaw) on a spiral, in a world with z down."""
+    for i in range(count):
+        angle = 0.1 * i
+        yield (START_NS + i * 1_000_000_000, 5.0 * math.cos(angle), 8.0 * math.sin(angle),
+               2.0 + 0.02 * i, angle)
+
+
+def tum_lines():
+    return "".join(f"{ns // 10**9}.{ns % 10**9:09d} {x:.6f} {y:.6f} {z:.6f} 0 0 "
+                   f"{math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}\n" for ns, x, y, z, yaw in poses())
+
+
+def calibration_lines():
+    return CALIBRATION_HEADER + "\n" + "".join(
+        f"{ns},0.1,0.01,0,0,0,0,0.7854,0,-1.84,-0.04,0.11,0,0.02,0.01,1e-3,2e-3,3e-3,1e-4,0.1,0.2,0.3,"
+        "0.02\n" for ns, *_ in poses())
+
+
+def health_lines():
+    rows = [f"{ns},{'rejected,90.0' if i == 30 else 'accepted,2.5'},3,10,1,0.1,0.5,0.02\n"
+            for i, (ns, *_) in enumerate(poses())]
+    rows[0] = f"{START_NS},no_lock,0,0,10,1,0.1,0.5,0.02\n"
+    return HEALTH_HEADER + "\n" + "".join(rows)
+
+
+def reference_lines():
+    """The same path turned by 90 degrees about the vertical, and elsewhere."""
+    rows = [f"{ns},{-y + 100:.6f},{x - 50:.6f},{z + 7:.6f},{math.cos(yaw / 2 + math.pi / 4):.9f},0,0,"
+            f"{math.sin(yaw / 2 + math.pi / 4):.9f}\n" for ns, x, y, z, yaw in poses()]
+    return REFERENCE_HEADER + "\n" + "".join(rows)
+
+
+def gnss_lines():
+    """The same path as GNSS sees it: east is y, north is x."""
+    return "#timestamp [ns],east [m],north [m],up [m]\n" + "".join(
+        f"{ns},{y + 10:.6f},{x + 20:.6f},0\n" for ns, x, y, *_ in poses())
+
+
+METRICS = {
+    "trajectory": {"ate_rmse_m": 1.2345, "coverage": 0.5, "matched": 60,
+                   "dipo": {"ate_rmse_m": 1.2345, "coverage": 0.5, "matched": 60}},
+    "counts": {"dvl": {"accepted": 58, "rejected": 1, "no_lock": 1}, "imu_gaps": 3,
+               "dropped_samples": {"imu": 4}},
+    "speed": {"wall_s": 0.5, "sequence_s": 60.0, "realtime_factor": 120.0},
+    "build": {"backend": "cpu", "git": "0123456789ab"}}
+
+
+class RunFolder:
+    """A run and the recording it was made of, in a folder that goes away."""
+
+    def __init__(self):
+        self.temporary = tempfile.TemporaryDirectory()
+        root = pathlib.Path(self.temporary.name)
+        self.run, self.dataset = root / "run", root / "pool <1>"
+        self.run.mkdir()
+        self.dataset.mkdir()
+        for name, text in (("trajectory.tum", tum_lines()), ("dipo.tum", tum_lines()),
+                           ("calibration.csv", calibration_lines()), ("health.csv", health_lines()),
+                           ("metrics.json", json.dumps(METRICS)), ("log.txt", "a line of the log\n"),
+                           ("resolved.yaml", self.resolved())):
+            self.write(self.run / name, text)
+        self.write(self.sensor("state_groundtruth_estimate0"), reference_lines())
+        self.write(self.sensor("imu0"), "#timestamp [ns],w_x\n" + "".join(
+            f"{ns},0\n" for ns, *_ in poses()))
+
+    def resolved(self):
+        return (f"dataset:\n  path: {self.dataset}\n  format: auto\nrig:\n  body: imu0\n  world: ned\n"
+                "eval:\n  align: se3\n  max_gap_s: 2\n")
+
+    def sensor(self, name):
+        return self.dataset / "mav0" / name / "data.csv"
+
+    @staticmethod
+    def write(path, text):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def report(*arguments):
+    return subprocess.run([sys.executable, SCRIPTS / "report.py", *arguments], capture_output=True,
+                          text=True, check=False)
+
+
+def pictures_in(html):
+    found = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+    return [base64.b64decode(data).decode() for data in found]
+
+
+class Case(unittest.TestCase):
+    def setUp(self):
+        self.folder = RunFolder()
+        self.addCleanup(self.folder.temporary.cleanup)
+
+    def make(self):
+        """The text of the page of `folder`."""
+        from report import page, run_data  # pylint: disable=import-outside-toplevel
+        return page.render(run_data.load(self.folder.run))
+
+    def keep_only_poses(self):
+        """Fewer figures are faster."""
+        for name in ("dipo.tum", "calibration.csv", "health.csv", "metrics.json", "log.txt",
+                     "resolved.yaml"):
+            (self.folder.run / name).unlink()
+
+    def assert_sections(self, html, *titles):
+        self.assertEqual(re.findall("<h2>(.*?)</h2>", html), list(titles))
+
+    def assert_has(self, html, pattern):
+        """Like assertRegex, without a page of output."""
+        self.assertTrue(re.search(pattern, html), f"nothing matches {pattern}")
+
+
+class WholeRun(Case):
+    """A run with everything in it: one page for all tests."""
+    html = None
+
+    def make(self):
+        if WholeRun.html is None:
+            WholeRun.html = super().make()
+        return WholeRun.html
+
+    def test_it_has_every_section(self):
+        html = self.make()
+        self.assert_sections(html, "Trajectory", "Error over time", "Consistency", "Calibration",
+                             "Sensors", "Metrics", "Configuration")
+        self.assertEqual(len(pictures_in(html)), 7)
+        self.assert_has(html, "a line of the log")
+
+    def test_the_page_loads_nothing(self):
+        html = self.make()
+        for text in [html, *pictures_in(html)]:
+            without_names = re.sub(r'xmlns(:xlink)?="[^"]*"', "", text)
+            found = re.findall(r'https?://\S*|@import|(?:href|src)="(?!#|data:)[^"]*', without_names)
+            self.assertEqual(found, [])
+
+    def test_names_from_outside_are_escaped(self):
+        self.assert_has(self.make(), "<h1>pool &lt;1&gt;</h1>")
+
+    def test_metrics_are_named_and_have_units(self):
+        html = self.make()
+        row = r'<td>{}</td><td class="n">{}</td><td class="u">{}</td>'
+        for name, value, unit in (("Absolute position error, RMSE", "1.234", "m"),
+                                  ("Part of the reference that is covered", "50.0", "%"),
+                                  ("Gaps in the inertial data", "3", ""),
+                                  ("Revision", "0123456789ab", "")):
+            self.assert_has(html, row.format(name, re.escape(value), unit))
+        self.assert_has(html, r'DVL pings, accepted</td><td class="n">58</td><td class="n">96\.7</td>')
+        self.assert_has(html, r'Dropped before use, IMU</td><td class="n">4</td>')
+
+    def test_states_that_are_held_are_told_instead_of_drawn(self):
+        self.assert_has(self.make(), r"Held as given: DVL scale error 0 %; DVL mounting \(0, 0, 45\) °; "
+                        r"DVL lever arm \(-184, -4, 11\) cm\.")
+
+    def test_shares_of_the_consistency_test_are_counted(self):
+        self.assert_has(self.make(), "98 % lie inside the band, 2 % above it, 0 % below")
+
+
+class PartOfARun(Case):
+    def test_a_metric_without_a_name_is_shown_by_its_key(self):
+        self.keep_only_poses()
+        self.folder.write(self.folder.run / "metrics.json", json.dumps({"vio": {"new_figure": 7}}))
+        self.assert_has(self.make(), r'<td>vio\.new_figure</td><td class="n">7</td>')
+
+    def test_files_that_a_run_may_lack_are_not_needed(self):
+        self.keep_only_poses()
+        self.assert_sections(self.make(), "Trajectory", "Metrics", "Configuration")
+
+    def test_a_run_without_poses_says_so(self):
+        self.folder.write(self.folder.run / "trajectory.tum", "")
+        html = self.make()
+        self.assert_has(html, "fewer than two poses")
+        self.assert_sections(html, "Trajectory", "Metrics", "Configuration")
+
+    def test_half_a_line_at_the_end_of_a_killed_run_is_no_error(self):
+        for name in ("trajectory.tum", "health.csv", "calibration.csv"):
+            with open(self.folder.run / name, "a", encoding="utf-8") as file:
+                file.write("17000000")
+        self.assertEqual(len(pictures_in(self.make())), 7)
+
+    def test_a_recording_of_another_format_is_skipped_with_a_note(self):
+        text = self.folder.resolved().replace(str(self.folder.dataset), "/somewhere/else.bag")
+        self.folder.write(self.folder.run / "resolved.yaml", text)
+        html = self.make()
+        self.assert_has(html, "No reference is shown")
+        self.assert_sections(html, "Trajectory", "Consistency", "Calibration", "Sensors", "Metrics",
+                             "Configuration")
+
+    def test_renders_are_put_into_the_page(self):
+        self.keep_only_poses()
+        image = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNgAAAAAgAB"
+                                 "SK+kcQAAAABJRU5ErkJggg==")
+        (self.folder.run / "renders").mkdir()
+        for i in range(30):
+            (self.folder.run / "renders" / f"{i:06d}_render.png").write_bytes(image)
+        html = self.make()
+        self.assertEqual(html.count('src="data:image/png;base64,'), 12)
+        self.assert_has(html, "12 of 30 images")
+        self.assert_has(html, "<h2>Renders</h2>")
+
+
+class Program(Case):
+    def test_a_folder_without_a_run_is_an_input_error(self):
+        for folder in (self.folder.dataset, self.folder.run / "nowhere"):
+            result = report(folder)
+            self.assertEqual(result.returncode, 2)
+            self.assertRegex(result.stderr, rf"^report\.py: {re.escape(str(folder))}: no .*apvi run")
+            self.assertEqual(result.stderr.count("\n"), 1)
+
+    def test_a_damaged_file_is_named_with_its_line(self):
+        path = self.folder.run / "health.csv"
+        lines = health_lines().split("\n")
+        lines[4] = "1,accepted"
+        self.folder.write(path, "\n".join(lines))
+        result = report(self.folder.run)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("health.csv:5: 2 columns, the header names 9", result.stderr)
+
+    def test_the_page_can_be_put_elsewhere(self):
+        self.keep_only_poses()
+        page = self.folder.dataset / "a.html"
+        self.assertEqual(report(self.folder.run, "-o", page).returncode, 0)
+        self.assertTrue(page.is_file())
+        self.assertFalse((self.folder.run / "report.html").exists())
+
+    def test_a_page_that_cannot_be_written_fails(self):
+        self.keep_only_poses()
+        result = report(self.folder.run, "-o", self.folder.run / "none" / "a.html")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("cannot be written", result.stderr)
+
+
+class Alignment(Case):
+    def compare(self):
+        from report import alignment, run_data  # pylint: disable=import-outside-toplevel
+        return alignment.compare(run_data.load(self.folder.run))
+
+    def test_a_reference_that_is_the_estimate_moved_leaves_no_error(self):
+        comparison = self.compare()
+        self.assertEqual(len(comparison.t), 60)
+        self.assertLess(comparison.rmse, 1e-5)
+        self.assertLess(comparison.rotation.max(), 1e-4)
+
+    def test_gnss_is_met_by_a_north_east_down_estimate(self):
+        self.folder.sensor("state_groundtruth_estimate0").unlink()
+        self.folder.write(self.folder.sensor("gnss0"), gnss_lines())
+        comparison = self.compare()
+        self.assertEqual(comparison.axes, 2)
+        self.assertIsNone(comparison.rotation)
+        self.assertLess(comparison.rmse, 1e-5)
+
+    def test_heights_are_part_of_the_error_unless_the_reference_is_planar(self):
+        rows = reference_lines().split("\n")
+        for i in range(1, 61, 2):
+            cells = rows[i].split(",")
+            cells[3] = str(float(cells[3]) + 1.0)
+            rows[i] = ",".join(cells)
+        self.folder.write(self.folder.sensor("state_groundtruth_estimate0"), "\n".join(rows))
+        self.assertAlmostEqual(self.compare().rmse, 0.5, delta=0.01)
+
+    def test_spans_that_do_not_meet_are_not_compared(self):
+        rows = [f"{int(row.split(',')[0]) + 10**12},{row.split(',', 1)[1]}"
+                for row in reference_lines().split("\n")[1:-1]]
+        self.folder.write(self.folder.sensor("state_groundtruth_estimate0"),
+                          "\n".join([REFERENCE_HEADER, *rows, ""]))
+        self.assertIsNone(self.compare())
+
+    def test_rotations_between_two_turn_steadily(self):
+        import numpy as np  # pylint: disable=import-outside-toplevel
+        from report import alignment  # pylint: disable=import-outside-toplevel
+        axis = np.array([[2.0, -1.0, 2.0]]) / 3.0
+        first = alignment.rotations_about(np.array([[0.0, 0.6, 0.8]]), np.array([0.7]))
+        last = first @ alignment.rotations_about(axis, np.array([1.2]))
+        middle = first @ alignment.rotations_about(axis, np.array([0.3]))
+        found = alignment.slerp(first, last, np.array([0.25]))
+        np.testing.assert_allclose(found, middle, atol=1e-12)
+        np.testing.assert_allclose(alignment.angles(middle @ np.swapaxes(first, 1, 2)), [0.3])
+
+
+class ChiSquare(unittest.TestCase):
+    def test_quantiles_are_those_of_tables(self):
+        from report import sensor_figures  # pylint: disable=import-outside-toplevel
+        for degrees, low, high in ((1, 0.000982, 5.0239), (2, 0.050636, 7.3778), (3, 0.215795, 9.3484),
+                                   (4, 0.484419, 11.1433), (30, 16.7908, 46.9792)):
+            self.assertAlmostEqual(sensor_figures.chi_square_quantile(0.025, degrees), low, delta=1e-4)
+            self.assertAlmostEqual(sensor_figures.chi_square_quantile(0.975, degrees), high, delta=1e-4)
+
+
+class Packages(unittest.TestCase):
+    def test_an_interpreter_without_them_is_told_what_to_install(self):
+        result = subprocess.run([sys.executable, "-S", "-I", SCRIPTS / "report.py", "run"],
+                                capture_output=True, text=True, check=False)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("apt install python3-jinja2 python3-matplotlib python3-numpy", result.stderr)
+
+
+if __name__ == "__main__":
+    if MISSING:
+        print(f"skipped: apt install {' '.join('python3-' + name for name in MISSING)}")
+        sys.exit(SKIPPED)
+    sys.path.insert(0, str(SCRIPTS))
+    unittest.main()
