@@ -12,7 +12,7 @@ import importlib.util
 import pathlib
 import sys
 
-PACKAGES = {"jinja2": "python3-jinja2", "matplotlib": "python3-matplotlib", "numpy": "python3-numpy"}
+PACKAGES = {name: f"python3-{name}" for name in ("jinja2", "matplotlib", "numpy")}
 
 
 def missing_packages():

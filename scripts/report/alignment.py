@@ -23,7 +23,7 @@ class Motion:
 
 @dataclasses.dataclass
 class Comparison:
-    """The estimate moved onto the reference, and how far it stays away at the stamps of the pairs."""
+    """The estimate moved onto the reference, and how far it stays away at the pairs' stamps."""
     motion: Motion
     words: str              # how it was aligned
     t: np.ndarray

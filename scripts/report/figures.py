@@ -79,7 +79,8 @@ def scale_bar(axes, points):
 
 
 def mark_ends(axes, p):
-    for point, marker, color, name in ((p[0], "o", style.TEAL, "start"), (p[-1], "s", style.RED, "end")):
+    ends = ((p[0], "o", style.TEAL, "start"), (p[-1], "s", style.RED, "end"))
+    for point, marker, color, name in ends:
         axes.plot(*point[:2], marker=marker, color=color, markersize=9, markeredgecolor="white",
                   markeredgewidth=1.5, linestyle="none", label=name, zorder=5)
 
@@ -119,7 +120,8 @@ def profile(run, comparison):
         axes.plot(clock(reference.t), -reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
                   label="reference")
     for name, track in others.items():
-        axes.plot(clock(track.t), -track.p[:, 2], color=style.TRACKS[name], linewidth=1.2, label=name)
+        axes.plot(clock(track.t), -track.p[:, 2], color=style.TRACKS[name], linewidth=1.2,
+                  label=name)
     axes.plot(clock(estimate.t), -estimate.p[:, 2], color=style.BLUE, label="estimate")
     axes.set_ylabel("depth [m]")
     axes.invert_yaxis()
@@ -129,7 +131,7 @@ def profile(run, comparison):
 
 
 def expected_error(run, axes):
-    """(time [s], sigma of the position error's norm over so many axes [m], of the rotation's [deg])."""
+    """(time [s], sigma of the position error's norm over `axes` axes [m], the rotation's [deg])."""
     names = ("position_sigma", "rotation_sigma")
     if run.health is None or any(name not in run.health for name in names):
         return np.empty(0), np.empty(0), np.empty(0)

@@ -102,7 +102,7 @@ def count_rows(run):
 
 
 def dropped_rows(run):
-    """(what, count) of samples that never reached the estimator, those of the reader and of queues."""
+    """(what, count) of samples that never reached the estimator."""
     dropped = dict(run.metrics.get("counts", {}).get("dropped_samples", {}))
     dropped.update(run.metrics.get("dropped", {}))
     return [(name.upper() if name in ("imu", "dvl") else name, number(count, None))

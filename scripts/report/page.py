@@ -17,7 +17,7 @@ EPOCH_PLAUSIBLE_S = 1e9  # stamps below count from somewhere else
 
 @dataclasses.dataclass
 class Picture:
-    """A figure of a section: data URI, width on a wide screen [px], what it shows, alternative text."""
+    """A figure of a section: data URI, width on a wide screen [px], caption, alternative text."""
     data: str
     width: int
     caption: str
@@ -38,7 +38,7 @@ def picture(figure, alt, caption=""):
 
 def trajectory_section(run, comparison):
     if len(run.estimate) < 2:
-        return Section("Trajectory", note="The run has fewer than two poses: there is nothing to draw.")
+        return Section("Trajectory", note="The run has fewer than two poses.")
     caption = "The path from above."
     if comparison:
         caption += f" Estimate and reference are {comparison.words}."
@@ -56,9 +56,9 @@ def error_section(run, comparison):
     if comparison is None:
         return None
     caption = (f"Distance from the reference at {len(comparison.t)} common stamps, RMSE "
-               f"{comparison.rmse:.3g} m, the trajectories {comparison.words}. Shaded: what the filter expects of "
-               "itself, all axes together, counted from its start; an alignment spreads the error "
-               "over the run, so the two need not match at the beginning.")
+               f"{comparison.rmse:.3g} m, the trajectories {comparison.words}. Shaded: what the "
+               "filter expects of itself, all axes together, counted from its start; an alignment spreads "
+               "the error over the run, so the two need not match at the beginning.")
     _, sigma, _ = figures.expected_error(run, comparison.axes)
     if len(sigma) > 0:
         caption += f" The filter's sigma at the end is {sigma[-1]:.2g} m."
@@ -70,11 +70,11 @@ def nis_section(run, _):
     if run.health is None or "nis" not in run.health or len(sensor_figures.judged(run)[0]) == 0:
         return None
     inside, above, below = sensor_figures.share_inside(run)
-    caption = (f"Normalised innovation squared of every DVL ping. {100 * inside:.0f} % lie inside the "
-               f"band, {100 * above:.0f} % above it, {100 * below:.0f} % below; 95 % "
-               "inside would mean that the filter knows its own uncertainty exactly, and many below "
-               "that it is cautious.")
-    if sensor_figures.noise_factors(run):
+    caption = (f"Normalised innovation squared of every DVL ping. {100 * inside:.0f} % lie inside "
+               f"the band, {100 * above:.0f} % above it, {100 * below:.0f} % below; 95 % inside "
+               "would mean that the filter knows its own uncertainty exactly, and many below that "
+               "it is cautious.")
+    if sensor_figures.noise_factors(run)[1]:
         caption += " Lower panel: the factors that the noises of the rig were multiplied by."
     return Section("Consistency", [picture(sensor_figures.nis(run), "NIS over time", caption)])
 
@@ -98,7 +98,8 @@ def timeline_section(run, _):
         return None
     caption = ("When each sensor spoke (a break is a gap of five sample times or more), and what "
                "became of every DVL ping.")
-    return Section("Sensors", [picture(sensor_figures.timeline(run), "timeline of sensors", caption)])
+    return Section("Sensors",
+                   [picture(sensor_figures.timeline(run), "timeline of sensors", caption)])
 
 
 def renders_section(run, _):

@@ -90,7 +90,7 @@ class Run:
 
 
 def setting(text, keys, default=""):
-    """Scalar of a file that the program itself wrote: nested maps, indented by two, one key a line."""
+    """Scalar of a file that the program wrote: nested maps, indented by two, one key a line."""
     depth = 0
     for line in text.splitlines():
         indent = len(line) - len(line.lstrip())
@@ -161,7 +161,8 @@ def read_table(path):
     lines = complete_lines(path)
     if len(lines) < 2:
         return None
-    names = [name.strip() for name in re.sub(r"\s*\[[^\]]*\]", "", lines[0][1]).lstrip("#").split(",")]
+    header = re.sub(r"\s*\[[^\]]*\]", "", lines[0][1])  # without units
+    names = [name.strip() for name in header.lstrip("#").split(",")]
     cells = list(csv.reader(line for _, line in lines[1:]))
     for (number, _), row in zip(lines[1:], cells):
         if len(row) != len(names):
@@ -240,7 +241,7 @@ def load(folder):
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give one that `apvi run` made")
     if not trajectory.is_file():
-        raise InputError(f"{folder}: no run: it has no trajectory.tum; give one that `apvi run` made")
+        raise InputError(f"{folder}: no run: no trajectory.tum; give one that `apvi run` made")
     config = read_text(folder / "resolved.yaml")
     start_s = first_stamp(trajectory)
     ned = setting(config, ("rig", "world")) == "ned"

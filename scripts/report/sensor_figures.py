@@ -71,8 +71,8 @@ def panel_grid(count):
     """Figure and flat list of axes: two columns, one when there is only one panel."""
     across = min(count, 2)
     down = math.ceil(count / across)
-    figure, axes = pyplot.subplots(down, across, figsize=(style.WIDTH, 0.4 + 2.5 * down), sharex=True,
-                                   squeeze=False)
+    figure, axes = pyplot.subplots(down, across, figsize=(style.WIDTH, 0.4 + 2.5 * down),
+                                   sharex=True, squeeze=False)
     axes = list(axes.flat)
     for spare in axes[count:]:
         spare.remove()
@@ -140,7 +140,7 @@ def nis_bounds(degrees):
 
 
 def judged(run):
-    """(time [s], NIS, degrees of freedom, verdict) of the pings that the filter judged by their NIS."""
+    """(time [s], NIS, degrees of freedom, verdict) of the pings that have a NIS."""
     health = run.health
     degrees = health["degrees_of_freedom"].astype(int)
     used = (degrees > 0) & (health["nis"] > 0.0)
@@ -156,15 +156,17 @@ def share_inside(run):
 
 
 def noise_factors(run):
-    """Columns of health.csv that say by how much a noise was adapted."""
+    """Times [s] and factors by which noises were multiplied, of the pings that changed them."""
     names = {"accel_noise_factor": "accelerometer noise", "dvl_variance_factor": "DVL variance",
              "dvl_noise_scale": "DVL variance"}
-    return {words: run.health[name] for name, words in names.items() if name in run.health}
+    used = run.health["degrees_of_freedom"] > 0
+    return seconds(run.health, run.start_s)[used], {
+        words: run.health[name][used] for name, words in names.items() if name in run.health}
 
 
 def nis(run):
     """NIS of every ping by verdict over its 95 % band; below it the adapted noises."""
-    factors = noise_factors(run)
+    factor_t, factors = noise_factors(run)
     figure, all_axes = pyplot.subplots(
         1 + bool(factors), figsize=(style.WIDTH, 5.0 if factors else 3.2), sharex=True,
         squeeze=False, gridspec_kw={"height_ratios": [2.0, 1.0] if factors else [1.0]})
@@ -172,8 +174,8 @@ def nis(run):
     axes = all_axes[0, 0]
     t, values, degrees, verdicts = judged(run)
     low, high = nis_bounds(degrees)
-    axes.fill_between(clock(t), low, high, step="mid", color=style.REFERENCE, alpha=0.3, linewidth=0,
-                      label="95 % band")
+    axes.fill_between(clock(t), low, high, step="mid", color=style.REFERENCE, alpha=0.3,
+                      linewidth=0, label="95 % band")
     for name in [*style.VERDICTS, *sorted(set(verdicts) - set(style.VERDICTS))]:
         some = verdicts == name
         if some.any():
@@ -181,11 +183,12 @@ def nis(run):
             scatter(axes, clock(t[some]), values[some], marker=".", markersize=5, color=color,
                     markeredgewidth=0, alpha=0.75, label=words)
     axes.set_yscale("log")
-    axes.set_ylim(max(1e-3, 0.7 * min(values.min(), low.min())), 2.0 * max(values.max(), high.max()))
+    axes.set_ylim(max(1e-3, 0.7 * min(values.min(), low.min())),
+                  2.0 * max(values.max(), high.max()))
     axes.set_ylabel("NIS")
     style.legend_above(axes, markerscale=2.0)
     if factors:
-        factor_panel(all_axes[1, 0], clock(seconds(run.health, run.start_s)), factors)
+        factor_panel(all_axes[1, 0], clock(factor_t), factors)
     clock.label(all_axes[-1, 0])
     figure.align_ylabels()
     return figure
@@ -195,7 +198,7 @@ def factor_panel(axes, t, factors):
     for (name, values), color in zip(factors.items(), (style.PURPLE, style.TEAL)):
         axes.plot(t, values, color=color, label=name)
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(ticker.LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
+    axes.yaxis.set_major_formatter(ticker.LogFormatter())
     axes.set_ylabel("noise factor")
     style.legend_above(axes)
 
@@ -219,10 +222,15 @@ def kind_of(stream):
 def ordered_streams(run):
     """(name in words, stamps) in the order of STREAMS."""
     order = list(STREAMS)
-    names = sorted(run.streams, key=lambda s: order.index(kind_of(s)) if kind_of(s) in STREAMS else 99)
-    several = {kind for kind in STREAMS if sum(kind_of(name) == kind for name in names) > 1}
-    return [(STREAMS.get(kind_of(name), name) + (f" {name[-1]}" if kind_of(name) in several else ""),
-             run.streams[name]) for name in names]
+    kinds = {name: kind_of(name) for name in run.streams}
+    several = {kind for kind in STREAMS if list(kinds.values()).count(kind) > 1}
+
+    def words(name):
+        number = f" {name[-1]}" if kinds[name] in several else ""
+        return STREAMS.get(kinds[name], name) + number
+
+    names = sorted(kinds, key=lambda name: (*order, kinds[name]).index(kinds[name]))
+    return [(words(name), run.streams[name]) for name in names]
 
 
 def timeline(run):
@@ -231,7 +239,8 @@ def timeline(run):
     verdicts = run.health["verdict"] if run.health is not None else np.empty(0)
     names = [name for name in style.VERDICTS if (verdicts == name).any()]
     streams = ordered_streams(run)
-    rows = [name for name, _ in streams] + [f"ping {style.verdict_style(name)[0]}" for name in names]
+    rows = [name for name, _ in streams]
+    rows += [f"ping {style.verdict_style(name)[0]}" for name in names]
     figure, axes = pyplot.subplots(figsize=(style.WIDTH, 0.8 + 0.34 * len(rows)))
     for row, (_, stamps) in enumerate(streams):
         axes.broken_barh([(clock(a), clock(b)) for a, b in spans(stamps)], (row - 0.28, 0.56),

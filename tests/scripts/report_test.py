@@ -22,10 +22,12 @@ CALIBRATION_HEADER = (
     "#timestamp [ns],dvl_time_offset [s],dvl_time_offset_sigma [s],dvl_scale_error,"
     "dvl_scale_error_sigma,mounting_x [rad],mounting_y [rad],mounting_z [rad],mounting_sigma [rad],"
     "lever_x [m],lever_y [m],lever_z [m],lever_sigma [m],depth_bias [m],depth_bias_sigma [m],"
-    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad s^-1],"
+    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],"
+    "gyro_bias_sigma [rad s^-1],"
     "accel_bias_x [m s^-2],accel_bias_y [m s^-2],accel_bias_z [m s^-2],accel_bias_sigma [m s^-2]")
-HEALTH_HEADER = ("#timestamp [ns],verdict,nis,degrees_of_freedom,accel_noise_factor,"
-                 "dvl_variance_factor,position_sigma [m],rotation_sigma [deg],velocity_sigma [m s^-1]")
+HEALTH_HEADER = (
+    "#timestamp [ns],verdict,nis,degrees_of_freedom,accel_noise_factor,dvl_variance_factor,"
+    "position_sigma [m],rotation_sigma [deg],velocity_sigma [m s^-1]")
 REFERENCE_HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z"
 
 
@@ -39,13 +41,14 @@ def poses(count=60):
 
 def tum_lines():
     return "".join(f"{ns // 10**9}.{ns % 10**9:09d} {x:.6f} {y:.6f} {z:.6f} 0 0 "
-                   f"{math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}\n" for ns, x, y, z, yaw in poses())
+                   f"{math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}\n"
+                   for ns, x, y, z, yaw in poses())
 
 
 def calibration_lines():
     return CALIBRATION_HEADER + "\n" + "".join(
-        f"{ns},0.1,0.01,0,0,0,0,0.7854,0,-1.84,-0.04,0.11,0,0.02,0.01,1e-3,2e-3,3e-3,1e-4,0.1,0.2,0.3,"
-        "0.02\n" for ns, *_ in poses())
+        f"{ns},0.1,0.01,0,0,0,0,0.7854,0,-1.84,-0.04,0.11,0,0.02,0.01,1e-3,2e-3,3e-3,1e-4,"
+        "0.1,0.2,0.3,0.02\n" for ns, *_ in poses())
 
 
 def health_lines():
@@ -57,8 +60,11 @@ def health_lines():
 
 def reference_lines():
     """The same path turned by 90 degrees about the vertical, and elsewhere."""
-    rows = [f"{ns},{-y + 100:.6f},{x - 50:.6f},{z + 7:.6f},{math.cos(yaw / 2 + math.pi / 4):.9f},0,0,"
-            f"{math.sin(yaw / 2 + math.pi / 4):.9f}\n" for ns, x, y, z, yaw in poses()]
+    rows = []
+    for ns, x, y, z, yaw in poses():
+        half = yaw / 2 + math.pi / 4
+        rows.append(f"{ns},{-y + 100:.6f},{x - 50:.6f},{z + 7:.6f},"
+                    f"{math.cos(half):.9f},0,0,{math.sin(half):.9f}\n")
     return REFERENCE_HEADER + "\n" + "".join(rows)
 
 
@@ -88,16 +94,16 @@ class RunFolder:
         self.dataset.mkdir()
         for name, text in (("trajectory.tum", tum_lines()), ("dipo.tum", tum_lines()),
                            ("calibration.csv", calibration_lines()), ("health.csv", health_lines()),
-                           ("metrics.json", json.dumps(METRICS)), ("log.txt", "a line of the log\n"),
-                           ("resolved.yaml", self.resolved())):
+                           ("metrics.json", json.dumps(METRICS)),
+                           ("log.txt", "a line of the log\n"), ("resolved.yaml", self.resolved())):
             self.write(self.run / name, text)
         self.write(self.sensor("state_groundtruth_estimate0"), reference_lines())
         self.write(self.sensor("imu0"), "#timestamp [ns],w_x\n" + "".join(
             f"{ns},0\n" for ns, *_ in poses()))
 
     def resolved(self):
-        return (f"dataset:\n  path: {self.dataset}\n  format: auto\nrig:\n  body: imu0\n  world: ned\n"
-                "eval:\n  align: se3\n  max_gap_s: 2\n")
+        return (f"dataset:\n  path: {self.dataset}\n  format: auto\n"
+                "rig:\n  body: imu0\n  world: ned\neval:\n  align: se3\n  max_gap_s: 2\n")
 
     def sensor(self, name):
         return self.dataset / "mav0" / name / "data.csv"
@@ -161,8 +167,8 @@ class WholeRun(Case):
     def test_the_page_loads_nothing(self):
         html = self.make()
         for text in [html, *pictures_in(html)]:
-            without_names = re.sub(r'xmlns(:xlink)?="[^"]*"', "", text)
-            found = re.findall(r'https?://\S*|@import|(?:href|src)="(?!#|data:)[^"]*', without_names)
+            text = re.sub(r'xmlns(:xlink)?="[^"]*"', "", text)
+            found = re.findall(r'https?://\S*|@import|(?:href|src)="(?!#|data:)[^"]*', text)
             self.assertEqual(found, [])
 
     def test_names_from_outside_are_escaped(self):
@@ -176,12 +182,13 @@ class WholeRun(Case):
                                   ("Gaps in the inertial data", "3", ""),
                                   ("Revision", "0123456789ab", "")):
             self.assert_has(html, row.format(name, re.escape(value), unit))
-        self.assert_has(html, r'DVL pings, accepted</td><td class="n">58</td><td class="n">96\.7</td>')
+        self.assert_has(html, r'DVL pings, accepted</td><td class="n">58</td>'
+                              r'<td class="n">96\.7</td>')
         self.assert_has(html, r'Dropped before use, IMU</td><td class="n">4</td>')
 
     def test_states_that_are_held_are_told_instead_of_drawn(self):
-        self.assert_has(self.make(), r"Held as given: DVL scale error 0 %; DVL mounting \(0, 0, 45\) °; "
-                        r"DVL lever arm \(-184, -4, 11\) cm\.")
+        self.assert_has(self.make(), r"Held as given: DVL scale error 0 %; DVL mounting "
+                        r"\(0, 0, 45\) °; DVL lever arm \(-184, -4, 11\) cm\.")
 
     def test_shares_of_the_consistency_test_are_counted(self):
         self.assert_has(self.make(), "98 % lie inside the band, 2 % above it, 0 % below")
@@ -219,8 +226,7 @@ class PartOfARun(Case):
 
     def test_renders_are_put_into_the_page(self):
         self.keep_only_poses()
-        image = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNgAAAAAgAB"
-                                 "SK+kcQAAAABJRU5ErkJggg==")
+        image = b"\x89PNG of which the page knows nothing"
         (self.folder.run / "renders").mkdir()
         for i in range(30):
             (self.folder.run / "renders" / f"{i:06d}_render.png").write_bytes(image)
@@ -235,7 +241,7 @@ class Program(Case):
         for folder in (self.folder.dataset, self.folder.run / "nowhere"):
             result = report(folder)
             self.assertEqual(result.returncode, 2)
-            self.assertRegex(result.stderr, rf"^report\.py: {re.escape(str(folder))}: no .*apvi run")
+            self.assertTrue(result.stderr.startswith(f"report.py: {folder}: no "), result.stderr)
             self.assertEqual(result.stderr.count("\n"), 1)
 
     def test_a_damaged_file_is_named_with_its_line(self):
@@ -311,10 +317,12 @@ class Alignment(Case):
 class ChiSquare(unittest.TestCase):
     def test_quantiles_are_those_of_tables(self):
         from report import sensor_figures  # pylint: disable=import-outside-toplevel
-        for degrees, low, high in ((1, 0.000982, 5.0239), (2, 0.050636, 7.3778), (3, 0.215795, 9.3484),
-                                   (4, 0.484419, 11.1433), (30, 16.7908, 46.9792)):
-            self.assertAlmostEqual(sensor_figures.chi_square_quantile(0.025, degrees), low, delta=1e-4)
-            self.assertAlmostEqual(sensor_figures.chi_square_quantile(0.975, degrees), high, delta=1e-4)
+        table = {1: (0.000982, 5.0239), 2: (0.050636, 7.3778), 3: (0.215795, 9.3484),
+                 4: (0.484419, 11.1433), 30: (16.7908, 46.9792)}
+        for degrees, bounds in table.items():
+            for probability, value in zip((0.025, 0.975), bounds):
+                found = sensor_figures.chi_square_quantile(probability, degrees)
+                self.assertAlmostEqual(found, value, delta=1e-4)
 
 
 class Packages(unittest.TestCase):
