@@ -23,8 +23,8 @@ inline std::optional<std::filesystem::path> real_data(const std::string& name) {
 }  // namespace apvi::test
 
 /// Skips the test unless the recording is there; else defines the path `variable`.
-#define APVI_NEEDS_DATA(variable, name)                                                        \
-  const auto variable##_found = ::apvi::test::real_data(name);                                 \
-  if (!variable##_found)                                                                       \
-    GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA";         \
+#define APVI_NEEDS_DATA(variable, name)                                                \
+  const auto variable##_found = ::apvi::test::real_data(name);                         \
+  if (!variable##_found)                                                               \
+    GTEST_SKIP() << "real recording " << (name) << " not present; set APVI_TEST_DATA"; \
   const std::filesystem::path variable = *variable##_found

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <span>
+
+#include "apvi/core/error.hpp"
+#include "fuzz_target.hpp"
+#include "io/ros_message.hpp"
+#include "io/ros_samples.hpp"
+
+// A message definition, a NUL byte, and a message that may or may not be of that type.
+
+namespace {
+
+using namespace apvi;
+
+void use(const std::optional<SensorEvent>& event) {
+  if (!event) return;
+  is_finite(*event);
+  if (const auto* image = std::get_if<ImageFrame>(&*event)) {
+    try {
+      fuzz::check(!image->decode().empty(), "an image without pixels");
+    } catch (const RunError&) {
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::uint8_t* end = std::find(data, data + size, std::uint8_t{0});
+  const std::string definition(reinterpret_cast<const char*>(data),
+                               static_cast<std::size_t>(end - data));
+  const std::span<const std::uint8_t> rest(end, data + size);
+  try {
+    const io::RosMessageType type("fuzz_msgs/Message", definition);
+    const auto message = type.decode(rest.empty() ? rest : rest.subspan(1));
+    if (!message) return 0;
+    const Stamp stamp = io::stamp_of_message(*message, Stamp{1}).value_or(Stamp{1});
+    use(io::imu_of(*message, stamp));
+    use(io::dvl_of(*message, stamp));
+    use(io::depth_of(*message, stamp));
+    use(io::pressure_of(io::PressureUnit::automatic, "fuzz")(*message, stamp));
+    use(io::image_of(0, "fuzz")(*message, stamp));
+    io::pose_of(*message);
+  } catch (const InputError&) {
+  }
+  return 0;
+}

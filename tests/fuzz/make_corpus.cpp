@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apvi/io/tum.hpp"
+#include "io/ros_bytes.hpp"
+#include "io/ros_definitions.hpp"
+
+// Writes inputs for the fuzz targets to start from: `make_corpus FOLDER` makes FOLDER/<target>/<n>.
+
+namespace {
+
+using namespace apvi;
+using namespace std::string_literals;
+using Seeds = std::map<std::string, std::vector<std::string>>;
+
+std::string with_message(const std::string& definition, const test::RosBytes& bytes) {
+  return definition + '\0' + std::string(bytes.get().begin(), bytes.get().end());
+}
+
+test::RosBytes& put_zeros(test::RosBytes& bytes, int count) {
+  for (int i = 0; i < count; ++i) bytes.put(0.0);
+  return bytes;
+}
+
+std::vector<std::string> ros_seeds() {
+  test::RosBytes imu;
+  put_zeros(imu.header(1, 2), 4 + 9 + 3 + 9 + 3 + 9);
+  test::RosBytes pressure;
+  pressure.header(1, 2).put(101325.0).put(0.0);
+  test::RosBytes odometry;
+  put_zeros(odometry.header(1, 2).text("child"), 7 + 36 + 6 + 36);
+  test::RosBytes image;
+  image.header(1, 2).text("png").put(std::uint32_t{4}).put(std::uint32_t{0x474e5089});
+  test::RosBytes dvl;
+  put_zeros(dvl.header(1, 2), 6).put(std::uint32_t{1}).put(std::int64_t{0});
+  put_zeros(dvl, 4).put(std::uint8_t{1}).put(std::uint8_t{1}).put(std::int64_t{0}).text("x");
+  test::RosBytes raw;
+  raw.header(1, 2).put(2U).put(2U).text("bayer_rggb8").put(std::uint8_t{0}).put(2U);
+  raw.put(4U).put(std::uint32_t{0x01020304});
+  const std::string raw_definition =
+      "Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
+      "uint32 step\nuint8[] data\n" +
+      test::kHeaderPart;
+  return {with_message(io::imu_definition().text, imu),
+          with_message(io::fluid_pressure_definition().text, pressure),
+          with_message(io::odometry_definition().text, odometry),
+          with_message(io::compressed_image_definition().text, image),
+          with_message(io::waterlinked_dvl_definition().text, dvl),
+          with_message(raw_definition, raw)};
+}
+
+Seeds all_seeds() {
+  const std::string imu =
+      "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1000000000,0,0,0,0,0,9.8\n1010000000,0,0,0,0,0,9\n"
+      "99999000000000,0,0,0,0,0,9\n1020000000,nan,0,0,0,0,9\n1030000000,1,2,3,4,5,6\n";
+  const std::string dvl =
+      "#timestamp [ns],v_x,v_y,v_z,figure_of_merit,altitude,valid,beam0_v,beam0_range,beam0_valid\n"
+      "1000000000,1,2,3,0.01,,1,0.5,3,1\n1200000000,,,,,,0,,,\n";
+  const std::string yaml =
+      "world: ned\nimu0: {rate_hz: 100}\ncam0:\n  intrinsics: [400, 400, 320, 240]\n"
+      "  resolution: [640, 480]\n  distortion: radtan\n  coefficients: [0.1, 0, 0, 0]\n"
+      "  T_body_sensor: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\ndvl0: {sound_speed: 1480}\n";
+  const std::string sensor =
+      "%YAML:1.0\nT_BS: !!opencv-matrix\n  rows: 4\n  cols: 4\n"
+      "  data: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\nrate_hz: 20\n";
+  return {
+      {"fuzz_dataset",
+       {imu, imu + "\0"s + dvl,
+        imu + "\0"s + dvl + "\0#timestamp [ns],pressure [hPa]\n1,1013\n"s +
+            "\0#timestamp [ns],depth [m]\n1,2\n"s +
+            "\0#timestamp [ns],east,north,up\n1,2,3,4\n\0#timestamp [ns],filename\n1,a.png\n"s}},
+      {"fuzz_config",
+       {yaml, "path: a\nformat: folder\nstart_s: 2\nblackout_s: [[1, 2]]\n"s,
+        yaml + "\0imu0.rate_hz=3"s, "a: &a [1]\nb: *a\n"s}},
+      {"fuzz_trajectory",
+       {"# t\n1.5 1 2 3 0 0 0 1\n1.6 1 2 3 0 0 1 0\n",
+        "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z\n1,1,2,3,1,0,0,0\n",
+        "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n", "1,1,2,3,1,0,0,0\n"}},
+      {"fuzz_ros_message", ros_seeds()},
+      {"fuzz_sensor_yaml",
+       {sensor + "\0"s + sensor +
+        "camera_model: pinhole\nintrinsics: [1, 1, 1, 1]\n"
+        "resolution: [2, 2]\ndistortion_model: radial-tangential\n"
+        "distortion_coefficients: [0, 0, 0, 0]\n"}}};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::cerr << "usage: make_corpus FOLDER\n";
+    return 2;
+  }
+  for (const auto& [target, seeds] : all_seeds()) {
+    const std::filesystem::path folder = std::filesystem::path(argv[1]) / target;
+    std::filesystem::create_directories(folder);
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+      io::write_text_file(folder / ("seed" + std::to_string(i)), seeds[i]);
+    }
+  }
+  return 0;
+}
