@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "apvi/core/error.hpp"
@@ -24,26 +27,30 @@ struct Arguments {
 };
 
 void add_options(CLI::App& command, Arguments& a) {
-  const std::vector<std::pair<std::string, sim::OutputFormat>> formats = {
-      {"folder", sim::OutputFormat::folder},
-      {"euroc", sim::OutputFormat::euroc},
-      {"rosbag", sim::OutputFormat::rosbag},
-      {"tank", sim::OutputFormat::tank},
-      {"colmap", sim::OutputFormat::colmap}};
   command.add_option("SCENE", a.scenes, "scene file; several make one data set each")->required();
   command
       .add_option("-o,--output", a.out,
                   "the data set's folder, or with several scenes the folder of their folders")
       ->required()
       ->type_name("DATASET");
+  const std::map<std::string, sim::OutputFormat> formats = {{"folder", sim::OutputFormat::folder},
+                                                            {"euroc", sim::OutputFormat::euroc},
+                                                            {"rosbag", sim::OutputFormat::rosbag},
+                                                            {"tank", sim::OutputFormat::tank},
+                                                            {"colmap", sim::OutputFormat::colmap}};
   command
-      .add_option("--format", a.options.format,
-                  "folder (default), euroc, rosbag (Tank topics), tank, colmap (true poses)")
-      ->transform(CLI::CheckedTransformer(formats))
+      .add_option_function<std::string>(
+          "--format",
+          [&a, formats](const std::string& word) { a.options.format = formats.at(word); },
+          "this project's folder (default), EuRoC as published, a ROS bag with the topics of the "
+          "Tank "
+          "data set, its raw folder, or images with a COLMAP model of the true poses")
+      ->check(CLI::IsMember(formats))
       ->type_name("WORD");
   command.add_option("--set", a.overrides, "change a key of the scene, like motion.speed_m_s=0.3")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
+  a.options.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   command.add_option("-j,--threads", a.options.threads, "threads; the result is the same with any")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();

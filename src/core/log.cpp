@@ -22,7 +22,10 @@ struct Sinks {
       std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
   std::shared_ptr<spdlog::sinks::basic_file_sink_mt> file;
 
-  Sinks() { console->set_pattern("%^%l%$: %v"); }
+  Sinks() {
+    console->set_pattern("%^%l%$: %v");
+    console->set_level(spdlog::level::info);  // -v shows more
+  }
 };
 
 Sinks& sinks() {

@@ -188,6 +188,10 @@ Scene make_scene(const Node& node) {
   return scene;
 }
 
+std::string scene_documentation() {
+  return config::to_markdown(config::document(SceneConfig{}));
+}
+
 Scene load_scene(const fs::path& path, const std::vector<std::string>& overrides) {
   Node root = config::load_with_inheritance(path);
   for (const std::string& assignment : overrides) config::apply_override(root, assignment);

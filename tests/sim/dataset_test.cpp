@@ -196,6 +196,19 @@ TEST(Dataset, PublishedEurocAndTankLayoutsReadBack) {
   EXPECT_GT(tank.dvl, 5U);
 }
 
+TEST(Dataset, BagReadsBackInFullAndIsTheSameTwice) {
+  const test::TmpDir dir;
+  simulate(scene(), dir.path() / "a", {.format = OutputFormat::rosbag, .threads = 1});
+  simulate(scene(), dir.path() / "b", {.format = OutputFormat::rosbag, .threads = 2});
+  const Counts counts = read_back(dir.path() / "a" / "recording.bag");
+  EXPECT_EQ(counts.imu, 401U);
+  EXPECT_EQ(counts.depth, 41U);
+  EXPECT_EQ(counts.images, 41U);
+  EXPECT_GT(counts.dvl, 9U);
+  EXPECT_EQ(counts.dropped, 0U);
+  expect_same_tree(dir.path() / "a", dir.path() / "b");
+}
+
 TEST(Dataset, ColmapModelHasTheTruePoses) {
   const test::TmpDir dir;
   const Scene small = scene();

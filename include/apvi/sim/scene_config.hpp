@@ -125,6 +125,9 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 /// The same from a node, for programs that make their scenes.
 Scene make_scene(const config::Node& node);
 
+/// Every key of a scene file as a Markdown table.
+std::string scene_documentation();
+
 /// The true rig made wrong as `rig_error` says.
 config::Node perturbed_rig(const Scene& scene);
 /// Events against the scene's duration and water. Throws InputError.
