@@ -27,11 +27,12 @@ struct Arguments {
 // runs/<configuration>-<data set>, with a number behind it when that is taken.
 fs::path default_folder(const Arguments& a, const pipeline::RunConfig& config) {
   const fs::path data = fs::path(config.dataset.path).lexically_normal();
-  const std::string name = data.has_filename() ? data.stem().string()
-                                               : data.parent_path().filename().string();
+  const std::string name =
+      data.has_filename() ? data.stem().string() : data.parent_path().filename().string();
   const std::string base = a.config.stem().string() + "-" + name;
   fs::path folder = fs::path("runs") / base;
-  for (int i = 2; fs::exists(folder); ++i) folder = fs::path("runs") / fmt::format("{}-{}", base, i);
+  for (int i = 2; fs::exists(folder); ++i)
+    folder = fs::path("runs") / fmt::format("{}-{}", base, i);
   return folder;
 }
 

@@ -61,14 +61,33 @@ bool same_ping(const DvlSample& a, const DvlSample& b) {
   return a.valid == b.valid && a.velocity == b.velocity && a.altitude == b.altitude;
 }
 
+// All beams in lock at once; `common` is noise that they share, as a covariance in the DVL frame.
+Measurement beams_measurement(const State& x, const Kinematics& k, const imu::World& world,
+                              const DvlCalibration& dvl, const DvlSample& ping, double variance,
+                              const Matrix3d& common) {
+  Measurement all(valid_beams(ping));
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kDvlBeams, 3> directions(all.rows(), 3);
+  int row = 0;
+  for (std::size_t i = 0; i < kDvlBeams; ++i) {
+    if (!ping.beams[i] || !ping.beams[i]->valid) continue;
+    const Measurement m =
+        dvl_beam(x, k, world, dvl.beams[i], dvl.scale * ping.beams[i]->velocity, variance);
+    all.residual(row) = m.residual(0);
+    all.H.row(row) = m.H;
+    directions.row(row++) = dvl.beams[i];
+  }
+  all.R = directions * common * directions.transpose();
+  all.R.diagonal().array() += variance;
+  return all;
+}
+
 // The covariance is raised so that the innovation's becomes `factor` times what it was.
 Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, const Eskf& filter,
                          double factor) {
   const Measurement::Covariance more =
-      (factor - 1.0) *
-      (at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R);
-  return [model = std::move(model), more](const State& state, const Kinematics& kinematics) {
-    Measurement m = model(state, kinematics);
+      (factor - 1.0) * (at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R);
+  return [model = std::move(model), more](const Eskf& at, const Kinematics& kinematics) {
+    Measurement m = model(at, kinematics);
     m.R += more;
     return m;
   };
@@ -78,13 +97,20 @@ Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, cons
 
 std::string_view to_string(Verdict verdict) {
   switch (verdict) {
-    case Verdict::accepted: return "accepted";
-    case Verdict::weakened: return "weakened";
-    case Verdict::rejected: return "rejected";
-    case Verdict::no_lock: return "no_lock";
-    case Verdict::beams_disagree: return "beams_disagree";
-    case Verdict::repeated: return "repeated";
-    case Verdict::too_old: return "too_old";
+    case Verdict::accepted:
+      return "accepted";
+    case Verdict::weakened:
+      return "weakened";
+    case Verdict::rejected:
+      return "rejected";
+    case Verdict::no_lock:
+      return "no_lock";
+    case Verdict::beams_disagree:
+      return "beams_disagree";
+    case Verdict::repeated:
+      return "repeated";
+    case Verdict::too_old:
+      return "too_old";
   }
   return "";
 }
@@ -121,8 +147,7 @@ void Dipo::add(const ImuSample& sample) {
     initializer_.add(sample);
     early_imu_.push_back(sample);
     if (const auto found = initializer_.try_start()) start(*found);
-    const Stamp keep = sample.stamp - Duration::from_seconds(
-                                          3.0 * config_.initialization.window_s);
+    const Stamp keep = sample.stamp - Duration::from_seconds(3.0 * config_.initialization.window_s);
     while (!early_imu_.empty() && early_imu_.front().stamp < keep) early_imu_.pop_front();
     return;
   }
@@ -154,8 +179,8 @@ void Dipo::add(const DepthSample& sample) {
 
 void Dipo::add_depth(const DepthSample& sample) {
   if (!initialized()) {
-    initializer_.add_depth(sample.depth_m, rig_.pressure ? rig_.pressure->p_body_sensor
-                                                         : rig_.depth->p_body_sensor);
+    initializer_.add_depth(
+        sample.depth_m, rig_.pressure ? rig_.pressure->p_body_sensor : rig_.depth->p_body_sensor);
   }
   pending_.push_back(sample);
   take_in_pending();
@@ -200,33 +225,41 @@ Verdict Dipo::beam_verdict(const DvlSample& ping) const {
 }
 
 Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s, double variance) const {
-  // Where the offset has moved since the ping was put in its place, its column makes up for it.
-  const auto shift = [offset_s](Measurement m, const State& state) {
-    m.residual -= m.H.col(kTimeOffset) * (state.dvl_time_offset_s - offset_s);
+  const bool by_beam = config_.dvl.use_beams && valid_beams(ping) > 0;
+  return [=, world = world_, dvl = *rig_.dvl](const Eskf& filter, const Kinematics& k) {
+    const Matrix3d noise = time_offset_noise(filter, k, world);
+    Measurement m = by_beam
+                        ? beams_measurement(filter.state(), k, world, dvl, ping, variance, noise)
+                        : dvl_velocity(filter.state(), k, world, dvl.true_velocity(ping.velocity),
+                                       variance * Matrix3d::Identity() + noise);
+    // Where the offset has moved since the ping was put in its place, its column makes up for it.
+    m.residual -= m.H.col(kTimeOffset) * (filter.state().dvl_time_offset_s - offset_s);
     return m;
   };
-  const double scale = rig_.dvl->scale;
-  if (config_.dvl.use_beams && valid_beams(ping) > 0) {
-    return [=, world = world_, beams = rig_.dvl->beams](const State& x, const Kinematics& k) {
-      Measurement all(valid_beams(ping));
-      int row = 0;
-      for (std::size_t i = 0; i < kDvlBeams; ++i) {
-        if (!ping.beams[i] || !ping.beams[i]->valid) continue;
-        const Measurement m =
-            dvl_beam(x, k, world, beams[i], scale * ping.beams[i]->velocity, variance);
-        all.residual(row) = m.residual(0);
-        all.H.row(row) = m.H;
-        all.R(row, row) = variance;
-        ++row;
-      }
-      return shift(all, x);
-    };
-  }
-  return [=, world = world_, velocity = rig_.dvl->true_velocity(ping.velocity)](
-             const State& x, const Kinematics& k) {
-    return shift(
-        dvl_velocity(x, k, world, velocity, variance * Matrix3d::Identity()), x);
-  };
+}
+
+void Dipo::insert_displacement(const DvlSample& ping, Stamp stamp) {
+  const Eskf filter = timeline_.filter_at(stamp);
+  const State& x = filter.state();
+  const Vector3d gyro = timeline_.kinematics_at(stamp).gyro - x.nav.gyro_bias;
+  const Vector3d v_body =
+      x.R_body_dvl * rig_.dvl->true_velocity(ping.velocity) / (1.0 + x.dvl_scale_error) -
+      gyro.cross(x.p_body_dvl);
+  const auto last = std::exchange(last_used_ping_, UsedPing{stamp, x.nav.R_world_body, v_body});
+  if (!last || stamp <= last->stamp) return;
+  const double dt = seconds_between(last->stamp, stamp);
+  constexpr double kLongest_s = 2.0;  // beyond it two velocities say little about the way between
+  if (dt > kLongest_s) return;
+  const Vector3d v_last = x.nav.R_world_body.conjugate() * (last->R_world_body * last->v_body);
+  const Vector3d displacement = 0.5 * dt * (v_last + v_body);
+  // Two independent velocities, used a second time, and a way that is not straight.
+  constexpr double kCurvature = 0.1;
+  const double noise = rig_.dvl->velocity_noise;
+  const double variance = config_.dvl.displacement_inflation * 0.5 * noise * noise * dt * dt +
+                          std::pow(kCurvature * dt * (v_body - v_last).norm(), 2);
+  timeline_.insert(stamp, [=](const Eskf& at, const Kinematics&) {
+    return dvl_displacement(at.state(), displacement, variance * Matrix3d::Identity());
+  });
 }
 
 bool Dipo::take_in(const DvlSample& ping) {
@@ -237,14 +270,14 @@ bool Dipo::take_in(const DvlSample& ping) {
   if (!timeline_.covers(stamp)) report.verdict = Verdict::too_old;
   if (report.verdict == Verdict::accepted) {
     const double noise = rig_.dvl->velocity_noise;
-    Timeline::Model model = dvl_model(ping, offset_s, noise * noise * adapter_.dvl_variance_factor());
+    Timeline::Model model =
+        dvl_model(ping, offset_s, noise * noise * adapter_.dvl_variance_factor());
     const Eskf filter = timeline_.filter_at(stamp);
-    const Measurement m = model(filter.state(), timeline_.kinematics_at(stamp));
+    const Measurement m = model(filter, timeline_.kinematics_at(stamp));
     report.nis = filter.nis(m);
     report.rows = m.rows();
     const auto factor = dvl_gate_.judge(report.nis);
-    const Vector3d expected =
-        predict_dvl(filter.state(), timeline_.kinematics_at(stamp).gyro);
+    const Vector3d expected = predict_dvl(filter.state(), timeline_.kinematics_at(stamp).gyro);
     if (factor) {
       adapter_.add(rig_.dvl->true_velocity(ping.velocity) - expected, report.nis, report.rows);
     }
@@ -255,6 +288,7 @@ bool Dipo::take_in(const DvlSample& ping) {
         report.verdict = Verdict::weakened;
         model = weakened(std::move(model), m, filter, *factor);
       }
+      if (config_.dvl.displacement) insert_displacement(ping, stamp);
       timeline_.insert(stamp, std::move(model), config_.dvl.displacement);
     }
   }
@@ -272,11 +306,11 @@ bool Dipo::take_in(const DepthSample& sample) {
   } else {
     const Vector3d lever = rig_.pressure ? rig_.pressure->p_body_sensor : rig_.depth->p_body_sensor;
     const double noise = rig_.pressure ? rig_.pressure->noise_m : rig_.depth->noise_m;
-    Timeline::Model model = [=, sign = rig_.depth_sign()](const State& x, const Kinematics&) {
-      return depth(x, lever, sign, sample.depth_m, noise * noise);
+    Timeline::Model model = [=, sign = rig_.depth_sign()](const Eskf& at, const Kinematics&) {
+      return depth(at.state(), lever, sign, sample.depth_m, noise * noise);
     };
     const Eskf filter = timeline_.filter_at(sample.stamp);
-    const Measurement m = model(filter.state(), {});
+    const Measurement m = model(filter, {});
     report.nis = filter.nis(m);
     report.rows = 1;
     const auto factor = depth_gate_.judge(report.nis);
@@ -297,8 +331,8 @@ bool Dipo::take_in(const DepthSample& sample) {
 void Dipo::update_if_still(const ImuSample& sample) {
   if (!stillness_.is_still()) return;
   const double variance = config_.zero_velocity.sigma * config_.zero_velocity.sigma;
-  timeline_.insert(sample.stamp, [variance](const State& x, const Kinematics&) {
-    return zero_velocity(x, variance);
+  timeline_.insert(sample.stamp, [variance](const Eskf& at, const Kinematics&) {
+    return zero_velocity(at.state(), variance);
   });
   ++zero_velocity_updates_;
 }
@@ -306,9 +340,12 @@ void Dipo::update_if_still(const ImuSample& sample) {
 std::string Dipo::waiting_for() const {
   if (initialized()) return "";
   switch (initializer_.waiting()) {
-    case Initializer::Waiting::imu: return "inertial samples";
-    case Initializer::Waiting::dvl_lock: return "a DVL ping with bottom lock";
-    case Initializer::Waiting::window: return "a span of DVL pings";
+    case Initializer::Waiting::imu:
+      return "inertial samples";
+    case Initializer::Waiting::dvl_lock:
+      return "a DVL ping with bottom lock";
+    case Initializer::Waiting::window:
+      return "a span of DVL pings";
   }
   return "";
 }

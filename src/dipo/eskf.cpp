@@ -74,7 +74,8 @@ void Eskf::update(const Measurement& m) {
   const Matrix I_KH = Matrix::Identity() - K * m.H;
   P_ = I_KH * P_ * I_KH.transpose() + K * m.R * K.transpose();
 
-  // The error is now measured from the new rotation (Sola, Eq. 287), for attitude and mounting alike.
+  // The error is now measured from the new rotation (Sola, Eq. 287), for attitude and mounting
+  // alike.
   Matrix G = Matrix::Identity();
   G.block<3, 3>(imu::kTheta, imu::kTheta) = so3::right_jacobian(delta.segment<3>(imu::kTheta));
   G.block<3, 3>(kMounting, kMounting) = so3::right_jacobian(delta.segment<3>(kMounting));

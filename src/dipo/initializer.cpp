@@ -15,9 +15,9 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kPositionSigma = 1e-3;   // the origin is where the vehicle starts, by definition
-constexpr double kVelocitySigma = 0.1;    // [m/s], the first ping with its unknown delay
-constexpr double kDepthSigma = 0.05;      // [m]
+constexpr double kPositionSigma = 1e-3;  // the origin is where the vehicle starts, by definition
+constexpr double kVelocitySigma = 0.1;   // [m/s], the first ping with its unknown delay
+constexpr double kDepthSigma = 0.05;     // [m]
 
 // Index of the first sample not before the stamp.
 std::size_t first_from(const std::deque<ImuSample>& imu, Stamp stamp) {

@@ -57,6 +57,24 @@ Measurement dvl_velocity(const State& x, const Kinematics& kinematics, const imu
   return m;
 }
 
+Matrix3d time_offset_noise(const Eskf& filter, const Kinematics& k, const imu::World& world) {
+  const State& x = filter.state();
+  const double offset_variance = filter.covariance()(kTimeOffset, kTimeOffset);
+  if (offset_variance <= 0.0) return Matrix3d::Zero();
+  // How the sensor's acceleration depends on what is not known well.
+  const Eigen::Quaterniond Rt = x.nav.R_world_body.conjugate();
+  const Vector3d rate = k.gyro - x.nav.gyro_bias + Rt * world.earth_rate;
+  Jacobian3 A = Jacobian3::Zero();
+  A.block<3, 3>(0, kTheta) = so3::hat(Rt * world.gravity);
+  A.block<3, 3>(0, kVelocity) = -so3::hat(rate);
+  A.block<3, 3>(0, kGyroBias) = -so3::hat(x.nav.v_body);
+  A.block<3, 3>(0, kAccelBias) = -Matrix3d::Identity();
+  const Matrix3d acceleration =
+      A * filter.covariance() * A.transpose() + k.accel_variance * Matrix3d::Identity();
+  const Matrix3d R = x.R_body_dvl.toRotationMatrix();
+  return offset_variance * R.transpose() * acceleration * R;
+}
+
 Measurement dvl_beam(const State& x, const Kinematics& kinematics, const imu::World& world,
                      const Vector3d& beam, double velocity, double variance) {
   Measurement m(1);

@@ -65,8 +65,7 @@ bool StillnessDetector::is_still() {
         return ping.velocity.norm() <= config_.max_speed;
       });
   const bool still =
-      dvl_agrees &&
-      spread(imu_, &ImuSample::gyro) <= config_.max_gyro_std * config_.max_gyro_std &&
+      dvl_agrees && spread(imu_, &ImuSample::gyro) <= config_.max_gyro_std * config_.max_gyro_std &&
       spread(imu_, &ImuSample::accel) <= config_.max_accel_std * config_.max_accel_std;
   imu_.clear();  // one verdict per window
   return still;

@@ -2,6 +2,7 @@
 #include "apvi/dipo/timeline.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -11,14 +12,41 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGyroSpan_s = 0.03;   // half width of the average
-constexpr double kSlopeSpan_s = 0.1;   // half width of the difference that gives angular acceleration
+constexpr double kGyroSpan_s = 0.03;  // half width of the average
+constexpr double kSlopeSpan_s = 0.1;  // half width of what gives accelerations
 
 // What an unseen second may do to a vehicle: it turns and changes speed at will.
-constexpr double kGapTurnRate = 0.2;       // [rad/s]
-constexpr double kGapAcceleration = 0.3;   // [m/s²]
-constexpr double kGapMaxTurn = 1.0;        // [rad]
-constexpr double kGapMaxSpeed = 2.0;       // [m/s]
+constexpr double kGapTurnRate = 0.2;      // [rad/s]
+constexpr double kGapAcceleration = 0.3;  // [m/s²]
+constexpr double kGapMaxTurn = 1.0;       // [rad]
+constexpr double kGapMaxSpeed = 2.0;      // [m/s]
+
+struct Mean {
+  Vector3d sum = Vector3d::Zero();
+  int count = 0;
+  void add(const Vector3d& value) {
+    sum += value;
+    ++count;
+  }
+};
+
+// Straight line through samples by least squares.
+struct Slope {
+  double n = 0.0, t = 0.0, tt = 0.0;
+  Vector3d v = Vector3d::Zero();
+  Vector3d tv = Vector3d::Zero();
+  void add(double time, const Vector3d& value) {
+    n += 1.0;
+    t += time;
+    tt += time * time;
+    v += value;
+    tv += time * value;
+  }
+  Vector3d value() const {
+    const double determinant = n * tt - t * t;
+    return determinant > 1e-12 ? Vector3d((n * tv - t * v) / determinant) : Vector3d::Zero();
+  }
+};
 
 }  // namespace
 
@@ -42,8 +70,9 @@ void Timeline::push(const ImuSample& sample, const imu::Noise& noise) {
 
 // Index of the first step not before `stamp`.
 std::size_t Timeline::step_after(Stamp stamp) const {
-  const auto it = std::lower_bound(steps_.begin(), steps_.end(), stamp,
-                                   [](const Step& s, Stamp value) { return s.sample.stamp < value; });
+  const auto it =
+      std::lower_bound(steps_.begin(), steps_.end(), stamp,
+                       [](const Step& s, Stamp value) { return s.sample.stamp < value; });
   return static_cast<std::size_t>(it - steps_.begin());
 }
 
@@ -64,7 +93,7 @@ void Timeline::move(Eskf& filter, Stamp from, Stamp to, std::size_t step) const 
 }
 
 void Timeline::take_in(Eskf& filter, const Entry& entry) const {
-  filter.update(entry.model(filter.state(), kinematics_at(entry.stamp)));
+  filter.update(entry.model(filter, kinematics_at(entry.stamp)));
   if (entry.clone_position) filter.clone_position();
 }
 
@@ -85,30 +114,26 @@ Eskf Timeline::filter_at(Stamp stamp) const {
 }
 
 Kinematics Timeline::kinematics_at(Stamp stamp) const {
-  const std::size_t first = step_after(stamp - Duration::from_seconds(kSlopeSpan_s));
+  // Accelerations only tell how the velocity changes with the time offset. They are averaged over a
+  // wider span: their noise would pass for knowledge of the offset.
+  const Duration slope_span = Duration::from_seconds(kSlopeSpan_s);
   const std::size_t centre = std::min(step_after(stamp), steps_.size() - 1);
   Kinematics k{steps_[centre].sample.gyro, steps_[centre].sample.accel, Vector3d::Zero()};
-  Vector3d gyro_sum = Vector3d::Zero();
-  Vector3d accel_sum = Vector3d::Zero();
-  int count = 0;
-  std::size_t last = centre;
-  for (std::size_t i = first; i < steps_.size(); ++i) {
+  Mean gyro;
+  Mean accel;
+  Slope gyro_slope;
+  for (std::size_t i = step_after(stamp - slope_span);
+       i < steps_.size() && steps_[i].sample.stamp <= stamp + slope_span; ++i) {
     const double offset_s = seconds_between(stamp, steps_[i].sample.stamp);
-    if (offset_s > kSlopeSpan_s) break;
-    last = i;
-    if (std::abs(offset_s) > kGyroSpan_s) continue;
-    gyro_sum += steps_[i].sample.gyro;
-    accel_sum += steps_[i].sample.accel;
-    ++count;
+    if (std::abs(offset_s) <= kGyroSpan_s) gyro.add(steps_[i].sample.gyro);
+    accel.add(steps_[i].sample.accel);
+    gyro_slope.add(offset_s, steps_[i].sample.gyro);
   }
-  if (count > 0) {
-    k.gyro = gyro_sum / count;
-    k.accel = accel_sum / count;
-  }
-  if (last > first) {
-    k.angular_acceleration = (steps_[last].sample.gyro - steps_[first].sample.gyro) /
-                             seconds_between(steps_[first].sample.stamp, steps_[last].sample.stamp);
-  }
+  if (gyro.count > 0) k.gyro = gyro.sum / gyro.count;
+  if (accel.count > 0) k.accel = accel.sum / accel.count;
+  k.angular_acceleration = gyro_slope.value();
+  const double density = steps_[centre].noise.accel;
+  k.accel_variance = density * density / (2.0 * kSlopeSpan_s);
   return k;
 }
 

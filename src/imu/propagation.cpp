@@ -72,14 +72,12 @@ NavState propagate(const NavState& state, const Vector3d& gyro, const Vector3d& 
   // φ depends on θ through Earth's rate seen in the body, and on the gyro bias.
   const Matrix3d phi_theta = -dt * so3::hat(s.earth_body);
   const Matrix3d jr = so3::right_jacobian(s.phi);
-  const Matrix3d theta_theta =
-      so3::exp(-s.phi).toRotationMatrix() + jr * phi_theta;
+  const Matrix3d theta_theta = so3::exp(-s.phi).toRotationMatrix() + jr * phi_theta;
   const Matrix3d theta_bg = -dt * jr;
 
   // Orientation halfway, which turns the specific force.
   const Matrix3d jr_half = so3::right_jacobian(0.5 * s.phi);
-  const Matrix3d mid_theta =
-      so3::exp(-0.5 * s.phi).toRotationMatrix() + 0.5 * jr_half * phi_theta;
+  const Matrix3d mid_theta = so3::exp(-0.5 * s.phi).toRotationMatrix() + 0.5 * jr_half * phi_theta;
   const Matrix3d force_mid = -R_mid * so3::hat(s.force);
 
   // Velocity in world coordinates, before and after the step.
@@ -110,9 +108,8 @@ NavMatrix process_noise(const NavMatrix& F, const Noise& noise, double dt) {
   Eigen::Matrix<double, 9, 3> from_gyro = F.block<9, 3>(0, kGyroBias);
   Eigen::Matrix<double, 9, 3> from_accel = F.block<9, 3>(0, kAccelBias);
   NavMatrix Q = NavMatrix::Zero();
-  Q.topLeftCorner<9, 9>() =
-      (noise.gyro * noise.gyro / dt) * from_gyro * from_gyro.transpose() +
-      (noise.accel * noise.accel / dt) * from_accel * from_accel.transpose();
+  Q.topLeftCorner<9, 9>() = (noise.gyro * noise.gyro / dt) * from_gyro * from_gyro.transpose() +
+                            (noise.accel * noise.accel / dt) * from_accel * from_accel.transpose();
   Q.diagonal().segment<3>(kGyroBias).array() += noise.gyro_walk * noise.gyro_walk * dt;
   Q.diagonal().segment<3>(kAccelBias).array() += noise.accel_walk * noise.accel_walk * dt;
   return Q;

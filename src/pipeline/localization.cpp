@@ -24,8 +24,8 @@ std::vector<LocalizationOutput> Localization::process(const SensorEvent& event) 
                           dipo_.add(s);
                         },
                         [this](const PressureSample& s) { dipo_.add(s); },
-                        [this](const DepthSample& s) { dipo_.add(s); },
-                        [](const ImageFrame&) {}, [](const GnssSample&) {}},
+                        [this](const DepthSample& s) { dipo_.add(s); }, [](const ImageFrame&) {},
+                        [](const GnssSample&) {}},
              event);
   take_reports();
   std::vector<LocalizationOutput> outputs;
@@ -34,8 +34,8 @@ std::vector<LocalizationOutput> Localization::process(const SensorEvent& event) 
     const auto report = reports_.find(stamp);
     if (report == reports_.end() && dipo_.newest() < stamp + kPatience) break;
     if (const auto estimate = dipo_.at(stamp)) {
-      outputs.push_back({*estimate, report == reports_.end() ? dipo::Report{.stamp = stamp}
-                                                             : report->second});
+      outputs.push_back(
+          {*estimate, report == reports_.end() ? dipo::Report{.stamp = stamp} : report->second});
     }
     wanted_.pop_front();
   }

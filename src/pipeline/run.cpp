@@ -100,8 +100,7 @@ Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder&
     for (const LocalizationOutput& output : localization.process(*event)) {
       folder.write(output);
       const imu::NavState& nav = output.estimate.state.nav;
-      pass.trajectory.poses.push_back(
-          {output.estimate.stamp, {nav.R_world_body, nav.p_world}});
+      pass.trajectory.poses.push_back({output.estimate.stamp, {nav.R_world_body, nav.p_world}});
     }
     if (++count % 1024 == 0) status.update(reader.fraction(), status_detail(localization, pass));
     if (interrupted()) {

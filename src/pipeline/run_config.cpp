@@ -25,8 +25,9 @@ void check(const RunConfig& config) {
       fail_input("sensors.use: {} is none of: {}", name, fmt::join(kSensors, ", "));
     }
     if (name == "camera") {
-      fail_input("sensors.use: camera: visual-inertial odometry is not part of this version; use "
-                 "[imu, dvl, pressure]");
+      fail_input(
+          "sensors.use: camera: visual-inertial odometry is not part of this version; use "
+          "[imu, dvl, pressure]");
     }
   }
   if (config.run.mode != RunMode::sequential) {

@@ -19,10 +19,12 @@ constexpr const char* kCalibrationHeader =
     "#timestamp [ns],dvl_time_offset [s],dvl_time_offset_sigma [s],dvl_scale_error,"
     "dvl_scale_error_sigma,mounting_x [rad],mounting_y [rad],mounting_z [rad],mounting_sigma [rad],"
     "lever_x [m],lever_y [m],lever_z [m],lever_sigma [m],depth_bias [m],depth_bias_sigma [m],"
-    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad s^-1],"
+    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad "
+    "s^-1],"
     "accel_bias_x [m s^-2],accel_bias_y [m s^-2],accel_bias_z [m s^-2],accel_bias_sigma [m s^-2]\n";
 constexpr const char* kHealthHeader =
-    "#timestamp [ns],verdict,nis,degrees_of_freedom,accel_noise_factor,dvl_variance_factor,position_sigma [m],"
+    "#timestamp "
+    "[ns],verdict,nis,degrees_of_freedom,accel_noise_factor,dvl_variance_factor,position_sigma [m],"
     "rotation_sigma [deg],velocity_sigma [m s^-1]\n";
 
 // One sigma of a block, per axis.
@@ -43,19 +45,17 @@ std::string calibration_line(const dipo::Estimate& e) {
       e.stamp.ns, x.dvl_time_offset_s, sigma(P, dipo::kTimeOffset, 1), x.dvl_scale_error,
       sigma(P, dipo::kScale, 1), m.x(), m.y(), m.z(), sigma(P, dipo::kMounting, 3), l.x(), l.y(),
       l.z(), sigma(P, dipo::kLeverArm, 3), x.depth_bias_m, sigma(P, dipo::kDepthBias, 1), g.x(),
-      g.y(), g.z(), sigma(P, imu::kGyroBias, 3), a.x(), a.y(), a.z(),
-      sigma(P, imu::kAccelBias, 3));
+      g.y(), g.z(), sigma(P, imu::kGyroBias, 3), a.x(), a.y(), a.z(), sigma(P, imu::kAccelBias, 3));
 }
 
 std::string health_line(const LocalizationOutput& output) {
   const dipo::Matrix& P = output.estimate.covariance;
   const dipo::Report& ping = output.ping;
   constexpr double kDegrees = 57.29577951308232;
-  return fmt::format("{},{},{:.4f},{},{:.3f},{:.3f},{:.5f},{:.5f},{:.5f}\n", output.estimate.stamp.ns,
-                     dipo::to_string(ping.verdict), ping.nis, ping.rows, ping.accel_factor,
-                     ping.dvl_variance_factor,
-                     sigma(P, imu::kPosition, 3), kDegrees * sigma(P, imu::kTheta, 3),
-                     sigma(P, imu::kVelocity, 3));
+  return fmt::format("{},{},{:.4f},{},{:.3f},{:.3f},{:.5f},{:.5f},{:.5f}\n",
+                     output.estimate.stamp.ns, dipo::to_string(ping.verdict), ping.nis, ping.rows,
+                     ping.accel_factor, ping.dvl_variance_factor, sigma(P, imu::kPosition, 3),
+                     kDegrees * sigma(P, imu::kTheta, 3), sigma(P, imu::kVelocity, 3));
 }
 
 std::ofstream open_file(const fs::path& path, const char* header) {
@@ -87,8 +87,7 @@ RunFolder::RunFolder(const fs::path& path, bool overwrite) : path_(path) {
 
 void RunFolder::write(const LocalizationOutput& output) {
   const imu::NavState& nav = output.estimate.state.nav;
-  const std::string line =
-      io::tum_line({output.estimate.stamp, {nav.R_world_body, nav.p_world}});
+  const std::string line = io::tum_line({output.estimate.stamp, {nav.R_world_body, nav.p_world}});
   trajectory_ << line;
   dipo_ << line;
   calibration_ << calibration_line(output.estimate);

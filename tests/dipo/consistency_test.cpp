@@ -44,7 +44,8 @@ Truth make_truth(std::uint64_t seed, Random& random, const State& start, const i
     state.nav.v_body = nav.v_body;
     truth.states.push_back(state);
     sample.gyro += state.nav.gyro_bias + test::normal_vector(random, kNoise.gyro / std::sqrt(dt));
-    sample.accel += state.nav.accel_bias + test::normal_vector(random, kNoise.accel / std::sqrt(dt));
+    sample.accel +=
+        state.nav.accel_bias + test::normal_vector(random, kNoise.accel / std::sqrt(dt));
     state.nav.gyro_bias += test::normal_vector(random, kNoise.gyro_walk * std::sqrt(dt));
     state.nav.accel_bias += test::normal_vector(random, kNoise.accel_walk * std::sqrt(dt));
   }
@@ -68,15 +69,16 @@ Matrix initial_covariance() {
 // True minus estimated error state, for the states that are estimated.
 Eigen::Matrix<double, kStates, 1> error(const State& truth, const State& estimate) {
   Eigen::Matrix<double, kStates, 1> e;
-  e << imu::boxminus(truth.nav, estimate.nav),
-      truth.dvl_time_offset_s - estimate.dvl_time_offset_s;
+  e << imu::boxminus(truth.nav, estimate.nav), truth.dvl_time_offset_s - estimate.dvl_time_offset_s;
   return e;
 }
 
 Timeline::Model dvl_model(const Vector3d& velocity, double offset_s, const imu::World& world) {
-  return [=](const State& x, const Kinematics& k) {
-    Measurement m = dvl_velocity(x, k, world, velocity,
-                                 kDvlNoise * kDvlNoise * Matrix3d::Identity());
+  return [=](const Eskf& filter, const Kinematics& k) {
+    const State& x = filter.state();
+    Measurement m = dvl_velocity(
+        x, k, world, velocity,
+        kDvlNoise * kDvlNoise * Matrix3d::Identity() + time_offset_noise(filter, k, world));
     m.residual -= m.H.col(kTimeOffset) * (x.dvl_time_offset_s - offset_s);
     return m;
   };
@@ -93,7 +95,7 @@ double run_nees(std::uint64_t seed) {
   }
   State start;
   start.p_body_dvl = Vector3d(0.3, 0.1, 0.2);
-  start.dvl_time_offset_s = 0.1;
+  start.dvl_time_offset_s = 0.3;
   const Truth truth = make_truth(seed, random, start, world);
   // The truth is the filter's guess plus an error drawn from the filter's own covariance.
   const State guess = boxplus(truth.states.front(), Vector(-initial_error));
@@ -108,13 +110,14 @@ double run_nees(std::uint64_t seed) {
     const double t = seconds_between(truth.spline.start(), now);
     if (t >= next_depth) {
       next_depth += kDepthPeriod_s;
-      const Vector3d p = truth.states[i].nav.p_world + truth.states[i].nav.R_world_body * kDepthLever;
+      const Vector3d p =
+          truth.states[i].nav.p_world + truth.states[i].nav.R_world_body * kDepthLever;
       const double z = -p.z() + random.normal(0.0, kDepthNoise);
-      timeline.insert(now, [z](const State& x, const Kinematics&) {
-        return depth(x, kDepthLever, -1.0, z, kDepthNoise * kDepthNoise);
+      timeline.insert(now, [z](const Eskf& filter, const Kinematics&) {
+        return depth(filter.state(), kDepthLever, -1.0, z, kDepthNoise * kDepthNoise);
       });
     }
-    if (t >= next_dvl) {  // stamped now, measured a tenth of a second ago
+    if (t >= next_dvl) {  // stamped now, measured three tenths of a second ago
       next_dvl += kDvlPeriod_s;
       const Stamp then = now - Duration::from_seconds(start.dvl_time_offset_s);
       State at = truth.states[i];

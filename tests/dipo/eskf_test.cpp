@@ -36,8 +36,8 @@ TEST(Eskf, UpdateEqualsTheInformationForm) {
 TEST(Eskf, CovarianceStaysSymmetricAndPositiveOverThousandsOfSteps) {
   Random random(32);
   Eskf filter(State{}, 1e-2 * Matrix::Identity());
-  const CalibrationWalk walk{.time_offset = 1e-4, .scale = 1e-5, .mounting = 1e-5,
-                             .lever_arm = 1e-4, .depth_bias = 1e-3};
+  const CalibrationWalk walk{
+      .time_offset = 1e-4, .scale = 1e-5, .mounting = 1e-5, .lever_arm = 1e-4, .depth_bias = 1e-3};
   const imu::World world;
   for (int i = 0; i < 5000; ++i) {
     filter.propagate(test::random_vector(random, 0.5), Vector3d(0, 0, 9.8), 0.01, world, {}, walk);
@@ -75,10 +75,9 @@ TEST(Eskf, ACloneIsThePositionAtThatInstant) {
   filter.clone_position();
   EXPECT_EQ(filter.state().p_last_ping, filter.state().nav.p_world);
   const Matrix& P = filter.covariance();
-  const Eigen::Matrix3d apart = P.block<3, 3>(imu::kPosition, imu::kPosition) +
-                                P.block<3, 3>(kLastPing, kLastPing) -
-                                P.block<3, 3>(imu::kPosition, kLastPing) -
-                                P.block<3, 3>(kLastPing, imu::kPosition);
+  const Eigen::Matrix3d apart =
+      P.block<3, 3>(imu::kPosition, imu::kPosition) + P.block<3, 3>(kLastPing, kLastPing) -
+      P.block<3, 3>(imu::kPosition, kLastPing) - P.block<3, 3>(kLastPing, imu::kPosition);
   EXPECT_LT(apart.norm(), 1e-12);  // the difference of the two is certain
 }
 

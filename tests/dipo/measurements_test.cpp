@@ -44,7 +44,8 @@ void expect_jacobian(const State& x, Make&& make) {
   };
   const Eigen::MatrixXd numeric = test::numeric_jacobian(f, static_cast<Eigen::Index>(kSize));
   Measurement::Jacobian H = m.H;
-  // The state is that of stamp - offset, so the offset's column is not in the residual: see its test.
+  // The state is that of stamp - offset, so the offset's column is not in the residual: see its
+  // test.
   H.col(kTimeOffset).setZero();
   EXPECT_LT((H - numeric).cwiseAbs().maxCoeff(), 1e-6);
 }

@@ -55,7 +55,8 @@ TEST(Preintegration, BiasJacobianEqualsNumericDifferences) {
   const Vector3d ba(0.1, 0.2, -0.1);
   const Preintegration sum = preintegrate(samples, bg, ba);
   const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-    return difference(preintegrate(samples, bg + d.head<3>(), ba + d.tail<3>()).delta(), sum.delta());
+    return difference(preintegrate(samples, bg + d.head<3>(), ba + d.tail<3>()).delta(),
+                      sum.delta());
   };
   EXPECT_LT((sum.bias_jacobian() - test::numeric_jacobian(f, 6)).cwiseAbs().maxCoeff(), 1e-6);
 }

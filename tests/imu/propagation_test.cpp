@@ -117,7 +117,8 @@ TEST(Propagation, NoiseCovarianceEqualsThatOfManyNoisyRuns) {
     sampled += e * e.transpose() / runs;
   }
   // A sample variance over 4000 runs has a standard error of 2.2 %.
-  for (int k = 0; k < kNavSize; ++k) EXPECT_NEAR(sampled(k, k) / P(k, k), 1.0, 0.1) << "state " << k;
+  for (int k = 0; k < kNavSize; ++k)
+    EXPECT_NEAR(sampled(k, k) / P(k, k), 1.0, 0.1) << "state " << k;
 }
 
 }  // namespace

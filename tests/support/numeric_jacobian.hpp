@@ -5,8 +5,8 @@
 
 namespace apvi::test {
 
-/// Central differences of `f : R^n -> R^m` at zero, for checking analytic Jacobians. With step h the
-/// error is about h² times the third derivative plus rounding / h.
+/// Central differences of `f : R^n -> R^m` at zero, for checking analytic Jacobians. With step h
+/// the error is about h² times the third derivative plus rounding / h.
 template <typename F>
 Eigen::MatrixXd numeric_jacobian(F&& f, Eigen::Index n, double step = 1e-6) {
   Eigen::MatrixXd jacobian;

@@ -195,8 +195,7 @@ struct Config {
     v("depth", depth, "pressure or depth sensor");
     v("zero_velocity", zero_velocity, "zero-velocity updates");
     v("gravity", gravity, Range{9.0, 10.5}, "local gravity [m/s²]");
-    v("history_s", history_s, Range{0.1, 60.0},
-      "how far back a late measurement may reach [s]");
+    v("history_s", history_s, Range{0.1, 60.0}, "how far back a late measurement may reach [s]");
   }
 };
 

@@ -27,9 +27,9 @@ std::string_view to_string(Verdict verdict);
 struct Report {
   Stamp stamp;
   Verdict verdict = Verdict::accepted;
-  double nis = 0.0;          ///< normalised innovation squared (0 when none was computed)
-  int rows = 0;              ///< its degrees of freedom
-  double accel_factor = 1.0;         ///< what the adaptive noises have reached
+  double nis = 0.0;           ///< normalised innovation squared (0 when none was computed)
+  int rows = 0;               ///< its degrees of freedom
+  double accel_factor = 1.0;  ///< what the adaptive noises have reached
   double dvl_variance_factor = 1.0;
 };
 
@@ -68,6 +68,11 @@ class Dipo {
 
  private:
   using Sample = std::variant<DvlSample, DepthSample>;
+  struct UsedPing {
+    Stamp stamp;
+    Eigen::Quaterniond R_world_body;
+    Eigen::Vector3d v_body;
+  };
 
   void add_depth(const DepthSample& sample);
   void start(const Initializer::Start& start);
@@ -78,6 +83,7 @@ class Dipo {
   imu::Noise noise_now() const;
   Verdict beam_verdict(const DvlSample& ping) const;
   Timeline::Model dvl_model(const DvlSample& ping, double offset_s, double variance) const;
+  void insert_displacement(const DvlSample& ping, Stamp stamp);
   void update_if_still(const ImuSample& sample);
 
   Config config_;
@@ -93,6 +99,7 @@ class Dipo {
   std::deque<ImuSample> early_imu_;  // before initialization
   std::deque<Sample> pending_;       // whose own time the inertial data have not reached
   std::optional<DvlSample> last_ping_;
+  std::optional<UsedPing> last_used_ping_;
   std::optional<ImuSample> last_imu_;
   std::vector<Report> dvl_reports_;
   std::vector<Report> depth_reports_;

@@ -34,8 +34,8 @@ using Matrix = Eigen::Matrix<double, kSize, kSize>;
 
 State boxplus(const State& state, const Vector& delta);
 
-/// How fast the calibration may wander, per square root of a second. Zero holds a state still; a state
-/// whose initial covariance is zero too is switched off.
+/// How fast the calibration may wander, per square root of a second. Zero holds a state still; a
+/// state whose initial covariance is zero too is switched off.
 struct CalibrationWalk {
   double time_offset = 0.0;  ///< [s/sqrt(s)]
   double scale = 0.0;        ///< [1/sqrt(s)]
@@ -63,8 +63,9 @@ struct Measurement {
   Covariance R;
 };
 
-/// Error-state Kalman filter: J. Sola, "Quaternion kinematics for the error-state Kalman filter", 2017,
-/// chapters 5 and 6, with the state above. Copyable, so that history can be kept and replayed.
+/// Error-state Kalman filter: J. Sola, "Quaternion kinematics for the error-state Kalman filter",
+/// 2017, chapters 5 and 6, with the state above. Copyable, so that history can be kept and
+/// replayed.
 class Eskf {
  public:
   Eskf() = default;
@@ -92,8 +93,8 @@ class Eskf {
 
   /// Adds `variance` to the diagonal from `index` on, `count` entries (after a gap, for instance).
   void inflate(int index, int count, double variance);
-  /// Makes the last-ping clone equal to the position now (stochastic cloning: Roumeliotis and Burdick,
-  /// "Stochastic cloning", ICRA 2002).
+  /// Makes the last-ping clone equal to the position now (stochastic cloning: Roumeliotis and
+  /// Burdick, "Stochastic cloning", ICRA 2002).
   void clone_position();
 
  private:

@@ -11,8 +11,8 @@
 
 namespace apvi::dipo {
 
-/// Finds attitude and velocity to start from, at rest or under way: between two DVL pings the change
-/// of velocity is known, so what the accelerometer felt beyond it was gravity.
+/// Finds attitude and velocity to start from, at rest or under way: between two DVL pings the
+/// change of velocity is known, so what the accelerometer felt beyond it was gravity.
 class Initializer {
  public:
   /// What is still missing.

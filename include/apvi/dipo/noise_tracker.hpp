@@ -11,8 +11,8 @@
 
 namespace apvi::dipo {
 
-/// Measures how much inertial samples jump about from one to the next, which is what vibration of the
-/// hull and thrusters does, and what no data sheet knows.
+/// Measures how much inertial samples jump about from one to the next, which is what vibration of
+/// the hull and thrusters does, and what no data sheet knows.
 class VibrationTracker {
  public:
   VibrationTracker(const InertialConfig& config, const imu::Noise& sheet)
@@ -25,14 +25,15 @@ class VibrationTracker {
  private:
   InertialConfig config_;
   imu::Noise sheet_;
-  std::deque<ImuSample> last_;     // three at most
-  double accel_variance_ = 0.0;    // of one sample and axis [m²/s⁴]
-  double gyro_variance_ = 0.0;     // [rad²/s²]
+  std::deque<ImuSample> last_;   // three at most
+  double accel_variance_ = 0.0;  // of one sample and axis [m²/s⁴]
+  double gyro_variance_ = 0.0;   // [rad²/s²]
   double period_s_ = 0.01;
   int count_ = 0;
 };
 
-/// Decides whether the vehicle stands still: the IMU is quiet and the DVL, where it has lock, says so.
+/// Decides whether the vehicle stands still: the IMU is quiet and the DVL, where it has lock, says
+/// so.
 class StillnessDetector {
  public:
   explicit StillnessDetector(const ZeroVelocityConfig& config) : config_(config) {}
@@ -70,8 +71,8 @@ class MeasurementGate {
 /// Lets the noise follow the innovations of the DVL: a NIS that is too large on average means that
 /// somebody is noisier than said. Who it is shows in how one innovation resembles the next (Mehra,
 /// "On the identification of variances and adaptive Kalman filtering", 1970): when they keep their
-/// sign, the motion model lags behind and the accelerometer is to blame (vibration, a lever arm that
-/// nobody measured); when they alternate, the filter chases noise and the DVL is.
+/// sign, the motion model lags behind and the accelerometer is to blame (vibration, a lever arm
+/// that nobody measured); when they alternate, the filter chases noise and the DVL is.
 class NoiseAdapter {
  public:
   explicit NoiseAdapter(const AdaptationConfig& config)

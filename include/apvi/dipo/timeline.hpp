@@ -12,17 +12,18 @@
 
 namespace apvi::dipo {
 
-/// The filter's recent past, so that a measurement that arrives late (a DVL ping is 0.1 to 0.7 s old)
-/// takes effect at its own time: the state goes back there, takes it in, and inertial data and later
-/// measurements are played again.
+/// The filter's recent past, so that a measurement that arrives late (a DVL ping is 0.1 to 0.7 s
+/// old) takes effect at its own time: the state goes back there, takes it in, and inertial data and
+/// later measurements are played again.
 class Timeline {
  public:
-  /// A measurement as a function of the state at its time.
-  using Model = std::function<Measurement(const State&, const Kinematics&)>;
+  /// A measurement as a function of the filter at its time.
+  using Model = std::function<Measurement(const Eskf&, const Kinematics&)>;
 
-  /// Keeps at least `length` of history. A step longer than `max_step` is a gap in the inertial data:
-  /// the vehicle is assumed to go on, and the filter told that it knows little.
-  Timeline(const imu::World& world, const CalibrationWalk& walk, Duration length, Duration max_step);
+  /// Keeps at least `length` of history. A step longer than `max_step` is a gap in the inertial
+  /// data: the vehicle is assumed to go on, and the filter told that it knows little.
+  Timeline(const imu::World& world, const CalibrationWalk& walk, Duration length,
+           Duration max_step);
 
   bool started() const { return !steps_.empty(); }
   void start(const ImuSample& sample, const Eskf& filter);

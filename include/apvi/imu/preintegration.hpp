@@ -10,8 +10,9 @@
 namespace apvi::imu {
 
 /// Inertial motion between two instants, summed up once so that a factor graph need not integrate
-/// again when its states move: Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for
-/// real-time visual-inertial odometry", T-RO 2017, with the midpoint rule for rotation and force.
+/// again when its states move: Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration
+/// for real-time visual-inertial odometry", T-RO 2017, with the midpoint rule for rotation and
+/// force.
 ///
 /// With R, p, v (world frame velocity) at the ends i and j over the time T and gravity g:
 ///   ΔR = R_iᵀ R_j,  Δv = R_iᵀ (v_j - v_i - g T),  Δp = R_iᵀ (p_j - p_i - v_i T - g T²/2).
@@ -31,7 +32,8 @@ class Preintegration {
   Preintegration(const Noise& noise, const Eigen::Vector3d& gyro_bias,
                  const Eigen::Vector3d& accel_bias);
 
-  /// Adds the span between two consecutive samples. Throws std::logic_error unless time goes forward.
+  /// Adds the span between two consecutive samples. Throws std::logic_error unless time goes
+  /// forward.
   void integrate(const ImuSample& from, const ImuSample& to);
 
   double duration_s() const { return duration_s_; }

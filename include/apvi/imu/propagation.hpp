@@ -11,8 +11,8 @@ namespace apvi::imu {
 /// The state of the paper's Eq. (1): velocity is in the body frame.
 struct NavState {
   Eigen::Quaterniond R_world_body = Eigen::Quaterniond::Identity();
-  Eigen::Vector3d p_world = Eigen::Vector3d::Zero();   ///< [m]
-  Eigen::Vector3d v_body = Eigen::Vector3d::Zero();    ///< over ground [m/s]
+  Eigen::Vector3d p_world = Eigen::Vector3d::Zero();     ///< [m]
+  Eigen::Vector3d v_body = Eigen::Vector3d::Zero();      ///< over ground [m/s]
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s²]
 };
@@ -33,11 +33,11 @@ struct World {
   Eigen::Vector3d earth_rate = Eigen::Vector3d::Zero();           ///< in world coordinates [rad/s]
 };
 
-/// One step of the motion equations of the paper's Eq. (2) over `dt` [s] with angular rate `gyro` and
-/// specific force `accel` constant over it (give the mean of the samples at both ends: the midpoint
-/// rule). Strapdown equations in a level frame on the turning Earth: Groves, "Principles of GNSS,
-/// inertial, and multisensor integrated navigation systems", 2013, section 5.4, with the transport rate
-/// left out (a vehicle at 2 m/s turns by 3e-7 rad/s over the globe).
+/// One step of the motion equations of the paper's Eq. (2) over `dt` [s] with angular rate `gyro`
+/// and specific force `accel` constant over it (give the mean of the samples at both ends: the
+/// midpoint rule). Strapdown equations in a level frame on the turning Earth: Groves, "Principles
+/// of GNSS, inertial, and multisensor integrated navigation systems", 2013, section 5.4, with the
+/// transport rate left out (a vehicle at 2 m/s turns by 3e-7 rad/s over the globe).
 NavState propagate(const NavState& state, const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel,
                    double dt, const World& world);
 

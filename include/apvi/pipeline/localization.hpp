@@ -26,8 +26,8 @@ struct LocalizationCounts {
   std::map<dipo::Verdict, std::size_t> depths;
 };
 
-/// Localization without a camera: feeds samples to DIPO and gives a pose at every DVL ping, causal: the
-/// pose of a ping is given out once, as soon as the inertial data have reached it.
+/// Localization without a camera: feeds samples to DIPO and gives a pose at every DVL ping, causal:
+/// the pose of a ping is given out once, as soon as the inertial data have reached it.
 class Localization {
  public:
   Localization(const dipo::Config& config, const Rig& rig) : dipo_(config, rig) {}

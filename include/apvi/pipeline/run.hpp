@@ -26,7 +26,8 @@ struct RunResult {
 
 /// Runs localization over a recording into a run folder and evaluates it against the recording's
 /// reference, if there is one. What was computed is in the folder even when this throws. Throws
-/// InputError for a bad recording or configuration, RunError when nothing could be estimated or written.
+/// InputError for a bad recording or configuration, RunError when nothing could be estimated or
+/// written.
 RunResult run(const RunConfig& config, const RunOptions& options);
 
 }  // namespace apvi::pipeline

@@ -67,8 +67,8 @@ RunConfig load_run_config(const std::filesystem::path& file,
 /// Throws InputError for values that contradict each other or need what is not built.
 void check(const RunConfig& config);
 
-/// The rig of a run: the recording's own, or `dataset.rig`, with the configuration's `rig` laid over.
-/// Throws InputError when there is none at all.
+/// The rig of a run: the recording's own, or `dataset.rig`, with the configuration's `rig` laid
+/// over. Throws InputError when there is none at all.
 config::Node rig_of(const RunConfig& config, const config::Node& recorded);
 
 }  // namespace apvi::pipeline

@@ -9,13 +9,13 @@
 
 namespace apvi::pipeline {
 
-/// The files of a run, written as the run goes on, so that a stop at any time leaves what was computed:
-/// trajectory.tum and dipo.tum (poses), calibration.csv (what the filter learns about its sensors),
-/// health.csv (what became of every ping).
+/// The files of a run, written as the run goes on, so that a stop at any time leaves what was
+/// computed: trajectory.tum and dipo.tum (poses), calibration.csv (what the filter learns about its
+/// sensors), health.csv (what became of every ping).
 class RunFolder {
  public:
-  /// Makes the folder. Throws InputError when it holds a run already and `overwrite` is false, RunError
-  /// when it cannot be written.
+  /// Makes the folder. Throws InputError when it holds a run already and `overwrite` is false,
+  /// RunError when it cannot be written.
   RunFolder(const std::filesystem::path& path, bool overwrite);
 
   const std::filesystem::path& path() const { return path_; }
