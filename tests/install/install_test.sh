@@ -18,4 +18,4 @@ fi
 cmake -S "$(dirname "$0")" -B "$work/build" -G Ninja -DCMAKE_PREFIX_PATH="$work/prefix" \
   -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
 cmake --build "$work/build"
-"$work/build/consumer"
+ctest --test-dir "$work/build" --output-on-failure
