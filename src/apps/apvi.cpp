@@ -26,6 +26,7 @@ int dispatch(int argc, char** argv) {
   apvi::apps::add_run(app);
   apvi::apps::add_eval(app);
   apvi::apps::add_sim(app);
+  apvi::apps::add_config(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
