@@ -137,6 +137,11 @@ imu::Noise Dipo::noise_now() const {
 
 void Dipo::add(const ImuSample& sample) {
   if (last_imu_ && sample.stamp <= last_imu_->stamp) return;  // the reader has counted it
+  if (sample.gyro.cwiseAbs().maxCoeff() > config_.inertial.max_gyro ||
+      sample.accel.cwiseAbs().maxCoeff() > config_.inertial.max_accel) {
+    ++saturated_samples_;
+    return;
+  }
   if (last_imu_ && seconds_between(last_imu_->stamp, sample.stamp) > config_.inertial.max_gap_s) {
     ++gaps_;
   }

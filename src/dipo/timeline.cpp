@@ -15,6 +15,11 @@ using Eigen::Vector3d;
 constexpr double kGyroSpan_s = 0.03;  // half width of the average
 constexpr double kSlopeSpan_s = 0.1;  // half width of what gives accelerations
 
+// Inertial data farther apart than this leave room for what happened in between.
+constexpr double kThin_s = 0.05;
+constexpr double kThinTurnRate = 0.03;     // [rad/s]
+constexpr double kThinAcceleration = 0.1;  // [m/s²]
+
 // What an unseen second may do to a vehicle: it turns and changes speed at will.
 constexpr double kGapTurnRate = 0.2;      // [rad/s]
 constexpr double kGapAcceleration = 0.3;  // [m/s²]
@@ -90,6 +95,10 @@ void Timeline::move(Eskf& filter, Stamp from, Stamp to, std::size_t step) const 
   }
   filter.propagate(0.5 * (begin.sample.gyro + end.sample.gyro),
                    0.5 * (begin.sample.accel + end.sample.accel), dt, world_, end.noise, walk_);
+  if (seconds_between(begin.sample.stamp, end.sample.stamp) > kThin_s) {
+    filter.inflate(imu::kTheta, 3, std::pow(kThinTurnRate * dt, 2));
+    filter.inflate(imu::kVelocity, 3, std::pow(kThinAcceleration * dt, 2));
+  }
 }
 
 void Timeline::take_in(Eskf& filter, const Entry& entry) const {

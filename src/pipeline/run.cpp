@@ -49,6 +49,7 @@ eval::Json counts_json(const Localization& localization, const io::SequenceReade
     json["depth"][std::string(dipo::to_string(verdict))] = count;
   }
   json["imu_gaps"] = localization.dipo().gaps();
+  json["imu_saturated"] = localization.dipo().saturated_samples();
   json["zero_velocity_updates"] = localization.dipo().zero_velocity_updates();
   for (const auto& [sensor, report] : reader.report()) {
     json["dropped_samples"][sensor] = total_dropped(report);

@@ -30,6 +30,12 @@ void check(const RunConfig& config) {
           "[imu, dvl, pressure]");
     }
   }
+  for (const char* needed : {"imu", "dvl"}) {
+    if (std::find(config.sensors.use.begin(), config.sensors.use.end(), needed) ==
+        config.sensors.use.end()) {
+      fail_input("sensors.use: {} is missing; DVL-inertial odometry needs imu and dvl", needed);
+    }
+  }
   if (config.run.mode != RunMode::sequential) {
     fail_input("run.mode: without a camera there is one thread; use sequential");
   }

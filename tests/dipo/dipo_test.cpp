@@ -244,6 +244,19 @@ TEST(Dipo, GoesOnAfterAGapInTheInertialData) {
   EXPECT_LT(outcome.last->state.nav.v_body.norm(), 1.5);
 }
 
+TEST(Dipo, AShockThatSaturatesTheImuDoesNotTurnTheVehicle) {
+  Dive dive;
+  Random random(8);
+  dive.disturb_imu = [&random](ImuSample& sample, double t) {
+    if (t < 20.0 || t > 20.3) return;
+    sample.gyro += test::random_vector(random, 40.0);
+    sample.accel += test::random_vector(random, 400.0);
+  };
+  const Outcome outcome = run_dive(dive, {}, make_test_rig());
+  EXPECT_LT(outcome.end_error_m, 0.5);
+  EXPECT_LT(std::abs(outcome.heading_error_rad), 0.05);
+}
+
 TEST(Dipo, WithoutBottomLockItWaitsAndSaysSo) {
   Dipo dipo({}, make_test_rig());
   EXPECT_EQ(dipo.waiting_for(), "inertial samples");

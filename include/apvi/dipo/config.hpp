@@ -61,6 +61,8 @@ struct InertialConfig {
   double accel_noise_factor = 1.0;
   double vibration_factor = 3.0;
   double max_gap_s = 0.5;
+  double max_gyro = 8.7;
+  double max_accel = 80.0;
 
   template <typename V>
   void visit(V& v) {
@@ -73,6 +75,9 @@ struct InertialConfig {
       "how much of the vibration seen between samples counts as noise; 0: trust the rig");
     v("max_gap_s", max_gap_s, Range{0.01, 60.0},
       "a longer pause between inertial samples is a gap: the filter goes on straight ahead [s]");
+    v("max_gyro", max_gyro, Range{0.1, 100.0},
+      "a sample that turns faster is a shock or a saturated sensor, and is left out [rad/s]");
+    v("max_accel", max_accel, Range{10.0, 1000.0}, "the same for the specific force [m/s²]");
   }
 };
 

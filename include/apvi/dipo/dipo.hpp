@@ -64,6 +64,7 @@ class Dipo {
   std::vector<Report> take_dvl_reports() { return std::exchange(dvl_reports_, {}); }
   std::vector<Report> take_depth_reports() { return std::exchange(depth_reports_, {}); }
   std::size_t gaps() const { return gaps_; }
+  std::size_t saturated_samples() const { return saturated_samples_; }
   std::size_t zero_velocity_updates() const { return zero_velocity_updates_; }
 
  private:
@@ -104,6 +105,7 @@ class Dipo {
   std::vector<Report> dvl_reports_;
   std::vector<Report> depth_reports_;
   std::size_t gaps_ = 0;
+  std::size_t saturated_samples_ = 0;
   std::size_t zero_velocity_updates_ = 0;
 };
 
