@@ -8,7 +8,7 @@ usage() {
   cat <<END
 usage: scripts/demo.sh [-o FOLDER] [APVI RUN ARGUMENTS...]
 Installs what is missing, builds into build/cpu, simulates a dive with IMU, DVL and pressure sensor,
-runs the localization on it, and prints the metrics against the simulated truth.
+runs the localization on it, prints the metrics against the simulated truth, and draws the report.
   -o FOLDER   where the data set and the run go (default: runs/demo)
 Further arguments go to \`apvi run\`, for example --set run.seed=2. Environment: APVI_JOBS.
 END
@@ -36,13 +36,14 @@ make_demo_data() {
     echo "demo: $dataset is there already"
     return
   fi
-  apvi sim "$APVI_ROOT/configs/scenes/seabed_easy.yaml" -o "$dataset"
+  # No images: this version localizes without a camera.
+  apvi sim "$APVI_ROOT/configs/scenes/seabed_easy.yaml" -o "$dataset" --no-images
 }
 
 run_demo() {
   local dataset="$1" run="$2"
   shift 2
-  apvi run "$APVI_ROOT/configs/default.yaml" --set dataset.path="$(realpath "$dataset")" "$@" -o "$run"
+  apvi run "$APVI_ROOT/configs/default.yaml" --set dataset.path="$(realpath "$dataset")" "$@" -o "$run" --overwrite
 }
 
 cd "$APVI_ROOT"
@@ -52,6 +53,6 @@ mkdir -p "$output"
 make_demo_data "$output/dataset"
 say "Localizing the vehicle"
 run_demo "$output/dataset" "$output/run" "$@"
-say "Metrics"
-apvi eval "$output/run"
+say "Drawing the report"
+/usr/bin/python3 scripts/report.py "$output/run"
 say "The report is $output/run/report.html, the trajectory $output/run/trajectory.tum"

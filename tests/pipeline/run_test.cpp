@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/pipeline/run.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "apvi/core/error.hpp"
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/io/tum.hpp"
+#include "support/dive_folder.hpp"
+#include "support/test_data.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+RunConfig config_for(const fs::path& dataset) {
+  RunConfig config;
+  config.dataset.path = dataset.string();
+  return config;
+}
+
+std::string read_all(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+TEST(Run, WritesATrajectoryMetricsAndTheResolvedConfiguration) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  const RunResult result = run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
+  EXPECT_GT(result.poses, 250U);
+  EXPECT_LT(result.metrics.ate.value->rmse, 0.2);
+  const Trajectory trajectory = io::read_trajectory(tmp.path() / "run" / "trajectory.tum");
+  EXPECT_EQ(trajectory.size(), result.poses);
+  const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
+  EXPECT_NEAR(metrics["trajectory"]["ate_rmse_m"].get<double>(), result.metrics.ate.value->rmse,
+              1e-9);
+  EXPECT_GT(metrics["counts"]["dvl"]["accepted"].get<int>(), 250);
+  for (const char* name : {"dipo.tum", "calibration.csv", "health.csv", "log.txt"}) {
+    EXPECT_GT(fs::file_size(tmp.path() / "run" / name), 0U) << name;
+  }
+}
+
+TEST(Run, TheResolvedConfigurationReproducesTheRunToTheByte) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  RunConfig config = config_for(tmp.path() / "dive");
+  config.dipo.dvl.time_offset.sigma = 0.2;
+  config::apply_override(config.rig, "dvl0.sound_speed=1480");
+  run(config, {.folder = tmp.path() / "first"});
+  const RunConfig again = load_run_config(tmp.path() / "first" / "resolved.yaml", {});
+  run(again, {.folder = tmp.path() / "second"});
+  EXPECT_EQ(read_all(tmp.path() / "first" / "trajectory.tum"),
+            read_all(tmp.path() / "second" / "trajectory.tum"));
+  EXPECT_EQ(read_all(tmp.path() / "first" / "calibration.csv"),
+            read_all(tmp.path() / "second" / "calibration.csv"));
+}
+
+TEST(Run, AnInterruptKeepsWhatWasComputed) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  int samples = 0;
+  const RunResult result =
+      run(config_for(tmp.path() / "dive"),
+          {.folder = tmp.path() / "run", .overwrite = false, .interrupted = [&samples] {
+             return ++samples > 4000;
+           }});
+  EXPECT_TRUE(result.interrupted);
+  EXPECT_GT(result.poses, 50U);
+  EXPECT_EQ(io::read_trajectory(tmp.path() / "run" / "trajectory.tum").size(), result.poses);
+  EXPECT_TRUE(fs::exists(tmp.path() / "run" / "metrics.json"));
+}
+
+TEST(Run, ARunIsNotOverwrittenByAccident) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  const RunConfig config = config_for(tmp.path() / "dive");
+  run(config, {.folder = tmp.path() / "run"});
+  EXPECT_THROW(run(config, {.folder = tmp.path() / "run"}), InputError);
+  EXPECT_NO_THROW(run(config, {.folder = tmp.path() / "run", .overwrite = true}));
+}
+
+TEST(Run, AFullDiskIsSaid) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "needs /dev/full";
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  fs::create_directories(tmp.path() / "run");
+  fs::create_symlink("/dev/full", tmp.path() / "run" / "calibration.csv");
+  try {
+    run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
+    FAIL() << "nothing was said";
+  } catch (const RunError& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("disk full"));
+  }
+}
+
+TEST(Run, WithoutBottomLockItFailsAndSaysWhatItWaitedFor) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {.dvl_valid = false});
+  try {
+    run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
+    FAIL() << "nothing was said";
+  } catch (const RunError& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("a DVL ping with bottom lock"));
+  }
+}
+
+TEST(Run, BrokenSamplesNeverBecomeBrokenPoses) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {.broken_samples = true});
+  const RunResult result = run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
+  EXPECT_LT(result.metrics.ate.value->rmse, 0.5);
+  for (const StampedPose& pose : io::read_trajectory(tmp.path() / "run" / "trajectory.tum").poses) {
+    EXPECT_TRUE(pose.T_world_body.translation.allFinite());
+  }
+  const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
+  EXPECT_GE(metrics["counts"]["dropped_samples"]["imu"].get<int>(), 3);
+}
+
+TEST(RunConfig, SensorsAndModesThatAreNotThereAreRefused) {
+  const test::TmpDir tmp;
+  const fs::path file = tmp.write("a.yaml", "run: {seed: 1}\n");
+  EXPECT_THROW(load_run_config(file, {"sensors.use=[imu, sonar]"}), InputError);
+  EXPECT_THROW(load_run_config(file, {"sensors.use=[imu, pressure]"}), InputError);
+  EXPECT_THROW(load_run_config(file, {"sensors.use=[camera, imu, dvl]"}), InputError);
+  EXPECT_THROW(load_run_config(file, {"run.mode=realtime"}), InputError);
+  EXPECT_NO_THROW(load_run_config(file, {"sensors.use=[imu, dvl]"}));
+}
+
+double ate_of(const fs::path& config_file, const fs::path& dataset, const fs::path& folder,
+              std::vector<std::string> overrides = {}) {
+  overrides.push_back("dataset.path=" + dataset.string());
+  return run(load_run_config(config_file, overrides), {.folder = folder, .overwrite = true})
+      .metrics.ate.value->rmse;
+}
+
+const fs::path kConfigs = fs::path(APVI_SOURCE_DIR) / "configs";
+
+TEST(RealDives, AkitStaysBelowThirtyCentimetresOnAverage) {
+  const test::TmpDir tmp;
+  double sum = 0.0;
+  for (int i = 1; i <= 6; ++i) {
+    APVI_NEEDS_DATA(dataset, "akit_0" + std::to_string(i));
+    const double ate = ate_of(kConfigs / "datasets" / "akit.yaml", dataset, tmp.path() / "run");
+    EXPECT_LT(ate, 0.75) << dataset;
+    sum += ate / 6.0;
+  }
+  EXPECT_LT(sum, 0.30);
+}
+
+TEST(RealDives, BlueyeFollowsGnssAndBetterOnceTheSoundSpeedIsKnown) {
+  APVI_NEEDS_DATA(dataset, "blueye_auto_square");
+  const test::TmpDir tmp;
+  const fs::path config = kConfigs / "datasets" / "blueye.yaml";
+  EXPECT_LT(ate_of(config, dataset, tmp.path() / "run"), 1.35);
+  EXPECT_LT(ate_of(config, dataset, tmp.path() / "run", {"rig.dvl0.sound_speed=1425"}), 0.95);
+}
+
+TEST(RealDives, EurocFindsTheDvlsDelayAndStaysWithinTwoCentimetres) {
+  APVI_NEEDS_DATA(dataset, "euroc_mh01_apvi");
+  const test::TmpDir tmp;
+  const fs::path folder = tmp.path() / "run";
+  EXPECT_LT(ate_of(kConfigs / "datasets" / "euroc_apvi.yaml", dataset, folder), 0.02);
+  std::istringstream lines(read_all(folder / "calibration.csv"));
+  std::string last;
+  for (std::string line; std::getline(lines, line);) last = line;
+  EXPECT_NEAR(std::stod(last.substr(last.find(',') + 1)), 0.10, 0.02);
+}
+
+}  // namespace
+}  // namespace apvi::pipeline
