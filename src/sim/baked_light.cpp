@@ -12,10 +12,10 @@
 namespace apvi::sim {
 namespace {
 
-constexpr int kSkyRays = 16;
-constexpr float kSkyRange = 1.5F;  // [m]; farther things lose themselves in scattered light
-constexpr int kSunRays = 3;
-constexpr float kSunRange = 8.0F;  // [m]
+constexpr int kSkyRays = 12;
+constexpr float kSkyRange = 1.2F;  // [m]; farther things lose themselves in scattered light
+constexpr int kSunRays = 2;
+constexpr float kSunRange = 5.0F;  // [m]
 constexpr int kBlock = 4096;
 
 // Cosine-weighted directions about z, well spread (Hammersley points on the disc).

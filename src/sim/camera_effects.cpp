@@ -44,7 +44,36 @@ void respond(float* row, int count, double gamma) {
   for (int i = 0; i < count; ++i) row[i] = std::pow(std::clamp(row[i], 0.0F, 1.0F), power);
 }
 
+// out = side * (before + after) + middle * here
+APVI_CLONES void three_taps(const float* before, const float* here, const float* after, float* out,
+                            int count, float side, float middle) {
+  for (int i = 0; i < count; ++i) {
+    out[i] = side * (before[i] + after[i]) + middle * here[i];
+  }
+}
+
 }  // namespace
+
+void soften(cv::Mat& picture, double sigma) {
+  const double neighbour = std::exp(-0.5 / (sigma * sigma));
+  const auto side = static_cast<float>(neighbour / (1.0 + 2.0 * neighbour));
+  const float middle = 1.0F - 2.0F * side;
+  const int last = picture.rows - 1;
+  const int width = 3 * picture.cols;
+  cv::Mat columns(picture.size(), CV_32FC3);
+  for (int y = 0; y <= last; ++y) {
+    three_taps(picture.ptr<float>(std::max(0, y - 1)), picture.ptr<float>(y),
+               picture.ptr<float>(std::min(last, y + 1)), columns.ptr<float>(y), width, side,
+               middle);
+  }
+  for (int y = 0; y <= last; ++y) {  // the first and last column keep what they have
+    const float* in = columns.ptr<float>(y);
+    float* out = picture.ptr<float>(y);
+    std::copy_n(in, 3, out);
+    std::copy_n(in + width - 3, 3, out + width - 3);
+    three_taps(in, in + 3, in + 6, out + 3, width - 6, side, middle);
+  }
+}
 
 cv::Mat develop(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
                 std::uint64_t seed, std::uint64_t frame) {
@@ -54,7 +83,8 @@ cv::Mat develop(const cv::Mat& linear, const CameraEffectsConfig& config, double
   cv::Mat row(1, linear.cols, CV_32FC3);
   const auto electrons = static_cast<float>(config.full_well_e / gain);
   const std::uint32_t stream =
-      hash32(static_cast<std::uint32_t>(seed ^ (seed >> 32)), static_cast<std::uint32_t>(frame));
+      hash32(static_cast<std::uint32_t>(seed ^ (seed >> 32)),
+             hash32(static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(frame >> 32)));
   for (int y = 0; y < linear.rows; ++y) {
     const std::uint32_t key = hash32(stream, static_cast<std::uint32_t>(y));
     add_noise(linear.ptr<float>(y), row.ptr<float>(), count, electrons,

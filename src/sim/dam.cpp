@@ -15,7 +15,10 @@ using shapes::Skin;
 
 struct Opening {
   float x0, x1, z0, z1;
-  bool has(float x, float z) const { return x > x0 && x < x1 && z > z0 && z < z1; }
+  /// Distance outside (in the larger of the two directions), negative inside.
+  float distance(float x, float z) const {
+    return std::max(std::max(x0 - x, x - x1), std::max(z0 - z, z - z1));
+  }
 };
 
 struct Layout {
@@ -64,14 +67,6 @@ float relief(float x, float z) {
          spall * (0.05F + 0.03F * rough) + life * std::max(0.0F, clumps);
 }
 
-Material face_material(float x, float z) {
-  const float life =
-      fbm({x, 0.0F, z}, {.frequency = 0.55F, .octaves = 5, .gain = 0.6F, .seed = 504});
-  const float ragged =
-      fbm({x, 3.0F, z}, {.frequency = 4.0F, .octaves = 3, .gain = 0.6F, .seed = 506});
-  return life + 0.25F * ragged > 0.25F ? Material::mussels : Material::concrete;
-}
-
 void add_face(TriangleMesh& mesh, const WorldConfig& config, const Layout& layout) {
   const auto width = static_cast<float>(config.size_m) + 20.0F;
   const float bottom = layout.floor - 2.0F;
@@ -85,19 +80,12 @@ void add_face(TriangleMesh& mesh, const WorldConfig& config, const Layout& layou
     return bottom + (-0.05F - bottom) * j / static_cast<float>(rows);
   };
   shapes::grid(
-      mesh, columns, rows, {.material = Material::concrete, .object = 1},
-      [&](int i, int j) {
+      mesh, columns, rows, {.material = Material::concrete, .object = 1}, [&](int i, int j) {
         const float x = x_of(static_cast<float>(i));
         const float z = z_of(static_cast<float>(j));
-        return GridPoint{{x, -relief(x, z), z}, smooth_step(0.0F, 0.07F, distance_to_joint(x, z))};
-      },
-      [&](int i, int j) {
-        const float x = x_of(static_cast<float>(i) + 0.5F);
-        const float z = z_of(static_cast<float>(j) + 0.5F);
-        return !layout.gate.has(x, z) && !layout.intake.has(x, z);
-      },
-      [&](int i, int j) {
-        return face_material(x_of(static_cast<float>(i)), z_of(static_cast<float>(j)));
+        return GridPoint{{x, -relief(x, z), z},
+                         smooth_step(0.0F, 0.07F, distance_to_joint(x, z)),
+                         std::min(layout.gate.distance(x, z), layout.intake.distance(x, z))};
       });
 }
 

@@ -29,8 +29,8 @@ void grow_branch(TriangleMesh& mesh, const Affine3f& T, const Branch& b, Random&
   const Vector3f bend = 0.3F * b.length * any_direction(random, 0.8F);
   const bool tip = b.depth == 0;
   std::vector<shapes::Ring> rings;
-  for (int i = 0; i <= 4; ++i) {
-    const float u = 0.25F * static_cast<float>(i);
+  for (int i = 0; i <= 3; ++i) {
+    const float u = static_cast<float>(i) / 3.0F;
     const Vector3f p = b.from + u * b.length * b.direction + u * u * bend;
     const float taper = b.radius * (1.0F - (tip ? 0.5F : 0.3F) * u);
     rings.push_back({T * p, taper,
@@ -38,7 +38,7 @@ void grow_branch(TriangleMesh& mesh, const Affine3f& T, const Branch& b, Random&
                                         (tip ? 0.35F * u * u * u : 0.0F))});
   }
   const Vector3f end = b.from + b.length * b.direction + bend;
-  shapes::tube(mesh, rings, 7, skin, true);
+  shapes::tube(mesh, rings, 6, skin, true);
   if (b.depth == 0) return;
   const int children = 2 + static_cast<int>(random.uniform() * 2.0);
   for (int k = 0; k < children; ++k) {
@@ -97,7 +97,7 @@ void add_brain_coral(TriangleMesh& mesh, const Affine3f& T, float size, Random& 
                      std::uint16_t object) {
   const Vector3f offset(uniform(random, 0, 99), uniform(random, 0, 99), 0.0F);
   const float flat = uniform(random, 0.6, 0.95);
-  shapes::blob(mesh, size > 0.25F ? 5 : 4, {.material = Material::brain_coral, .object = object},
+  shapes::blob(mesh, size > 0.2F ? 4 : 3, {.material = Material::brain_coral, .object = object},
                [&](const Vector3f& p) {
                  const float lumps =
                      fbm(p + offset, {.frequency = 1.0F, .octaves = 3, .gain = 0.45F, .seed = 211});
@@ -177,17 +177,16 @@ void add_fan(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
            (0.85F + 0.5F * fbm({spread(i), 0, 0},
                                {.frequency = 2.0F, .octaves = 3, .gain = 0.6F, .seed = key}));
   };
-  shapes::grid(
-      mesh, kColumns, kRows, {.material = Material::fan_coral, .object = object},
-      [&](int i, int j) {
-        const float r = 0.04F * size + rim(i) * static_cast<float>(j) / kRows;
-        const float x = r * std::sin(0.5F * spread(i));
-        return shapes::GridPoint{
-            T * Vector3f(x, curl * x * x / size, r * std::cos(0.5F * spread(i)) - 0.03F), 1.0F};
-      },
-      [&](int i, int j) {
-        return j < 4 || unit_float(hash32(key, static_cast<std::uint32_t>(64 * i + j))) > 0.10F;
-      });
+  shapes::grid(mesh, kColumns, kRows, {.material = Material::fan_coral, .object = object},
+               [&](int i, int j) {
+                 const float r = 0.04F * size + rim(i) * static_cast<float>(j) / kRows;
+                 const float x = r * std::sin(0.5F * spread(i));
+                 const float random_gap =
+                     unit_float(hash32(key, static_cast<std::uint32_t>(64 * i + j))) - 0.13F;
+                 return shapes::GridPoint{
+                     T * Vector3f(x, curl * x * x / size, r * std::cos(0.5F * spread(i)) - 0.03F),
+                     1.0F, j < 5 ? 1.0F : random_gap};
+               });
 }
 
 void add_weed(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,

@@ -28,12 +28,13 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
   }
 }
 
-void bump_cells(SurfaceBatch& s, const Cells& field, float frequency, float height, float radius) {
+void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, float frequency,
+                float height, float radius) {
   Gradient dome;
   for (int i = 0; i < kBatch; ++i) {
     // height (1 - d^2 / radius^2) inside: its gradient is -2 offset / radius^2, per metre.
     const bool inside = field.nearest.v[i] < radius;
-    const float slope = inside ? -2.0F * frequency * field.weight.v[i] / (radius * radius) : 0.0F;
+    const float slope = inside ? -2.0F * frequency * cover.v[i] / (radius * radius) : 0.0F;
     dome.dx.v[i] = slope * field.dx.v[i];
     dome.dy.v[i] = slope * field.dy.v[i];
     dome.dz.v[i] = slope * field.dz.v[i];

@@ -35,8 +35,9 @@ inline void put(SurfaceBatch& s, int i, const Colour& c) {
 Colour pick(const Colour* palette, int count, float random);
 /// Turns the normals as if the surface were raised by height * value [m].
 void bump(SurfaceBatch& s, const Gradient& field, float height);
-/// Raises a dome of `height` m on every cell (barnacles, polyps, mussels).
-void bump_cells(SurfaceBatch& s, const Cells& field, float frequency, float height, float radius);
+/// Raises a dome of `height` m times `cover` on every cell (barnacles, polyps, mussels).
+void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, float frequency,
+                float height, float radius);
 
 void sand(SurfaceBatch& s);
 void silt(SurfaceBatch& s);
@@ -48,6 +49,8 @@ void sponge(SurfaceBatch& s);
 void fan_coral(SurfaceBatch& s);
 void weed(SurfaceBatch& s);
 void mussels(SurfaceBatch& s);
+/// Mussels in beds on top of what `s` holds; the dam's face stands out where they are.
+void add_mussel_beds(SurfaceBatch& s);
 void steel(SurfaceBatch& s);
 void wood(SurfaceBatch& s);
 void concrete(SurfaceBatch& s);

@@ -9,27 +9,35 @@ namespace {
 struct Fouling {
   Lanes colony, turf;
   Cells barnacles;
+  Lanes cover;  ///< how much of a point is barnacle
 };
-
-void add_fouling(SurfaceBatch& s, std::uint32_t seed, Fouling& f) {
-  fbm(s.p, {.frequency = 1.3F, .octaves = 4, .gain = 0.6F, .seed = seed}, f.colony);
-  fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = seed + 1}, f.turf);
-  cells(s.p, 30.0F, seed + 2, f.barnacles);
-}
 
 float barnacle_cover(const Fouling& f, int i, float threshold) {
   const float colony =
-      smooth_step(threshold, threshold + 0.15F, f.colony.v[i] + 0.35F * f.turf.v[i]);
+      smooth_step(threshold, threshold + 0.06F, f.colony.v[i] + 0.15F * f.turf.v[i]);
   const float radius = 0.25F + 0.2F * f.barnacles.id.v[i];
   // Far away, where single shells cannot be told apart, the colony is a paler patch.
   const float single = smooth_step(radius, 0.75F * radius, f.barnacles.nearest.v[i]);
   return colony * mix(0.35F, single, f.barnacles.weight.v[i]);
 }
 
+// `threshold`: the higher, the rarer the colonies.
+void add_fouling(SurfaceBatch& s, std::uint32_t seed, float threshold, Fouling& f) {
+  fbm(s.p, {.frequency = 1.6F, .octaves = 4, .gain = 0.6F, .seed = seed}, f.colony);
+  fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = seed + 1}, f.turf);
+  cells(s.p, 30.0F, seed + 2, f.barnacles);
+  Lanes raised;
+  for (int i = 0; i < kBatch; ++i) {
+    f.cover.v[i] = barnacle_cover(f, i, threshold);
+    raised.v[i] = f.cover.v[i] * f.barnacles.weight.v[i];
+  }
+  bump_cells(s, f.barnacles, raised, 30.0F, 0.006F, 0.45F);
+}
+
 Colour barnacle_colour(const Fouling& f, int i) {
   const float mouth = smooth_step(0.05F, 0.11F, f.barnacles.nearest.v[i]);
   const float shade = mix(0.8F, 0.3F + 0.7F * mouth, f.barnacles.weight.v[i]);
-  return Colour{0.66F, 0.62F, 0.54F} * (shade * (0.75F + 0.45F * f.barnacles.id.v[i]));
+  return Colour{0.54F, 0.50F, 0.43F} * (shade * (0.75F + 0.45F * f.barnacles.id.v[i]));
 }
 
 }  // namespace
@@ -45,9 +53,8 @@ void steel(SurfaceBatch& s) {
       streaks);
   fbm(s.p, {.frequency = 35.0F, .octaves = 3, .gain = 0.8F, .seed = 113}, fine);
   fbm_gradient(s.p, {.frequency = 14.0F, .octaves = 4, .gain = 0.6F, .seed = 114}, pits);
-  add_fouling(s, 115, life);
-  bump(s, pits, 0.014F);
-  bump_cells(s, life.barnacles, 30.0F, 0.006F, 0.4F);
+  add_fouling(s, 115, 0.16F, life);
+  bump(s, pits, 0.007F);
   for (int i = 0; i < kBatch; ++i) {
     const float seam = 1.0F - s.detail.v[i];
     Colour c = pick(kPaint, 3, s.object.v[i]) * (1.0F + 0.35F * fine.v[i]);
@@ -59,11 +66,16 @@ void steel(SurfaceBatch& s) {
     const float upright = 1.0F - magnitude(s.nz.v[i]);
     c = mix(c, {0.42F, 0.20F, 0.08F}, 0.75F * upright * smooth_step(0.08F, 0.4F, streaks.v[i]));
     c = mix(c, {0.16F, 0.13F, 0.11F}, 0.6F * upright * smooth_step(0.1F, 0.4F, -streaks.v[i]));
+    // Crusts of sponge and coralline algae, in sheets.
+    c = mix(c, Colour{0.50F, 0.30F, 0.29F} * (1.0F + 0.6F * fine.v[i]),
+            0.8F * smooth_step(0.2F, 0.28F, -rust.v[i] + 0.3F * life.turf.v[i]));
+    c = mix(c, Colour{0.55F, 0.40F, 0.14F} * (1.0F + 0.6F * fine.v[i]),
+            0.85F * smooth_step(0.22F, 0.28F, -life.colony.v[i] + 0.25F * life.turf.v[i]));
     const float up = smooth_step(-0.1F, 0.7F, s.nz.v[i]);
     c = mix(c, Colour{0.20F, 0.23F, 0.10F} * (1.0F + fine.v[i]),
             (0.35F + 0.5F * up) * smooth_step(0.0F, 0.35F, life.turf.v[i]));
     c = mix(c, {0.46F, 0.42F, 0.33F}, 0.6F * up * smooth_step(-0.1F, 0.3F, rust.v[i] + fine.v[i]));
-    c = mix(c, barnacle_colour(life, i), barnacle_cover(life, i, 0.1F));
+    c = mix(c, barnacle_colour(life, i), life.cover.v[i]);
     put(s, i, c * (1.0F - 0.55F * smooth_step(0.4F, 1.0F, seam)));
   }
 }
@@ -75,8 +87,7 @@ void wood(SurfaceBatch& s) {
       grain);
   fbm(s.p, {.frequency = 2.0F, .octaves = 5, .gain = 0.6F, .seed = 122}, tone);
   fbm(s.p, {.frequency = 60.0F, .octaves = 2, .gain = 0.8F, .seed = 123}, fine);
-  add_fouling(s, 124, life);
-  bump_cells(s, life.barnacles, 30.0F, 0.006F, 0.4F);
+  add_fouling(s, 124, 0.24F, life);
   for (int i = 0; i < kBatch; ++i) {
     const float plank = 0.8F + 0.4F * s.object.v[i];
     Colour c = Colour{0.33F, 0.27F, 0.19F} * (plank + 0.7F * grain.v[i] + 0.4F * tone.v[i]);
@@ -85,7 +96,7 @@ void wood(SurfaceBatch& s) {
     c = mix(c, {0.50F, 0.45F, 0.35F},
             0.7F * smooth_step(0.5F, 0.9F, s.nz.v[i]) *
                 smooth_step(-0.1F, 0.35F, tone.v[i] + fine.v[i]));
-    c = mix(c, barnacle_colour(life, i), barnacle_cover(life, i, 0.18F));
+    c = mix(c, barnacle_colour(life, i), life.cover.v[i]);
     put(s, i, c * (0.45F + 0.55F * s.detail.v[i]));
   }
 }
@@ -99,18 +110,17 @@ void concrete(SurfaceBatch& s) {
   fbm(s.p, {.frequency = 3.5F, .octaves = 4, .gain = 0.6F, .seed = 132, .stretch = {1, 1, 0.06F}},
       streaks);
   fbm(s.p, {.frequency = 40.0F, .octaves = 4, .gain = 0.85F, .seed = 133}, fine);
-  fbm(s.p, {.frequency = 0.55F, .octaves = 5, .gain = 0.55F, .seed = 134}, veins);
+  fbm(s.p, {.frequency = 0.35F, .octaves = 4, .gain = 0.5F, .seed = 134}, veins);
   fbm(s.p, {.frequency = 1.2F, .octaves = 2, .gain = 0.5F, .seed = 135}, warp);
   fbm_gradient(s.p, {.frequency = 12.0F, .octaves = 5, .gain = 0.6F, .seed = 136}, skin);
   cells(s.p, 19.0F, 137, holes);
-  add_fouling(s, 138, life);
-  bump(s, skin, 0.010F);
-  bump_cells(s, life.barnacles, 30.0F, 0.005F, 0.4F);
+  add_fouling(s, 138, 0.2F, life);
+  bump(s, skin, 0.0035F);
   for (int i = 0; i < kBatch; ++i) {
     const float joint = 1.0F - s.detail.v[i];
     const float upright = 1.0F - magnitude(s.nz.v[i]);
     Colour c = Colour{0.46F, 0.45F, 0.40F} *
-               (1.0F + 0.35F * tone.v[i] + 0.3F * fine.v[i] + 0.35F * skin.value.v[i]);
+               (1.0F + 0.35F * tone.v[i] + 0.3F * fine.v[i] + 0.25F * skin.value.v[i]);
     // Marks of the boards of the formwork: a change of tone every 16 cm of height.
     const float board = s.p.z.v[i] * 6.25F + 0.15F * warp.v[i];
     const float level = static_cast<float>(static_cast<int>(board - 1000.0F));
@@ -131,15 +141,16 @@ void concrete(SurfaceBatch& s) {
         holes.weight.v[i] * smooth_step(0.05F + 0.16F * holes.id.v[i], 0.03F, holes.nearest.v[i]);
     c = c * (1.0F - (open ? 0.75F * hole : 0.0F));
     const float crack =
-        smooth_step(0.012F + 0.5F * s.p.footprint.v[i], 0.0F, magnitude(veins.v[i])) *
-        smooth_step(0.0F, 0.2F, warp.v[i]);
+        smooth_step(0.003F + 0.4F * s.p.footprint.v[i], 0.0F, magnitude(veins.v[i])) *
+        smooth_step(0.05F, 0.25F, warp.v[i]);
     c = c * (1.0F - 0.7F * crack);
     const float turf = smooth_step(-0.02F, 0.34F, life.turf.v[i] + 0.5F * life.colony.v[i]);
     c = mix(c, Colour{0.19F, 0.24F, 0.10F} * (1.0F + 0.8F * fine.v[i]), 0.75F * turf);
     c = mix(c, {0.48F, 0.44F, 0.35F}, 0.8F * smooth_step(0.5F, 0.9F, s.nz.v[i]));
-    c = mix(c, barnacle_colour(life, i), barnacle_cover(life, i, 0.16F));
+    c = mix(c, barnacle_colour(life, i), life.cover.v[i]);
     put(s, i, c * (1.0F - 0.6F * smooth_step(0.2F, 1.0F, joint)));
   }
+  add_mussel_beds(s);
 }
 
 }  // namespace apvi::sim::texture

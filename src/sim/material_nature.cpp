@@ -4,35 +4,101 @@
 
 namespace apvi::sim::texture {
 
-void sand(SurfaceBatch& s) {
+namespace {
+
+// Shell and coral rubble: pieces of every size and outline, white, grey and black.
+struct Rubble {
+  Cells pieces;
+  Lanes outline;
+};
+
+void scatter_rubble(const Points& p, Rubble& rubble) {
+  Lanes wx, wy;
+  fbm(p, {.frequency = 30.0F, .octaves = 2, .gain = 0.6F, .seed = 16}, wx);
+  fbm(p, {.frequency = 33.0F, .octaves = 2, .gain = 0.6F, .seed = 17}, wy);
+  fbm(p, {.frequency = 1.1F, .octaves = 3, .gain = 0.6F, .seed = 18}, rubble.outline);
+  Points warped = p;
+  for (int i = 0; i < kBatch; ++i) {
+    warped.x.v[i] += 0.030F * wx.v[i];
+    warped.y.v[i] += 0.030F * wy.v[i];
+  }
+  cells(warped, 15.0F, 15, rubble.pieces);
+}
+
+Colour add_rubble(const Rubble& rubble, int i, const Colour& ground, float rich) {
+  const float id = rubble.pieces.id.v[i];
+  const float other = id * 17.0F - static_cast<float>(static_cast<int>(id * 17.0F));
+  const float size = 0.05F + 0.30F * other * other;
+  const float cover = rich * rubble.pieces.weight.v[i] *
+                      smooth_step(size, 0.75F * size, rubble.pieces.nearest.v[i]);
+  // Rubble gathers in some places.
+  const bool there = id < 0.35F + 0.9F * rubble.outline.v[i];
+  const Colour tint =
+      mix({0.20F, 0.17F, 0.13F}, {0.74F, 0.70F, 0.62F}, other > 0.4F ? other : 0.0F);
+  return mix(ground, tint, there ? 0.9F * cover : 0.0F);
+}
+
+void pure_sand(SurfaceBatch& s) {
   Lanes wide, mottle, grain;
   Gradient relief;
-  Cells shells;
+  Rubble rubble;
   fbm(s.p, {.frequency = 0.35F, .octaves = 3, .gain = 0.6F, .seed = 11}, wide);
   fbm(s.p, {.frequency = 4.0F, .octaves = 4, .gain = 0.65F, .seed = 12}, mottle);
   fbm(s.p, {.frequency = 70.0F, .octaves = 3, .gain = 0.9F, .seed = 13}, grain);
   fbm_gradient(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.5F, .seed = 14}, relief);
-  cells(s.p, 17.0F, 15, shells);
-  bump(s, relief, 0.022F);
+  scatter_rubble(s.p, rubble);
+  bump(s, relief, 0.016F);
   for (int i = 0; i < kBatch; ++i) {
-    const float rich = s.detail.v[i];
+    const float rich = s.detail.v[i] > 1.0F ? 1.0F : s.detail.v[i];
     const float light = 1.0F + 0.25F * wide.v[i] +
-                        rich * (0.55F * mottle.v[i] + 0.5F * grain.v[i] + 0.4F * relief.value.v[i]);
+                        rich * (0.4F * mottle.v[i] + 0.5F * grain.v[i] + 0.3F * relief.value.v[i]);
     Colour c = mix({0.60F, 0.53F, 0.40F}, {0.44F, 0.41F, 0.33F}, clamp01(0.5F + wide.v[i]));
-    c = c * light;
-    // Patches of dark film (diatoms), and shell and coral rubble: white and black pieces.
-    const float film = rich * 0.55F * smooth_step(0.18F, 0.55F, mottle.v[i] + 0.6F * wide.v[i]);
-    c = mix(c, {0.24F, 0.22F, 0.13F}, film);
-    const float size =
-        0.10F + 0.22F * (shells.id.v[i] * 13.0F -
-                         static_cast<float>(static_cast<int>(shells.id.v[i] * 13.0F)));
-    const float piece =
-        rich * shells.weight.v[i] * smooth_step(size, 0.7F * size, shells.nearest.v[i]);
-    const bool white = shells.id.v[i] > 0.70F;
-    const bool dark = shells.id.v[i] < 0.22F;
-    const Colour tint = white ? Colour{0.82F, 0.79F, 0.72F} : Colour{0.17F, 0.15F, 0.12F};
-    put(s, i, mix(c, tint, white || dark ? piece : 0.0F));
+    const float film = rich * 0.5F * smooth_step(0.15F, 0.6F, mottle.v[i] + 0.6F * wide.v[i]);
+    c = mix(c * light, {0.24F, 0.22F, 0.13F}, film);  // a dark film of diatoms in patches
+    put(s, i, add_rubble(rubble, i, c, rich));
   }
+}
+
+// Whether some point of the batch lies above `threshold`.
+bool any_above(const Lanes& lanes, int count, float threshold) {
+  for (int i = 0; i < count; ++i) {
+    if (lanes[i] > threshold) return true;
+  }
+  return false;
+}
+
+// `top` over `s` with the weights given: colours and normals.
+void blend(SurfaceBatch& s, const SurfaceBatch& top, const Lanes& weight) {
+  for (int i = 0; i < kBatch; ++i) {
+    const float w = weight.v[i];
+    s.r.v[i] = sim::mix(s.r.v[i], top.r.v[i], w);
+    s.g.v[i] = sim::mix(s.g.v[i], top.g.v[i], w);
+    s.b.v[i] = sim::mix(s.b.v[i], top.b.v[i], w);
+    const float x = sim::mix(s.nx.v[i], top.nx.v[i], w);
+    const float y = sim::mix(s.ny.v[i], top.ny.v[i], w);
+    const float z = sim::mix(s.nz.v[i], top.nz.v[i], w);
+    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z + 1e-12F);
+    s.nx.v[i] = x * scale;
+    s.ny.v[i] = y * scale;
+    s.nz.v[i] = z * scale;
+  }
+}
+
+}  // namespace
+
+// The bed: sand where `detail` is up to 1, stone where it is 2, and a ragged border between.
+void sand(SurfaceBatch& s) {
+  if (!any_above(s.detail, s.p.count, 1.0F)) return pure_sand(s);
+  SurfaceBatch stone = s;
+  Lanes weight;
+  fbm(s.p, {.frequency = 1.7F, .octaves = 6, .gain = 0.65F, .seed = 19}, weight);
+  for (int i = 0; i < kBatch; ++i) {
+    weight.v[i] = smooth_step(1.40F, 1.52F, s.detail.v[i] + 0.55F * weight.v[i]);
+    stone.object.v[i] = 0.1F;
+  }
+  rock(stone);
+  pure_sand(s);
+  blend(s, stone, weight);
 }
 
 void silt(SurfaceBatch& s) {
@@ -79,7 +145,7 @@ void rock(SurfaceBatch& s) {
 
 void brain_coral(SurfaceBatch& s) {
   static constexpr Colour kRidges[] = {
-      {0.58F, 0.45F, 0.20F}, {0.42F, 0.44F, 0.20F}, {0.55F, 0.36F, 0.25F}};
+      {0.54F, 0.44F, 0.27F}, {0.42F, 0.41F, 0.26F}, {0.52F, 0.37F, 0.28F}};
   Gradient maze;
   Lanes wide;
   fbm_gradient(s.p, {.frequency = 26.0F, .octaves = 1, .gain = 0.5F, .seed = 41}, maze);
@@ -108,7 +174,7 @@ void branch_coral(SurfaceBatch& s) {
   Cells polyps;
   fbm(s.p, {.frequency = 7.0F, .octaves = 4, .gain = 0.6F, .seed = 51}, tone);
   cells(s.p, 110.0F, 52, polyps);
-  bump_cells(s, polyps, 110.0F, 0.003F, 0.6F);
+  bump_cells(s, polyps, polyps.weight, 110.0F, 0.003F, 0.6F);
   for (int i = 0; i < kBatch; ++i) {
     const float polyp = polyps.weight.v[i] * smooth_step(0.5F, 0.2F, polyps.nearest.v[i]);
     Colour c = pick(kBranches, 4, s.object.v[i]) * (0.9F + 0.5F * tone.v[i] + 0.35F * polyp);
@@ -141,7 +207,7 @@ void sponge(SurfaceBatch& s) {
   Cells pores;
   fbm(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.6F, .seed = 71}, tone);
   cells(s.p, 45.0F, 72, pores);
-  bump_cells(s, pores, 45.0F, -0.006F, 0.5F);
+  bump_cells(s, pores, pores.weight, 45.0F, -0.006F, 0.5F);
   for (int i = 0; i < kBatch; ++i) {
     const float pore = pores.weight.v[i] * smooth_step(0.38F, 0.15F, pores.nearest.v[i]);
     const Colour c = pick(kSponges, 4, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
@@ -181,7 +247,7 @@ void mussels(SurfaceBatch& s) {
   Lanes tone;
   cells(s.p, 24.0F, 101, shells);
   fbm(s.p, {.frequency = 6.0F, .octaves = 4, .gain = 0.6F, .seed = 102}, tone);
-  bump_cells(s, shells, 24.0F, 0.020F, 0.75F);
+  bump_cells(s, shells, shells.weight, 24.0F, 0.020F, 0.75F);
   for (int i = 0; i < kBatch; ++i) {
     const float gap = smooth_step(0.12F, 0.02F, shells.border.v[i]) * shells.weight.v[i];
     Colour c = mix({0.10F, 0.11F, 0.14F}, {0.30F, 0.27F, 0.22F}, shells.id.v[i]);
@@ -190,6 +256,19 @@ void mussels(SurfaceBatch& s) {
     c = mix(c, {0.24F, 0.26F, 0.10F}, 0.7F * smooth_step(0.1F, 0.35F, tone.v[i]));
     put(s, i, c * (1.0F - 0.7F * gap));
   }
+}
+
+void add_mussel_beds(SurfaceBatch& s) {
+  Lanes weight, ragged;
+  fbm(s.p, {.frequency = 0.55F, .octaves = 5, .gain = 0.6F, .seed = 504}, weight);
+  fbm(s.p, {.frequency = 6.0F, .octaves = 4, .gain = 0.65F, .seed = 506}, ragged);
+  for (int i = 0; i < kBatch; ++i) {
+    weight.v[i] = smooth_step(0.24F, 0.27F, weight.v[i] + 0.3F * ragged.v[i]);
+  }
+  if (!any_above(weight, s.p.count, 0.0F)) return;
+  SurfaceBatch bed = s;
+  mussels(bed);
+  blend(s, bed, weight);
 }
 
 }  // namespace apvi::sim::texture

@@ -126,9 +126,9 @@ LightState Renderer::Impl::light_state(const ImageRequest& request) const {
   light.silt = d.silt;
   light.time_s = std::fmod(request.stamp.seconds(), 36000.0);
   const Vector3d around = daylight_at(light.config, light.medium, config.water.reference_depth_m);
-  const double lamp = light.config.lamp ? 0.5 * light.config.lamp->intensity : 0.0;
+  const double lamp = light.config.lamp ? 0.1 * light.config.lamp->intensity : 0.0;
   light.silt_colour =
-      (Vector3d(0.42, 0.37, 0.27).cwiseProduct(around + lamp * Vector3d::Ones())).cast<float>();
+      (Vector3d(0.38, 0.36, 0.29).cwiseProduct(around + lamp * Vector3d::Ones())).cast<float>();
   return light;
 }
 
@@ -276,6 +276,11 @@ RenderedFrame Renderer::Impl::develop_frame(const ImageRequest& request, const L
         picture.at<cv::Vec3f>(y, x)[c] = in[c] * factor[2 - c] * lens_loss;
         clear.at<cv::Vec3f>(y, x)[c] = bare[c] * factor[2 - c];
       }
+    }
+  }
+  if (config.camera.lens_blur_px > 0.0) {
+    for (cv::Mat* layer : {&picture, &clear}) {
+      soften(*layer, config.camera.lens_blur_px);
     }
   }
   frame.image = develop(picture, config.camera, frame.gain, seed, request.frame);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "shapes.hpp"
 #include "world_parts.hpp"
@@ -64,7 +65,7 @@ void scatter_rocks(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig
 
 void scatter_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
                   Random random) {
-  const double density = config.kind == WorldKind::seabed ? 0.10 : 0.035;
+  const double density = config.kind == WorldKind::seabed ? 0.30 : 0.08;
   const int clusters = count_for(config, density * config.life);
   for (int i = 0; i < clusters; ++i) {
     const Spot centre = anywhere(config, random);
@@ -95,11 +96,18 @@ void scatter_debris(TriangleMesh& mesh, const Terrain& terrain, const WorldConfi
 
 void grow_on(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_triangle, int count,
              float size, Random random) {
-  if (last_triangle <= first_triangle) return;
-  const auto span = static_cast<double>(last_triangle - first_triangle);
-  for (int i = 0; i < count; ++i) {
-    const auto index = first_triangle + static_cast<std::size_t>(random.uniform() * span);
-    const TriangleMesh::Triangle t = mesh.triangles[index];
+  std::vector<double> area;  // running sum, so that large plates get more than thin rails
+  double total = 0.0;
+  for (std::size_t i = first_triangle; i < last_triangle; ++i) {
+    const TriangleMesh::Triangle& t = mesh.triangles[i];
+    const Vector3f a = mesh.vertices[t[0]];
+    total += static_cast<double>((mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).norm());
+    area.push_back(total);
+  }
+  for (int i = 0; i < count && total > 0.0; ++i) {
+    const auto found = std::lower_bound(area.begin(), area.end(), random.uniform() * total);
+    const auto index = std::min(area.size() - 1, static_cast<std::size_t>(found - area.begin()));
+    const TriangleMesh::Triangle t = mesh.triangles[first_triangle + index];
     const Vector3f a = mesh.vertices[t[0]];
     const Vector3f normal = (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).normalized();
     if (!normal.allFinite() || normal.z() < -0.3F) continue;

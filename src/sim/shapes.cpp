@@ -57,6 +57,44 @@ void subdivide(Sphere& s) {
   s.faces = std::move(faces);
 }
 
+// Cuts the triangles of a grid along the zero line of their points' `keep`. A point becomes a
+// vertex of the mesh when the first triangle needs it.
+class Cutter {
+ public:
+  Cutter(TriangleMesh& mesh, const Skin& skin, std::vector<GridPoint> points)
+      : mesh_(mesh), skin_(skin), points_(std::move(points)), vertex_(points_.size(), kNone) {}
+
+  void add(const std::array<std::size_t, 3>& corner) {
+    std::array<std::uint32_t, 4> polygon{};
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const GridPoint& a = points_[corner[k]];
+      const GridPoint& b = points_[corner[(k + 1) % 3]];
+      if (a.keep >= 0.0F) polygon[count++] = vertex(corner[k]);
+      if ((a.keep >= 0.0F) == (b.keep >= 0.0F)) continue;
+      const float u = a.keep / (a.keep - b.keep);
+      polygon[count++] = mesh_.add_vertex(a.position + u * (b.position - a.position), 0.3F);
+    }
+    for (std::size_t k = 2; k < count; ++k) {
+      mesh_.add_triangle(polygon[0], polygon[k - 1], polygon[k], skin_.material, skin_.object);
+    }
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = ~0U;
+  std::uint32_t vertex(std::size_t point) {
+    if (vertex_[point] == kNone) {
+      vertex_[point] = mesh_.add_vertex(points_[point].position, points_[point].detail);
+    }
+    return vertex_[point];
+  }
+
+  TriangleMesh& mesh_;
+  Skin skin_;
+  std::vector<GridPoint> points_;
+  std::vector<std::uint32_t> vertex_;
+};
+
 }  // namespace
 
 void blob(TriangleMesh& mesh, int level, const Skin& skin,
@@ -145,24 +183,18 @@ void box(TriangleMesh& mesh, const Affine3f& T, const Vector3f& half, const Skin
 }
 
 void grid(TriangleMesh& mesh, int columns, int rows, const Skin& skin,
-          const std::function<GridPoint(int, int)>& point,
-          const std::function<bool(int, int)>& keep,
-          const std::function<Material(int, int)>& material) {
-  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+          const std::function<GridPoint(int, int)>& point) {
+  std::vector<GridPoint> points;
   for (int j = 0; j <= rows; ++j) {
-    for (int i = 0; i <= columns; ++i) {
-      const GridPoint p = point(i, j);
-      mesh.add_vertex(p.position, p.detail);
-    }
+    for (int i = 0; i <= columns; ++i) points.push_back(point(i, j));
   }
-  const auto stride = static_cast<std::uint32_t>(columns + 1);
+  Cutter cutter(mesh, skin, std::move(points));
+  const auto stride = static_cast<std::size_t>(columns + 1);
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
-      if (keep && !keep(i, j)) continue;
-      const std::uint32_t a =
-          first + static_cast<std::uint32_t>(j) * stride + static_cast<std::uint32_t>(i);
-      const Material m = material ? material(i, j) : skin.material;
-      mesh.add_quad(a, a + 1, a + 1 + stride, a + stride, m, skin.object);
+      const std::size_t a = static_cast<std::size_t>(j) * stride + static_cast<std::size_t>(i);
+      cutter.add({a, a + 1, a + 1 + stride});
+      cutter.add({a, a + 1 + stride, a + stride});
     }
   }
 }

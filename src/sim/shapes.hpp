@@ -38,15 +38,15 @@ void lathe(TriangleMesh& mesh, const Eigen::Affine3f& T, const std::vector<Ring>
 void box(TriangleMesh& mesh, const Eigen::Affine3f& T, const Eigen::Vector3f& half,
          const Skin& skin, float cell = 0.2F);
 
-/// A grid of (columns + 1) x (rows + 1) points; cells that `keep` refuses are left out.
+/// A grid of (columns + 1) x (rows + 1) points. Where `keep` is negative there is a hole; its edge
+/// is cut along the zero line, between the points.
 struct GridPoint {
   Eigen::Vector3f position;
   float detail = 1.0F;
+  float keep = 1.0F;
 };
 void grid(TriangleMesh& mesh, int columns, int rows, const Skin& skin,
-          const std::function<GridPoint(int, int)>& point,
-          const std::function<bool(int, int)>& keep = {},
-          const std::function<Material(int, int)>& material = {});
+          const std::function<GridPoint(int, int)>& point);
 
 /// Rotation that takes z to `direction`, and a translation.
 Eigen::Affine3f frame_along(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,

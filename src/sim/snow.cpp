@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 constexpr double kCell = 0.25;       // [m], side of the cells that particles are drawn for
 constexpr double kFocus = 2.0;       // [m]
-constexpr double kAperture = 0.003;  // [m]
+constexpr double kAperture = 0.006;  // [m]
 
 struct Particle {
   Vector3d position;  // world [m]
@@ -121,7 +121,7 @@ void draw_particle(const Particle& particle, const SnowConfig& config, const Lig
   const double blur = 0.5 * focal * kAperture * std::abs(1.0 / start.z() - 1.0 / kFocus);
   const double sigma = std::sqrt(0.36 + 0.4 * radius * radius + 0.25 * blur * blur);
   const double fade = std::min(1.0, 4.0 * (1.0 - start.norm() / config.range_m));
-  const double cover = fade * std::min(1.0, radius * radius / (2.0 * sigma * sigma));
+  const double cover = 0.8 * fade * std::min(1.0, radius * radius / (2.0 * sigma * sigma));
   const Vector3d lit = particle.brightness * light_on(light, particle.position, start);
   draw_spot({.start = *from,
              .end = *to,

@@ -34,7 +34,7 @@ std::vector<float> grid_lines(double size, double spacing) {
 Terrain::Terrain(const WorldConfig& config, std::uint64_t seed)
     : config_(config), seed_(hash32(static_cast<std::uint32_t>(seed ^ (seed >> 32)))) {
   const float angle = 0.5F + unit_float(hash32(seed_, 1));
-  const float wavelength = 0.22F + 0.12F * unit_float(hash32(seed_, 2));
+  const float wavelength = 0.28F + 0.14F * unit_float(hash32(seed_, 2));
   ripple_x_ = std::cos(angle) / wavelength;
   ripple_y_ = std::sin(angle) / wavelength;
 }
@@ -95,19 +95,13 @@ void Terrain::append_to(TriangleMesh& mesh) const {
   const std::vector<float> lines = grid_lines(config_.size_m, config_.resolution_m);
   const int cells = static_cast<int>(lines.size()) - 1;
   const auto line = [&](int i) { return lines[static_cast<std::size_t>(i)]; };
-  shapes::grid(
-      mesh, cells, cells, {.material = Material::sand, .object = 0},
-      [&](int i, int j) {
-        const float rich = richness(line(i), line(j));
-        return shapes::GridPoint{{line(i), line(j), height(line(i), line(j))},
-                                 0.06F + 0.94F * rich};
-      },
-      {},
-      [&](int i, int j) {
-        const float rough = fbm({line(i), line(j), 7.0F},
-                                {.frequency = 1.7F, .octaves = 4, .gain = 0.6F, .seed = seed_ + 9});
-        return reef(line(i), line(j)) + 0.5F * rough > 0.45F ? Material::rock : Material::sand;
-      });
+  shapes::grid(mesh, cells, cells, {.material = Material::sand, .object = 0}, [&](int i, int j) {
+    const float x = line(i);
+    const float y = line(j);
+    const float rocky = reef(x, y);
+    const float rich = 0.06F + 0.94F * richness(x, y);
+    return shapes::GridPoint{{x, y, height(x, y)}, rocky > 0.0F ? 1.0F + rocky : rich};
+  });
 }
 
 }  // namespace apvi::sim::parts

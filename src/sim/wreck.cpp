@@ -45,14 +45,14 @@ Vector3f hull_point(float s, float t, float side, float inset) {
           top * t + 0.9F * v_shape * v_shape * (1.0F - t) * (1.0F - t)};
 }
 
-// Where the shell has rusted through, and the gash that sank her.
-bool holed(float s, float t, float side) {
+// Negative where the shell has rusted through, and in the gash that sank her.
+float soundness(float s, float t, float side) {
   const Vector3f p = hull_point(s, t, side, 0.0F);
-  const float rot = fbm(p, {.frequency = 0.8F, .octaves = 5, .gain = 0.55F, .seed = 401});
+  const float rot = fbm(p, {.frequency = 0.8F, .octaves = 6, .gain = 0.55F, .seed = 401});
   const float x = (s - 0.42F) / 0.13F;
   const float z = (t - 0.42F) / 0.30F;
-  const bool gash = side < 0.0F && x * x + z * z + 1.6F * rot < 0.9F;
-  return gash || rot > 0.40F - 0.08F * t;
+  const float gash = side < 0.0F ? x * x + z * z + 1.6F * rot - 0.9F : 1.0F;
+  return std::min(gash, 0.40F - 0.08F * t - rot);
 }
 
 float seam_detail(float s, float t) {
@@ -71,25 +71,18 @@ void add_shell(TriangleMesh& mesh, float side, float inset) {
   const auto t_of = [](int j) { return static_cast<float>(j) / kRows; };
   // Outside, plates face outwards; inside, the other way round.
   const bool mirrored = (side > 0.0F) == outer;
-  shapes::grid(
-      mesh, kColumns, kRows, skin,
-      [&](int i, int j) {
-        const float s = s_of(mirrored ? kColumns - i : i);
-        const float t = t_of(j);
-        const float strake = std::floor(t * 7.0F);
-        const float lap = static_cast<int>(strake) % 2 == 0 ? 0.018F : 0.0F;
-        const float dent =
-            0.05F * fbm(hull_point(s, t, side, 0),
-                        {.frequency = 0.7F, .octaves = 3, .gain = 0.5F, .seed = 402});
-        // Plates sag between the frames.
-        const float sag =
-            0.012F * std::cos(2.0F * std::numbers::pi_v<float> * kLength * s / kFrames);
-        return GridPoint{hull_point(s, t, side, inset + lap + dent + sag), seam_detail(s, t)};
-      },
-      [&](int i, int j) {
-        const float s = (static_cast<float>(mirrored ? kColumns - 1 - i : i) + 0.5F) / kColumns;
-        return !holed(s, (static_cast<float>(j) + 0.5F) / kRows, side);
-      });
+  shapes::grid(mesh, kColumns, kRows, skin, [&](int i, int j) {
+    const float s = s_of(mirrored ? kColumns - i : i);
+    const float t = t_of(j);
+    const float strake = std::floor(t * 7.0F);
+    const float lap = static_cast<int>(strake) % 2 == 0 ? 0.018F : 0.0F;
+    const float dent = 0.05F * fbm(hull_point(s, t, side, 0),
+                                   {.frequency = 0.7F, .octaves = 3, .gain = 0.5F, .seed = 402});
+    // Plates sag between the frames.
+    const float sag = 0.012F * std::cos(2.0F * std::numbers::pi_v<float> * kLength * s / kFrames);
+    return GridPoint{hull_point(s, t, side, inset + lap + dent + sag), seam_detail(s, t),
+                     soundness(s, t, side)};
+  });
 }
 
 void add_ribs(TriangleMesh& mesh) {
@@ -147,27 +140,26 @@ void add_wall(TriangleMesh& mesh, const Vector3f& foot, const Vector3f& u, float
   const float width = u.norm();
   const int columns = static_cast<int>(width / 0.06F);
   const int rows = static_cast<int>(height / 0.06F);
-  const auto keep = [&](int i, int j) {
-    const float x =
-        (static_cast<float>(i) + 0.5F) / static_cast<float>(columns) * static_cast<float>(windows);
-    const float z = (static_cast<float>(j) + 0.5F) * 0.06F;
-    const bool window =
-        windows > 0 && std::abs(x - std::floor(x) - 0.5F) < 0.3F && z > 1.1F && z < 1.75F;
-    const Vector3f p =
-        foot + u * (static_cast<float>(i) / static_cast<float>(columns)) + Vector3f(0, 0, z);
-    return !window && fbm(p, {.frequency = 1.1F, .octaves = 4, .gain = 0.55F, .seed = 403}) < 0.36F;
+  // Negative in the windows and where rust has eaten through.
+  const auto soundness_at = [&](float along, float z) {
+    const float x = along * static_cast<float>(windows);
+    const float beside = (std::abs(x - std::floor(x) - 0.5F) - 0.3F) * width /
+                         std::max(1.0F, static_cast<float>(windows));
+    const float window = windows > 0 ? std::max(beside, std::abs(z - 1.42F) - 0.33F) : 1.0F;
+    const Vector3f p = foot + u * along + Vector3f(0, 0, z);
+    return std::min(window,
+                    0.36F - fbm(p, {.frequency = 1.1F, .octaves = 5, .gain = 0.55F, .seed = 403}));
   };
   for (const float side : {0.0F, 0.03F}) {
     const Vector3f normal = u.cross(Vector3f::UnitZ()).normalized();
-    shapes::grid(
-        mesh, columns, rows, {.material = Material::steel, .object = object},
-        [&](int i, int j) {
-          const float a = static_cast<float>(i) / static_cast<float>(columns);
-          const float z = height * static_cast<float>(j) / static_cast<float>(rows);
-          const bool edge = j == 0 || j == rows || i == 0 || i == columns;
-          return GridPoint{foot + u * a + Vector3f(0, 0, z) - side * normal, edge ? 0.3F : 1.0F};
-        },
-        keep);
+    shapes::grid(mesh, columns, rows, {.material = Material::steel, .object = object},
+                 [&](int i, int j) {
+                   const float a = static_cast<float>(i) / static_cast<float>(columns);
+                   const float z = height * static_cast<float>(j) / static_cast<float>(rows);
+                   const bool edge = j == 0 || j == rows || i == 0 || i == columns;
+                   return GridPoint{foot + u * a + Vector3f(0, 0, z) - side * normal,
+                                    edge ? 0.3F : 1.0F, soundness_at(a, z)};
+                 });
   }
 }
 
@@ -255,11 +247,11 @@ void add_wreck(TriangleMesh& mesh, const WorldConfig& config, const Terrain& ter
   add_wheelhouse(ship);
   add_deck_gear(ship, random);
   const std::size_t deck_end = ship.triangles.size();
-  const int growth = static_cast<int>(170.0 * config.life);
+  const int growth = static_cast<int>(420.0 * config.life);
   grow_on(ship, 0, shell_end, growth, 0.28F, random.fork(1));
   grow_on(ship, deck_start, deck_end, growth, 0.24F, random.fork(2));
   Affine3f T = Affine3f::Identity();
-  T.translation() = Vector3f(0, 0, terrain.height(0, 0) - 0.45F);
+  T.translation() = Vector3f(0, 0, terrain.height(0, 0) - 0.75F);
   T.rotate(Eigen::AngleAxisf(0.16F, Vector3f::UnitX()));
   T.rotate(Eigen::AngleAxisf(-0.03F, Vector3f::UnitY()));
   mesh.append(ship, T);

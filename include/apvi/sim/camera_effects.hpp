@@ -20,9 +20,10 @@ struct CameraEffectsConfig {
   double target_mean = 0.4;
   double gain = 2.0;
   double max_gain = 12.0;
-  std::array<double, 3> white_balance{1.8, 1.0, 1.0};
+  std::array<double, 3> white_balance{3.2, 1.0, 0.95};
   double gamma = 1.0;
   double vignetting = 0.25;
+  double lens_blur_px = 0.5;
   bool noise = true;
   double full_well_e = 12000.0;
   double read_noise_e = 6.0;
@@ -43,12 +44,15 @@ struct CameraEffectsConfig {
     v("white_balance", white_balance, config::Range{0.0, 10.0}, "factors of red, green, blue");
     v("gamma", gamma, config::Range{0.5, 3.0}, "pixel = light^(1/gamma); 1: linear, as the paper");
     v("vignetting", vignetting, config::Range{0.0, 1.0}, "darkening in the corners");
+    v("lens_blur_px", lens_blur_px, config::Range{0.0, 2.0}, "point spread, one sigma [px]");
     v("noise", noise, "shot and read noise");
     v("full_well_e", full_well_e, config::Range{100.0, 1e6}, "electrons of a full pixel at gain 1");
     v("read_noise_e", read_noise_e, config::Range{0.0, 1000.0}, "one sigma, electrons");
   }
 };
 
+/// Blurs a CV_32FC3 picture in place by three taps each way, a normal curve of `sigma` [px].
+void soften(cv::Mat& picture, double sigma);
 /// Linear light, CV_32FC3 BGR with full scale 1, as the 8-bit picture that the camera gives: noise
 /// (keyed by seed, frame and pixel), clipping, response curve. `gain` is the camera's, for the
 /// noise.

@@ -35,7 +35,7 @@ std::string_view to_string(EventKind kind);
 ///   dvl_loss         share of the pings without bottom lock, in [0, 1] (1)
 ///   dvl_outliers     size of the outliers [m/s] (0.5), in a third of the pings
 ///   pressure_spikes  size of the spikes [m] (2), in a tenth of the samples
-///   imu_saturation   size of the shocks / measuring range (1.5)
+///   imu_saturation   a vibration's amplitude / range of the accelerometer (1.2)
 struct EventConfig {
   EventKind kind = EventKind::blackout;
   double start_s = 0.0;

@@ -37,7 +37,7 @@ struct LightConfig {
   double sun_azimuth_deg = 40.0;
   double caustics = 0.0;
   double caustic_scale_m = 0.6;
-  std::optional<LampConfig> lamp;
+  std::optional<LampConfig> lamp{};
 
   template <typename V>
   void visit(V& v) {

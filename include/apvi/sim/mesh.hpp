@@ -17,7 +17,7 @@ struct TriangleMesh {
   using Triangle = std::array<std::uint32_t, 3>;
 
   std::vector<Eigen::Vector3f> vertices;  ///< [m]
-  std::vector<float> detail;              ///< per vertex, how rich the texture is, 0 (bare) to 1
+  std::vector<float> detail;              ///< per vertex, how rich the texture is, 0 (bare) to 1; bed: 1 to 2, sand to rock
   std::vector<Triangle> triangles;        ///< vertex indices, counter-clockwise seen from outside
   std::vector<Material> materials;        ///< per triangle
   std::vector<std::uint16_t> objects;     ///< per triangle: varies colours from thing to thing

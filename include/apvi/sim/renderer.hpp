@@ -20,7 +20,7 @@ namespace apvi::sim {
 
 /// What goes wrong at one instant; the defaults are a good day.
 struct Disturbance {
-  std::optional<double> attenuation_length_m;  ///< visibility, instead of the water's own [m]
+  std::optional<double> attenuation_length_m{};  ///< visibility, instead of the water's own [m]
   double darkness =
       0.0;            ///< 1: no light at all (blackout); scales daylight, lamp and veil by 1 - x
   double silt = 0.0;  ///< density of a cloud of stirred-up silt, 1: hides nearly everything

@@ -36,10 +36,10 @@ struct WaterConfig {
   double reference_depth_m = 9.0;
   double veil = 0.35;
   double veil_gradient = 0.0;
-  std::optional<std::array<double, 3>> beta_d;
-  std::optional<std::array<double, 3>> beta_b;
-  std::optional<std::array<double, 3>> b_inf;
-  SnowConfig snow;
+  std::optional<std::array<double, 3>> beta_d{};
+  std::optional<std::array<double, 3>> beta_b{};
+  std::optional<std::array<double, 3>> b_inf{};
+  SnowConfig snow{};
 
   template <typename V>
   void visit(V& v) {

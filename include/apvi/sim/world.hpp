@@ -37,11 +37,11 @@ struct WorldConfig {
   double size_m = 40.0;
   double resolution_m = 0.06;
   double relief_m = 0.6;
-  double ripple_height_m = 0.02;
+  double ripple_height_m = 0.035;
   double rocks = 1.0;
   double life = 1.0;
   double debris = 1.0;
-  std::vector<BarePatch> bare;
+  std::vector<BarePatch> bare{};
 
   template <typename V>
   void visit(V& v) {
