@@ -19,11 +19,11 @@ constexpr double kPositionSigma = 1e-3;  // the origin is where the vehicle star
 constexpr double kVelocitySigma = 0.1;   // [m/s], the first ping with its unknown delay
 constexpr double kDepthSigma = 0.05;     // [m]
 
-// Index of the first sample not before the stamp.
-std::size_t first_from(const std::deque<ImuSample>& imu, Stamp stamp) {
-  const auto it = std::lower_bound(imu.begin(), imu.end(), stamp,
-                                   [](const ImuSample& s, Stamp value) { return s.stamp < value; });
-  return static_cast<std::size_t>(it - imu.begin());
+// Index of the last sample not after the stamp; there must be one.
+std::size_t last_until(const std::deque<ImuSample>& imu, Stamp stamp) {
+  const auto it = std::upper_bound(imu.begin(), imu.end(), stamp,
+                                   [](Stamp value, const ImuSample& s) { return value < s.stamp; });
+  return static_cast<std::size_t>(it - imu.begin()) - 1;
 }
 
 }  // namespace
@@ -62,8 +62,8 @@ std::optional<Initializer::Start> Initializer::try_start() const {
   };
   const auto last = std::find_if(pings_.begin(), pings_.end(), reaches);
   if (last == pings_.end()) return std::nullopt;
-  const std::size_t from = first_from(imu_, first.stamp);
-  const std::size_t to = first_from(imu_, last->stamp);
+  const std::size_t from = last_until(imu_, first.stamp);
+  const std::size_t to = last_until(imu_, last->stamp);
   if (to <= from) return std::nullopt;
 
   imu::Preintegration sum({}, Vector3d::Zero(), Vector3d::Zero());
