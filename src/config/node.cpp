@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/config/node.hpp"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 #include "apvi/core/error.hpp"
@@ -119,6 +121,47 @@ Node load_layers(const fs::path& path, std::vector<fs::path>& open_files) {
   return merged;
 }
 
+// Notes the line of the first thing in a document, from 1; 0 in an empty one.
+class FirstContent : public YAML::EventHandler {
+ public:
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { note(mark); }
+  void OnScalar(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                const std::string&) override {
+    note(mark);
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {
+    note(mark);
+  }
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {
+    note(mark);
+  }
+  void OnMapEnd() override {}
+
+  int line() const { return line_; }
+
+ private:
+  void note(const YAML::Mark& mark) {
+    if (line_ == 0) line_ = mark.line + 1;
+  }
+  int line_ = 0;
+};
+
+// Loading one document ignores what follows it, and loading all never ends for some broken files.
+std::optional<int> line_of_second_document(const std::string& text) {
+  std::istringstream in(text);
+  YAML::Parser parser(in);
+  FirstContent first;
+  FirstContent second;
+  if (!parser.HandleNextDocument(first) || !parser.HandleNextDocument(second)) return std::nullopt;
+  return second.line() > 0 ? std::optional<int>(second.line()) : std::nullopt;
+}
+
 }  // namespace
 
 Node::Node() = default;
@@ -158,13 +201,11 @@ void fail_at(const Node& node, std::string_view key, std::string_view what) {
 Node parse_yaml(const std::string& text, const std::string& source) {
   Origin origin{std::make_shared<const std::string>(source)};
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.empty()) return convert(YAML::Node(), origin, 0);
-    if (documents.size() > 1) {
+    if (const auto line = line_of_second_document(text)) {
       fail_input("{}:{}: a second document begins here; put it into a file of its own", source,
-                 documents[1].Mark().line + 1);
+                 *line);
     }
-    return convert(documents.front(), origin, 0);
+    return convert(YAML::Load(text), origin, 0);
   } catch (const YAML::Exception& e) {
     fail_input("{}:{}: not valid YAML: {}", source, e.mark.line + 1, e.msg);
   }

@@ -116,6 +116,14 @@ TEST(PublishedEuroc, NamesFileAndLineOfABadCalibration) {
               HasSubstr("cam0/sensor.yaml:2"));
 }
 
+TEST(PublishedEuroc, ABrokenDirectiveIsRefusedAndNotReadForEver) {
+  const TmpDir dir;
+  write_published(dir);
+  dir.write("mav0/cam0/sensor.yaml", "%Ycv-matrix\n  rows: 4\n,0,0, 0,00, 0,0,0,AML:1.0\nT_\nT");
+  EXPECT_THAT(input_error([&] { io::open_sequence(config_for(dir.path()), {}); }),
+              HasSubstr("cam0/sensor.yaml:"));
+}
+
 TEST(PublishedEuroc, ACameraWithoutCalibrationIsLeftOut) {
   const TmpDir dir;
   write_published(dir);
