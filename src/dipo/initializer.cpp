@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kPositionSigma = 1e-3;  // the origin is where the vehicle starts, by definition
-constexpr double kVelocitySigma = 0.1;   // [m/s], the first ping with its unknown delay
+constexpr double kVelocitySigma = 0.3;   // [m/s], the first ping with its unknown delay
 constexpr double kDepthSigma = 0.05;     // [m]
 
 // Index of the last sample not after the stamp; there must be one.
