@@ -28,7 +28,7 @@ constexpr std::array<KindFacts, 10> kKinds{{
     {EventKind::dvl_loss, "dvl_loss", 1.0, 1.0},
     {EventKind::dvl_outliers, "dvl_outliers", 0.5, 10.0},
     {EventKind::pressure_spikes, "pressure_spikes", 2.0, kUnbounded},
-    {EventKind::imu_saturation, "imu_saturation", 1.5, kUnbounded},
+    {EventKind::imu_saturation, "imu_saturation", 1.2, kUnbounded},
 }};
 
 const KindFacts& facts_of(EventKind kind) {

@@ -17,6 +17,7 @@ using Eigen::Vector3d;
 constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
 constexpr double kDegree = std::numbers::pi / 180.0;
 enum Stream : std::uint64_t { kImu = 21 };
+constexpr double kGyroShare = 0.03;  // a frame that rings bends little
 
 Vector3d normal3(Random& random) {
   const double x = random.normal();
@@ -49,10 +50,10 @@ class Triad {
     shape_ = shape_error(config, random);
   }
   const Vector3d& bias() const { return bias_; }
-  Vector3d read(const Vector3d& truth, double shock, Random& random) {
-    Vector3d reading = shape_ * truth + bias_ + noise_ * normal3(random);
+  // `shock`: a vibration in units of the range, which the reading cannot follow beyond 1.
+  Vector3d read(const Vector3d& truth, const Vector3d& shock, Random& random) {
+    const Vector3d reading = shape_ * truth + bias_ + noise_ * normal3(random) + range_ * shock;
     bias_ += step_ * normal3(random);
-    if (shock > 0.0) reading += shock * range_ * normal3(random);
     return reading.cwiseMax(-range_).cwiseMin(range_);
   }
 
@@ -77,6 +78,13 @@ std::pair<Vector3d, Vector3d> felt(const Motion& motion, const Vector3d& earth, 
   const Vector3d g(0.0, 0.0, -gravity);
   return {motion.angular_velocity_body + R_body_world * earth,
           R_body_world * (motion.acceleration_world + coriolis - g)};
+}
+
+// A blow rings through the frame: 37 Hz, in every axis at another phase.
+Vector3d ringing(double strength, double t) {
+  constexpr double kFrequency = 2.0 * std::numbers::pi * 37.0;
+  const double angle = kFrequency * t;
+  return strength * Vector3d(std::sin(angle), std::sin(angle + 2.1), std::sin(angle + 4.2));
 }
 
 }  // namespace
@@ -106,7 +114,7 @@ void ImuSimConfig::use(ImuPreset other) {
       set({1.2e-5, 2e-7, 5.0e-4, 1.0e-5, 5e-6, 1.5e-2, 2e-4, 0.01, 7.0, 196.0});
       break;
     case ImuPreset::mems:
-      set({1.6968e-4, 1.9393e-5, 2.0e-3, 3.0e-4, 2e-3, 4e-2, 1e-3, 0.05, 17.45, 176.0});
+      set({1.6968e-4, 1.9393e-5, 2.0e-3, 3.0e-4, 7e-4, 4e-2, 1e-3, 0.05, 17.45, 176.0});
       break;
     case ImuPreset::consumer:
       set({5.0e-4, 5.0e-5, 5.0e-3, 1.0e-3, 1e-2, 0.25, 5e-3, 0.5, 8.73, 78.0});
@@ -132,11 +140,11 @@ ImuRecord simulate_imu(const Se3Spline& spline, const ImuSimConfig& config,
     const Stamp stamp = start + Duration::from_seconds(t);
     const Motion motion = spline.at(stamp);
     const auto [rate, force] = felt(motion, earth, gravity);
-    const double shock = events.strength(EventKind::imu_saturation, t);
+    const Vector3d shock = ringing(events.strength(EventKind::imu_saturation, t), t);
     record.truth.push_back(motion);
     record.gyro_bias.push_back(gyro.bias());
     record.accel_bias.push_back(accel.bias());
-    const Vector3d gyro_reading = gyro.read(rate, shock, random);
+    const Vector3d gyro_reading = gyro.read(rate, kGyroShare * shock, random);
     record.samples.push_back({stamp, gyro_reading, accel.read(force, shock, random)});
   }
   return record;

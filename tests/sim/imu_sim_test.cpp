@@ -167,6 +167,7 @@ TEST(ImuSim, SaturationClipsWhileItLasts) {
   for (std::size_t i = 0; i < record.samples.size(); ++i) {
     const double most = record.samples[i].accel.cwiseAbs().maxCoeff();
     EXPECT_LE(most, config.accel_range);
+    EXPECT_LT(record.samples[i].gyro.norm(), 0.1 * config.gyro_range);
     const bool inside = i >= 100 && i < 200;
     if (!inside) {
       EXPECT_LT(most, 11.0) << i;

@@ -25,7 +25,7 @@ struct ImuSimConfig {
   double gyro_random_walk = 1.9393e-5;
   double accel_noise_density = 2.0e-3;
   double accel_random_walk = 3.0e-4;
-  double gyro_bias = 2e-3;
+  double gyro_bias = 7e-4;
   double accel_bias = 4e-2;
   double scale_error = 1e-3;
   double misalignment_deg = 0.05;
