@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/dipo/dipo.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "apvi/core/error.hpp"
+#include "apvi/dipo/dvl_ping.hpp"
 #include "apvi/geometry/so3.hpp"
 
 namespace apvi::dipo {
@@ -50,35 +50,6 @@ const Rig& checked(const Rig& rig) {
   if (!rig.imu) fail_input("rig: imu0: missing; odometry needs an IMU");
   if (!rig.dvl) fail_input("rig: dvl0: missing; DVL-inertial odometry needs a DVL");
   return rig;
-}
-
-int valid_beams(const DvlSample& ping) {
-  return static_cast<int>(std::count_if(ping.beams.begin(), ping.beams.end(),
-                                        [](const auto& beam) { return beam && beam->valid; }));
-}
-
-bool same_ping(const DvlSample& a, const DvlSample& b) {
-  return a.valid == b.valid && a.velocity == b.velocity && a.altitude == b.altitude;
-}
-
-// All beams in lock at once; `common` is noise that they share, as a covariance in the DVL frame.
-Measurement beams_measurement(const State& x, const Kinematics& k, const imu::World& world,
-                              const DvlCalibration& dvl, const DvlSample& ping, double variance,
-                              const Matrix3d& common) {
-  Measurement all(valid_beams(ping));
-  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kDvlBeams, 3> directions(all.rows(), 3);
-  int row = 0;
-  for (std::size_t i = 0; i < kDvlBeams; ++i) {
-    if (!ping.beams[i] || !ping.beams[i]->valid) continue;
-    const Measurement m =
-        dvl_beam(x, k, world, dvl.beams[i], dvl.scale * ping.beams[i]->velocity, variance);
-    all.residual(row) = m.residual(0);
-    all.H.row(row) = m.H;
-    directions.row(row++) = dvl.beams[i];
-  }
-  all.R = directions * common * directions.transpose();
-  all.R.diagonal().array() += variance;
-  return all;
 }
 
 // The covariance is raised so that the innovation's becomes `factor` times what it was.
@@ -175,19 +146,18 @@ void Dipo::add(const DvlSample& sample) {
 
 void Dipo::add(const PressureSample& sample) {
   if (!rig_.pressure) return;
-  add_depth({sample.stamp, rig_.pressure->depth(sample.pressure_pa)});
+  add_depth({sample.stamp, rig_.pressure->depth(sample.pressure_pa), rig_.pressure->p_body_sensor,
+             rig_.pressure->noise_m});
 }
 
 void Dipo::add(const DepthSample& sample) {
-  if (rig_.depth) add_depth(sample);
+  if (!rig_.depth) return;
+  add_depth({sample.stamp, sample.depth_m, rig_.depth->p_body_sensor, rig_.depth->noise_m});
 }
 
-void Dipo::add_depth(const DepthSample& sample) {
-  if (!initialized()) {
-    initializer_.add_depth(
-        sample.depth_m, rig_.pressure ? rig_.pressure->p_body_sensor : rig_.depth->p_body_sensor);
-  }
-  pending_.push_back(sample);
+void Dipo::add_depth(const DepthReading& reading) {
+  if (!initialized()) initializer_.add_depth(reading.depth_m, reading.p_body_sensor);
+  pending_.push_back(reading);
   take_in_pending();
 }
 
@@ -211,35 +181,20 @@ void Dipo::take_in_pending() {
   });
 }
 
-Verdict Dipo::beam_verdict(const DvlSample& ping) const {
-  const bool any_beam = std::any_of(ping.beams.begin(), ping.beams.end(),
-                                    [](const auto& beam) { return beam.has_value(); });
-  if (!ping.valid) return Verdict::no_lock;
-  if (!any_beam || valid_beams(ping) < static_cast<int>(kDvlBeams)) return Verdict::accepted;
-  // Four beams measure three unknowns; what is left over is noise: the unit vector n with nᵀ E = 0.
-  Eigen::Matrix<double, kDvlBeams, 3> E;
-  Eigen::Vector4d b;
-  for (std::size_t i = 0; i < kDvlBeams; ++i) {
-    E.row(static_cast<Eigen::Index>(i)) = rig_.dvl->beams[i];
-    b(static_cast<Eigen::Index>(i)) = ping.beams[i]->velocity;
-  }
-  const Eigen::Vector4d left = b - E * (E.transpose() * E).ldlt().solve(E.transpose() * b);
+Verdict Dipo::verdict_before_filter(const DvlSample& ping) const {
+  if (!is_usable(ping, config_.dvl.use_beams)) return Verdict::no_lock;
   const double sigma = rig_.dvl->velocity_noise * std::sqrt(adapter_.dvl_variance_factor());
-  return left.norm() > config_.dvl.parity_sigmas * sigma ? Verdict::beams_disagree
-                                                         : Verdict::accepted;
+  return beam_disagreement(ping, *rig_.dvl) > config_.dvl.parity_sigmas * sigma
+             ? Verdict::beams_disagree
+             : Verdict::accepted;
 }
 
-Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s, double variance) const {
+Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s) const {
+  const double noise = rig_.dvl->velocity_noise;
+  const double variance = noise * noise * adapter_.dvl_variance_factor();
   const bool by_beam = config_.dvl.use_beams && valid_beams(ping) > 0;
   return [=, world = world_, dvl = *rig_.dvl](const Eskf& filter, const Kinematics& k) {
-    const Matrix3d noise = time_offset_noise(filter, k, world);
-    Measurement m = by_beam
-                        ? beams_measurement(filter.state(), k, world, dvl, ping, variance, noise)
-                        : dvl_velocity(filter.state(), k, world, dvl.true_velocity(ping.velocity),
-                                       variance * Matrix3d::Identity() + noise);
-    // Where the offset has moved since the ping was put in its place, its column makes up for it.
-    m.residual -= m.H.col(kTimeOffset) * (filter.state().dvl_time_offset_s - offset_s);
-    return m;
+    return ping_measurement(filter, k, world, dvl, ping, by_beam, variance, offset_s);
   };
 }
 
@@ -267,34 +222,40 @@ void Dipo::insert_displacement(const DvlSample& ping, Stamp stamp) {
   });
 }
 
+std::optional<Timeline::Model> Dipo::judge(Stamp stamp, Timeline::Model model,
+                                           MeasurementGate& gate, Report& report) const {
+  if (!timeline_.covers(stamp)) {
+    report.verdict = Verdict::too_old;
+    return std::nullopt;
+  }
+  const Eskf filter = timeline_.filter_at(stamp);
+  const Measurement m = model(filter, timeline_.kinematics_at(stamp));
+  report.nis = filter.nis(m);
+  report.rows = m.rows();
+  const auto factor = gate.judge(report.nis);
+  if (!factor) {
+    report.verdict = Verdict::rejected;
+    return std::nullopt;
+  }
+  if (*factor <= 1.0) return model;
+  report.verdict = Verdict::weakened;
+  return weakened(std::move(model), m, filter, *factor);
+}
+
 bool Dipo::take_in(const DvlSample& ping) {
   const double offset_s = timeline_.newest_filter().state().dvl_time_offset_s;
   const Stamp stamp = ping.stamp - Duration::from_seconds(offset_s);
   if (stamp > timeline_.newest()) return false;
-  Report report{.stamp = ping.stamp, .verdict = beam_verdict(ping)};
-  if (!timeline_.covers(stamp)) report.verdict = Verdict::too_old;
+  Report report{.stamp = ping.stamp, .verdict = verdict_before_filter(ping)};
   if (report.verdict == Verdict::accepted) {
-    const double noise = rig_.dvl->velocity_noise;
-    Timeline::Model model =
-        dvl_model(ping, offset_s, noise * noise * adapter_.dvl_variance_factor());
-    const Eskf filter = timeline_.filter_at(stamp);
-    const Measurement m = model(filter, timeline_.kinematics_at(stamp));
-    report.nis = filter.nis(m);
-    report.rows = m.rows();
-    const auto factor = dvl_gate_.judge(report.nis);
-    const Vector3d expected = predict_dvl(filter.state(), timeline_.kinematics_at(stamp).gyro);
-    if (factor) {
-      adapter_.add(rig_.dvl->true_velocity(ping.velocity) - expected, report.nis, report.rows);
-    }
-    if (!factor) {
-      report.verdict = Verdict::rejected;
-    } else {
-      if (*factor > 1.0) {
-        report.verdict = Verdict::weakened;
-        model = weakened(std::move(model), m, filter, *factor);
+    if (auto model = judge(stamp, dvl_model(ping, offset_s), dvl_gate_, report)) {
+      if (ping.valid) {
+        const Vector3d expected =
+            predict_dvl(timeline_.filter_at(stamp).state(), timeline_.kinematics_at(stamp).gyro);
+        adapter_.add(rig_.dvl->true_velocity(ping.velocity) - expected, report.nis, report.rows);
+        if (config_.dvl.displacement) insert_displacement(ping, stamp);
       }
-      if (config_.dvl.displacement) insert_displacement(ping, stamp);
-      timeline_.insert(stamp, std::move(model), config_.dvl.displacement);
+      timeline_.insert(stamp, std::move(*model), config_.dvl.displacement);
     }
   }
   report.accel_factor = adapter_.accel_factor();
@@ -303,31 +264,15 @@ bool Dipo::take_in(const DvlSample& ping) {
   return true;
 }
 
-bool Dipo::take_in(const DepthSample& sample) {
-  if (sample.stamp > timeline_.newest()) return false;
-  Report report{.stamp = sample.stamp};
-  if (!timeline_.covers(sample.stamp)) {
-    report.verdict = Verdict::too_old;
-  } else {
-    const Vector3d lever = rig_.pressure ? rig_.pressure->p_body_sensor : rig_.depth->p_body_sensor;
-    const double noise = rig_.pressure ? rig_.pressure->noise_m : rig_.depth->noise_m;
-    Timeline::Model model = [=, sign = rig_.depth_sign()](const Eskf& at, const Kinematics&) {
-      return depth(at.state(), lever, sign, sample.depth_m, noise * noise);
-    };
-    const Eskf filter = timeline_.filter_at(sample.stamp);
-    const Measurement m = model(filter, {});
-    report.nis = filter.nis(m);
-    report.rows = 1;
-    const auto factor = depth_gate_.judge(report.nis);
-    if (!factor) {
-      report.verdict = Verdict::rejected;
-    } else {
-      if (*factor > 1.0) {
-        report.verdict = Verdict::weakened;
-        model = weakened(std::move(model), m, filter, *factor);
-      }
-      timeline_.insert(sample.stamp, std::move(model));
-    }
+bool Dipo::take_in(const DepthReading& reading) {
+  if (reading.stamp > timeline_.newest()) return false;
+  Timeline::Model depth_model = [=, sign = rig_.depth_sign()](const Eskf& at, const Kinematics&) {
+    return depth(at.state(), reading.p_body_sensor, sign, reading.depth_m,
+                 reading.noise_m * reading.noise_m);
+  };
+  Report report{.stamp = reading.stamp};
+  if (auto model = judge(reading.stamp, std::move(depth_model), depth_gate_, report)) {
+    timeline_.insert(reading.stamp, std::move(*model));
   }
   depth_reports_.push_back(report);
   return true;

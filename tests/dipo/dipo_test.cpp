@@ -159,12 +159,16 @@ TEST(Dipo, OneBeamInLockKeepsThePositionThroughAMinute) {
   dive.disturb_dvl = [&k](DvlSample& ping, double t) {
     ++k;
     if (t < 10.0) return;
+    ping.valid = false;
     for (std::size_t i = 0; i < kDvlBeams; ++i) {
       ping.beams[i]->valid = i == static_cast<std::size_t>(k) % kDvlBeams;
     }
   };
   const double one = run_dive(dive, {}, make_test_rig()).end_error_m;
-  dive.disturb_dvl = [](DvlSample& ping, double t) { ping.valid = t < 10.0; };
+  dive.disturb_dvl = [](DvlSample& ping, double t) {
+    ping.valid = t < 10.0;
+    for (auto& beam : ping.beams) beam->valid = ping.valid;
+  };
   const double none = run_dive(dive, {}, make_test_rig()).end_error_m;
   EXPECT_LT(one, 0.5);
   EXPECT_LT(one, 0.5 * none);

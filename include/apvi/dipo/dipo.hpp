@@ -68,22 +68,32 @@ class Dipo {
   std::size_t zero_velocity_updates() const { return zero_velocity_updates_; }
 
  private:
-  using Sample = std::variant<DvlSample, DepthSample>;
+  struct DepthReading {
+    Stamp stamp;
+    double depth_m;
+    Eigen::Vector3d p_body_sensor;
+    double noise_m;
+  };
+  using Sample = std::variant<DvlSample, DepthReading>;
   struct UsedPing {
     Stamp stamp;
     Eigen::Quaterniond R_world_body;
     Eigen::Vector3d v_body;
   };
 
-  void add_depth(const DepthSample& sample);
+  void add_depth(const DepthReading& reading);
   void start(const Initializer::Start& start);
   void take_in_pending();
   /// False while the sample's own time is still ahead of the inertial data.
   bool take_in(const DvlSample& ping);
-  bool take_in(const DepthSample& sample);
+  bool take_in(const DepthReading& reading);
   imu::Noise noise_now() const;
-  Verdict beam_verdict(const DvlSample& ping) const;
-  Timeline::Model dvl_model(const DvlSample& ping, double offset_s, double variance) const;
+  Verdict verdict_before_filter(const DvlSample& ping) const;
+  Timeline::Model dvl_model(const DvlSample& ping, double offset_s) const;
+  /// Passes a measurement through its gate, at its own time: the model to take in, weakened or not,
+  /// or nothing. Fills the report.
+  std::optional<Timeline::Model> judge(Stamp stamp, Timeline::Model model, MeasurementGate& gate,
+                                       Report& report) const;
   void insert_displacement(const DvlSample& ping, Stamp stamp);
   void update_if_still(const ImuSample& sample);
 
