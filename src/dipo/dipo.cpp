@@ -171,14 +171,14 @@ void Dipo::start(const Initializer::Start& start) {
 }
 
 void Dipo::take_in_pending() {
-  if (!initialized()) {
-    constexpr std::size_t kMost = 4096;  // a DVL that never locks must not fill the memory
-    while (pending_.size() > kMost) pending_.pop_front();
-    return;
+  if (initialized()) {
+    std::erase_if(pending_, [this](const Sample& sample) {
+      return std::visit([this](const auto& s) { return take_in(s); }, sample);
+    });
   }
-  std::erase_if(pending_, [this](const Sample& sample) {
-    return std::visit([this](const auto& s) { return take_in(s); }, sample);
-  });
+  // A DVL that never locks, or an IMU that has stopped, must not fill the memory.
+  constexpr std::size_t kMost = 4096;
+  while (pending_.size() > kMost) pending_.pop_front();
 }
 
 Verdict Dipo::verdict_before_filter(const DvlSample& ping) const {

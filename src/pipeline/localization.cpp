@@ -10,6 +10,9 @@ namespace {
 // Without a verdict after this long the pose goes out as it is.
 constexpr Duration kPatience{50'000'000};
 
+// Pings kept waiting at the most, should the inertial data stop.
+constexpr std::size_t kMostWanted = 4096;
+
 template <typename... F>
 struct Overloaded : F... {
   using F::operator()...;
@@ -21,6 +24,7 @@ std::vector<LocalizationOutput> Localization::process(const SensorEvent& event) 
   std::visit(Overloaded{[this](const ImuSample& s) { dipo_.add(s); },
                         [this](const DvlSample& s) {
                           wanted_.push_back(s.stamp);
+                          if (wanted_.size() > kMostWanted) wanted_.pop_front();
                           dipo_.add(s);
                         },
                         [this](const PressureSample& s) { dipo_.add(s); },

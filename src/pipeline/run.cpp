@@ -66,9 +66,12 @@ eval::Json speed_json(const RunResult& result) {
 }
 
 eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
-                                 const io::SequenceReader& reader, const Trajectory& estimate) {
-  const auto reference = reader.reference();
+                                 const io::SequenceReader& reader, std::optional<Stamp> first,
+                                 const Trajectory& estimate) {
+  auto reference = reader.reference();
   if (!reference || estimate.empty()) return eval::evaluate_alone(estimate);
+  const bool whole = config.dataset.start_s == 0.0 && config.dataset.duration_s == 0.0;
+  if (!whole && first) reference = eval::seen_part(*reference, *first, config.dataset.duration_s);
   eval::EvalOptions options = config.eval;
   options.estimate_world = rig.world;
   options.reference_world = eval::reference_world(*reference, rig.world);
@@ -78,6 +81,7 @@ eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
 // What one pass over the recording leaves behind.
 struct Pass {
   Trajectory trajectory;
+  double length_m = 0.0;
   std::optional<Stamp> first;
   Stamp last;
   bool interrupted = false;
@@ -87,7 +91,16 @@ std::string status_detail(const Localization& localization, const Pass& pass) {
   if (!localization.dipo().initialized()) {
     return "waiting for " + localization.dipo().waiting_for();
   }
-  return fmt::format("{} poses, {:.1f} m", pass.trajectory.size(), pass.trajectory.path_length());
+  return fmt::format("{} poses, {:.1f} m", pass.trajectory.size(), pass.length_m);
+}
+
+void add_pose(Pass& pass, const dipo::Estimate& estimate) {
+  const imu::NavState& nav = estimate.state.nav;
+  std::vector<StampedPose>& poses = pass.trajectory.poses;
+  if (!poses.empty()) {
+    pass.length_m += (nav.p_world - poses.back().T_world_body.translation).norm();
+  }
+  poses.push_back({estimate.stamp, {nav.R_world_body, nav.p_world}});
 }
 
 Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder& folder,
@@ -100,8 +113,7 @@ Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder&
     if (!pass.first) pass.first = pass.last;
     for (const LocalizationOutput& output : localization.process(*event)) {
       folder.write(output);
-      const imu::NavState& nav = output.estimate.state.nav;
-      pass.trajectory.poses.push_back({output.estimate.stamp, {nav.R_world_body, nav.p_world}});
+      add_pose(pass, output.estimate);
     }
     if (++count % 1024 == 0) status.update(reader.fraction(), status_detail(localization, pass));
     if (interrupted()) {
@@ -134,7 +146,7 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
                    .poses = pass.trajectory.size(),
                    .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
                    .wall_s = watch.seconds(),
-                   .metrics = evaluate(config, rig, *reader, pass.trajectory)};
+                   .metrics = evaluate(config, rig, *reader, pass.first, pass.trajectory)};
   const eval::RunTrajectories metrics{.fused = result.metrics, .dipo = result.metrics, .vio = {}};
   eval::merge_metrics(folder.file("metrics.json"),
                       {{"trajectory", eval::to_json(metrics)},
