@@ -19,6 +19,7 @@ if(APVI_LOCALIZATION)
   apvi_find(OpenCV 4 COMPONENTS core imgproc imgcodecs)
   apvi_find(yaml-cpp)
   apvi_find(nlohmann_json)
+  apvi_find(embree 3.13)  # ray casting in the simulator
   if(NOT TARGET yaml-cpp::yaml-cpp)  # Debian 12's 0.7 exports the bare name
     add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)
   endif()

@@ -33,6 +33,15 @@ Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium, const Vec
   return geometry * colour.cwiseProduct(water);
 }
 
+Vector3d scene_white_balance(const LightConfig& config, const Medium& medium, double depth_m) {
+  const Vector3d p(0.0, 0.0, 1.5);
+  Vector3d light = daylight_at(config, medium, depth_m);
+  if (config.lamp) light += lamp_irradiance(*config.lamp, medium, p, -Vector3d::UnitZ());
+  light = light.cwiseProduct(Vector3d((-medium.beta_d * p.z()).array().exp()));
+  const Vector3d dimmest = Vector3d::Constant(1e-3 * std::max(1e-9, light.y()));
+  return (light.y() / light.cwiseMax(dimmest).array()).pow(0.75);
+}
+
 Vector3d sun_direction(const LightConfig& config) {
   const double elevation = config.sun_elevation_deg * std::numbers::pi / 180.0;
   const double azimuth = config.sun_azimuth_deg * std::numbers::pi / 180.0;

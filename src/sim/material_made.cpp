@@ -67,10 +67,10 @@ void steel(SurfaceBatch& s) {
     c = mix(c, {0.42F, 0.20F, 0.08F}, 0.75F * upright * smooth_step(0.08F, 0.4F, streaks.v[i]));
     c = mix(c, {0.16F, 0.13F, 0.11F}, 0.6F * upright * smooth_step(0.1F, 0.4F, -streaks.v[i]));
     // Crusts of sponge and coralline algae, in sheets.
-    c = mix(c, Colour{0.50F, 0.30F, 0.29F} * (1.0F + 0.6F * fine.v[i]),
-            0.8F * smooth_step(0.2F, 0.28F, -rust.v[i] + 0.3F * life.turf.v[i]));
-    c = mix(c, Colour{0.55F, 0.40F, 0.14F} * (1.0F + 0.6F * fine.v[i]),
-            0.85F * smooth_step(0.22F, 0.28F, -life.colony.v[i] + 0.25F * life.turf.v[i]));
+    c = mix(c, Colour{0.46F, 0.28F, 0.26F} * (1.0F + 0.6F * fine.v[i]),
+            0.6F * smooth_step(0.18F, 0.36F, -rust.v[i] + 0.4F * life.turf.v[i]));
+    c = mix(c, Colour{0.42F, 0.34F, 0.25F} * (1.0F + 0.6F * fine.v[i]),
+            0.5F * smooth_step(0.2F, 0.4F, -life.colony.v[i] + 0.5F * life.turf.v[i]));
     const float up = smooth_step(-0.1F, 0.7F, s.nz.v[i]);
     c = mix(c, Colour{0.20F, 0.23F, 0.10F} * (1.0F + fine.v[i]),
             (0.35F + 0.5F * up) * smooth_step(0.0F, 0.35F, life.turf.v[i]));

@@ -103,6 +103,8 @@ struct Renderer::Impl {
     }
   };
 
+  Vector3d white_balance;  ///< red, green, blue
+
   LightState light_state(const ImageRequest& request) const;
   int count_samples(const ImageRequest& request) const;
   Poses take_poses(const ImageRequest& request) const;
@@ -242,9 +244,8 @@ double Renderer::Impl::meter(const Canvas& canvas, double exposure) const {
   const CameraEffectsConfig& camera_config = config.camera;
   if (!camera_config.auto_gain) return camera_config.gain * exposure;
   const cv::Scalar mean = cv::mean(canvas.seen);
-  const double level = 0.25 * mean[0] * camera_config.white_balance[2] +
-                       0.5 * mean[1] * camera_config.white_balance[1] +
-                       0.25 * mean[2] * camera_config.white_balance[0];
+  const double level = 0.25 * mean[0] * white_balance.z() + 0.5 * mean[1] * white_balance.y() +
+                       0.25 * mean[2] * white_balance.x();
   return exposure *
          std::min(camera_config.max_gain, camera_config.target_mean / std::max(level, 1e-9));
 }
@@ -256,9 +257,8 @@ RenderedFrame Renderer::Impl::develop_frame(const ImageRequest& request, const L
   frame.medium = light.medium;
   Vector3f factor;
   for (int c = 0; c < 3; ++c) {
-    const auto index = static_cast<std::size_t>(c);
-    frame.medium.b_inf[c] *= frame.gain * config.camera.white_balance[index];
-    factor[c] = static_cast<float>(frame.gain * config.camera.white_balance[index]);
+    frame.medium.b_inf[c] *= frame.gain * white_balance[c];
+    factor[c] = static_cast<float>(frame.gain * white_balance[c]);
   }
   cv::Mat picture(canvas.seen.size(), CV_32FC3);
   cv::Mat clear(canvas.seen.size(), CV_32FC3);
@@ -299,6 +299,11 @@ Renderer::Renderer(const TriangleMesh& mesh, const RayCaster& caster, const Came
   impl_->config = config;
   impl_->seed = seed;
   impl_->lens = make_lens(camera);
+  impl_->white_balance =
+      scene_white_balance(config.light, make_medium(config.water), config.water.reference_depth_m);
+  if (const auto& given = config.camera.white_balance) {
+    impl_->white_balance = Vector3d((*given)[0], (*given)[1], (*given)[2]);
+  }
   impl_->baked = bake_light(mesh, caster, sun_direction(config.light).cast<float>(), threads);
 }
 

@@ -299,11 +299,14 @@ void add_silt(const LightState& light, TileRays& tile) {
     }
     p.count = count;
     fbm(p, {.frequency = 1.1F, .octaves = 5, .gain = 0.55F, .seed = 301}, density);
+    // A thin cloud has gaps, a dense one has not.
+    const auto silt = static_cast<float>(light.silt);
+    const float contrast = mix(1.6F, 0.5F, std::min(1.0F, silt * silt));
     for (int i = 0; i < count; ++i) {
       const float r = rays.range[static_cast<std::size_t>(i)];
       const bool before = r < 0.0F || distance < r;
-      const float local = std::max(0.0F, 0.55F + 1.6F * density[i]);
-      depth[i] += before ? local * static_cast<float>(light.silt) * 2.2F : 0.0F;
+      const float local = std::max(0.0F, 0.55F + 0.45F * silt * silt + contrast * density[i]);
+      depth[i] += before ? local * silt * 2.2F : 0.0F;
     }
   }
   for (int i = 0; i < count; ++i) {

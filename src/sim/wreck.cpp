@@ -85,6 +85,29 @@ void add_shell(TriangleMesh& mesh, float side, float inset) {
   });
 }
 
+// The stem, where the two sides meet at the bow, and the transom that closes the stern.
+void add_ends(TriangleMesh& mesh) {
+  std::vector<shapes::Ring> stem;
+  for (int j = 0; j <= 40; ++j) {
+    const float t = static_cast<float>(j) / 40.0F;
+    const Vector3f p = hull_point(1.0F, t, 1.0F, 0.0F);
+    stem.push_back({{p.x(), 0.0F, p.z()}, 0.09F + 0.03F * t});
+  }
+  shapes::tube(mesh, stem, 10, {.material = Material::steel, .object = 8});
+  constexpr int kColumns = 80;
+  constexpr int kRows = 60;
+  shapes::grid(mesh, kColumns, kRows, {.material = Material::steel, .object = 8}, [](int i, int j) {
+    const float u = static_cast<float>(i) / kColumns;
+    const float t = static_cast<float>(j) / kRows;
+    const Vector3f port = hull_point(0.0F, t, 1.0F, 0.0F);
+    const Vector3f p = port + u * Vector3f(0.0F, -2.0F * port.y(), 0.0F) -
+                       Vector3f(0.25F * std::sin(3.14159F * u), 0.0F, 0.0F);
+    const float rot = fbm(p, {.frequency = 0.8F, .octaves = 6, .gain = 0.55F, .seed = 401});
+    const float seam = std::abs(std::remainder(t * 5.0F, 1.0F)) / 5.0F * 3.0F;
+    return GridPoint{p, smooth_step(0.0F, 0.09F, seam), 0.3F - rot};
+  });
+}
+
 void add_ribs(TriangleMesh& mesh) {
   const int count = static_cast<int>(kLength / kFrames);
   for (int k = 1; k < count; ++k) {
@@ -240,6 +263,7 @@ void add_wreck(TriangleMesh& mesh, const WorldConfig& config, const Terrain& ter
     add_shell(ship, side, 0.0F);
     add_shell(ship, side, 0.05F);
   }
+  add_ends(ship);
   const std::size_t shell_end = ship.triangles.size();
   add_ribs(ship);
   const std::size_t deck_start = ship.triangles.size();

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 
 #include "apvi/config/fields.hpp"
 
@@ -20,7 +21,7 @@ struct CameraEffectsConfig {
   double target_mean = 0.4;
   double gain = 2.0;
   double max_gain = 12.0;
-  std::array<double, 3> white_balance{3.2, 1.0, 0.95};
+  std::optional<std::array<double, 3>> white_balance{};
   double gamma = 1.0;
   double vignetting = 0.25;
   double lens_blur_px = 0.5;
@@ -41,7 +42,8 @@ struct CameraEffectsConfig {
     v("target_mean", target_mean, config::Range{0.02, 0.9}, "of the linear image, full scale is 1");
     v("gain", gain, config::Range{0.001, 1000.0}, "when auto_gain is off");
     v("max_gain", max_gain, config::Range{0.01, 1000.0}, "limit of the automatic gain");
-    v("white_balance", white_balance, config::Range{0.0, 10.0}, "factors of red, green, blue");
+    v("white_balance", white_balance, config::Range{0.0, 10.0},
+      "factors of red, green, blue; null: towards grey in the scene's light, most of the way");
     v("gamma", gamma, config::Range{0.5, 3.0}, "pixel = light^(1/gamma); 1: linear, as the paper");
     v("vignetting", vignetting, config::Range{0.0, 1.0}, "darkening in the corners");
     v("lens_blur_px", lens_blur_px, config::Range{0.0, 2.0}, "point spread, one sigma [px]");

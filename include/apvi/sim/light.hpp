@@ -16,7 +16,7 @@ struct LampConfig {
   std::array<double, 3> colour{1.0, 0.96, 0.9};
   std::array<double, 3> position_m{0.25, -0.15, 0.0};
   double beam_deg = 60.0;
-  double backscatter = 0.4;
+  double backscatter = 0.25;
 
   template <typename V>
   void visit(V& v) {
@@ -62,6 +62,11 @@ double lamp_beam(const LampConfig& lamp, double cos_angle);
 /// intensity * beam(angle) * cos(incidence) / d^2 * exp(-beta_d d), d the distance to the lamp.
 Eigen::Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium,
                                 const Eigen::Vector3d& p, const Eigen::Vector3d& normal);
+/// Factors of red, green, blue (green 1) that a camera set up for this scene would use: the light
+/// on a surface 1.5 m before it, at `depth_m`, is made grey to the power 0.75. Real cameras stop
+/// there too.
+Eigen::Vector3d scene_white_balance(const LightConfig& config, const Medium& medium,
+                                    double depth_m);
 /// Unit vector towards the refracted sun, world.
 Eigen::Vector3d sun_direction(const LightConfig& config);
 

@@ -1,0 +1,437 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/sim/renderer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <vector>
+
+#include "apvi/sim/world.hpp"
+
+namespace apvi::sim {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+CameraModel small_camera(int width = 160, int height = 120) {
+  return CameraModel({.fx = 0.65 * width,
+                      .fy = 0.65 * width,
+                      .cx = 0.5 * width - 0.5,
+                      .cy = 0.5 * height - 0.5,
+                      .distortion = Distortion::radtan,
+                      .coefficients = {-0.05, 0.01, 0.0, 0.0},
+                      .width = width,
+                      .height = height});
+}
+
+// Camera that looks straight down (or tilted by `tilt` about its x axis), its x to the east.
+SE3 looking_down(const Vector3d& position, double tilt = 0.0) {
+  const Eigen::AngleAxisd down(std::numbers::pi + tilt, Vector3d::UnitX());
+  return {Eigen::Quaterniond(down), position};
+}
+
+// A level square of 40 m at height z.
+TriangleMesh plane(float z, Material material = Material::plain) {
+  TriangleMesh mesh;
+  mesh.add_vertex({-20, -20, z});
+  mesh.add_vertex({20, -20, z});
+  mesh.add_vertex({20, 20, z});
+  mesh.add_vertex({-20, 20, z});
+  mesh.add_quad(0, 1, 2, 3, material);
+  return mesh;
+}
+
+TriangleMesh sphere(const Vector3f& centre, float radius) {
+  constexpr int kSides = 720;
+  constexpr int kRings = 360;
+  TriangleMesh mesh;
+  for (int j = 0; j <= kRings; ++j) {
+    for (int i = 0; i < kSides; ++i) {
+      const double polar = std::numbers::pi * j / kRings;
+      const double around = 2.0 * std::numbers::pi * i / kSides;
+      const Vector3d n(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around),
+                       std::cos(polar));
+      mesh.add_vertex(centre + radius * n.cast<float>());
+    }
+  }
+  for (std::uint32_t j = 0; j < kRings; ++j) {
+    for (std::uint32_t i = 0; i < kSides; ++i) {
+      const std::uint32_t next = (i + 1) % kSides;
+      mesh.add_quad(j * kSides + i, (j + 1) * kSides + i, (j + 1) * kSides + next,
+                    j * kSides + next, Material::plain);
+    }
+  }
+  return mesh;
+}
+
+// Light and water as the formulas have them, without what a camera adds.
+RendererConfig bare_config() {
+  RendererConfig config;
+  config.water.snow.density_per_m3 = 0.0;
+  config.camera.auto_gain = false;
+  config.camera.gain = 1.5;
+  config.camera.white_balance = {1.0, 1.0, 1.0};
+  config.camera.vignetting = 0.0;
+  config.camera.lens_blur_px = 0.0;
+  config.camera.noise = false;
+  config.camera.exposure_s = 0.0;
+  return config;
+}
+
+ImageRequest still(const SE3& T_world_camera) {
+  ImageRequest request;
+  request.T_world_camera = [T_world_camera](Stamp) { return T_world_camera; };
+  return request;
+}
+
+ImageRequest moving(const SE3& T_world_camera, const Vector3d& velocity, Stamp stamp = {}) {
+  ImageRequest request;
+  request.stamp = stamp;
+  request.T_world_camera = [=](Stamp at) {
+    return SE3{T_world_camera.rotation, T_world_camera.translation + at.seconds() * velocity};
+  };
+  return request;
+}
+
+struct Stage {
+  explicit Stage(TriangleMesh m, const RendererConfig& config = bare_config(),
+                 const CameraModel& lens = small_camera())
+      : mesh(std::move(m)), caster(mesh), camera(lens), renderer(mesh, caster, lens, config, 7) {}
+  TriangleMesh mesh;
+  RayCaster caster;
+  CameraModel camera;
+  Renderer renderer;
+};
+
+bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && a.type() == b.type() &&
+         std::memcmp(a.data, b.data, a.total() * a.elemSize()) == 0;
+}
+
+TEST(RayCaster, MeasuresRangeAndNormalOfAPlaneFromBothSides) {
+  const TriangleMesh mesh = plane(-10.0F);
+  const RayCaster caster(mesh);
+  const Vector3d slanted = Vector3d(0.6, 0.0, -0.8);
+  const auto above = caster.cast({1, 2, -7}, slanted, 50.0);
+  ASSERT_TRUE(above);
+  EXPECT_NEAR(above->range, 3.0 / 0.8, 1e-5);
+  EXPECT_TRUE(above->normal.isApprox(Vector3d::UnitZ(), 1e-6));
+  const auto below = caster.cast({1, 2, -12}, Vector3d::UnitZ(), 50.0);
+  ASSERT_TRUE(below);
+  EXPECT_NEAR(below->range, 2.0, 1e-5);
+  EXPECT_TRUE(below->normal.isApprox(-Vector3d::UnitZ(), 1e-6));
+}
+
+TEST(RayCaster, SeesNothingBeyondItsRangeOrBesideTheMesh) {
+  const RayCaster caster(plane(-10.0F));
+  EXPECT_FALSE(caster.cast({0, 0, -7}, -Vector3d::UnitZ(), 2.9));
+  EXPECT_FALSE(caster.cast({0, 0, -7}, Vector3d::UnitZ(), 100.0));
+  EXPECT_TRUE(caster.occluded({0, 0, -7}, -Vector3f::UnitZ(), 3.1F));
+  EXPECT_FALSE(caster.occluded({0, 0, -7}, -Vector3f::UnitZ(), 2.9F));
+}
+
+TEST(RayCaster, GivesTheSameForManyRaysAtOnceAsForSingleOnes) {
+  const TriangleMesh mesh = make_world({.depth_m = 9, .size_m = 10, .resolution_m = 0.2}, 3);
+  const RayCaster caster(mesh);
+  RayBatch rays;
+  rays.resize(101);  // not a multiple of a packet
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const Vector3f d = Vector3f(-0.5F + 0.01F * static_cast<float>(i), 0.2F, -0.7F).normalized();
+    rays.ox[i] = 0.1F;
+    rays.oy[i] = -0.2F;
+    rays.oz[i] = -6.0F;
+    rays.dx[i] = d.x();
+    rays.dy[i] = d.y();
+    rays.dz[i] = i == 50 ? 1.0F : d.z();  // one that goes up and away
+    rays.range[i] = 60.0F;
+  }
+  caster.cast(rays);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const auto hit = caster.cast({0.1F, -0.2F, -6.0F},
+                                 Vector3f(rays.dx[i], rays.dy[i], rays.dz[i]).cast<double>(), 60.0);
+    ASSERT_EQ(hit.has_value(), rays.range[i] != RayBatch::kNoHit) << i;
+    EXPECT_NEAR(rays.range[i], hit ? hit->range : -1.0, 1e-4) << i;
+  }
+}
+
+TEST(Renderer, DepthOfAPlaneIsTheAnalyticDepth) {
+  const Stage stage(plane(-10.0F));
+  const SE3 T_world_camera = looking_down({0.3, -0.2, -7.0}, 0.5);
+  const RenderedFrame frame = stage.renderer.render(still(T_world_camera));
+  for (int y = 0; y < 120; y += 7) {
+    for (int x = 0; x < 160; x += 7) {
+      const Vector3d ray = *stage.camera.unproject({x, y});
+      const double range = -3.0 / (T_world_camera.rotation * ray).z();
+      EXPECT_NEAR(frame.range.at<float>(y, x), range, 2e-4 * range);
+      EXPECT_NEAR(frame.depth.at<float>(y, x), range * ray.z(), 2e-4 * range);
+    }
+  }
+}
+
+TEST(Renderer, DepthOfASphereIsTheAnalyticDepthAndZeroBesideIt) {
+  const Stage stage(sphere({0.0F, 0.0F, -10.0F}, 1.0F));
+  const RenderedFrame frame = stage.renderer.render(still(looking_down({0.0, 0.0, -7.0})));
+  int hits = 0;
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      const Vector3d ray = *stage.camera.unproject({x, y});
+      const double along = 3.0 * ray.z();
+      const double square = 1.0 - (9.0 - along * along);  // radius² - distance of the ray²
+      if (std::abs(square) < 0.02) continue;              // the outline of the tessellation
+      const double range = square > 0.0 ? along - std::sqrt(square) : 0.0;
+      ASSERT_NEAR(frame.depth.at<float>(y, x), range * ray.z(), 5e-4) << x << ", " << y;
+      hits += square > 0.0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(hits, 500);
+}
+
+// The largest difference in grey levels between a picture and the formula applied to its clear
+// version, over pixels that are not burnt out.
+double formula_error(const RenderedFrame& frame) {
+  double worst = 0.0;
+  for (int y = 0; y < frame.image.rows; ++y) {
+    for (int x = 0; x < frame.image.cols; ++x) {
+      const auto clear = frame.clear.at<cv::Vec3b>(y, x);
+      const auto seen = frame.image.at<cv::Vec3b>(y, x);
+      const float range = frame.range.at<float>(y, x);
+      const Vector3d J = Vector3d(clear[2], clear[1], clear[0]) / 255.0;
+      const Vector3d I = 255.0 * apply_medium(frame.medium, J, range > 0.0F ? range : 1e6);
+      for (int c = 0; c < 3; ++c) {
+        if (clear[2 - c] == 255 || seen[2 - c] == 255) continue;
+        worst = std::max(worst, std::abs(I[c] - seen[2 - c]));
+      }
+    }
+  }
+  return worst;
+}
+
+TEST(Renderer, PictureIsTheFormulaAppliedToTheClearOneToOneGreyLevel) {
+  RendererConfig config = bare_config();
+  config.light.lamp = LampConfig{.intensity = 0.4, .backscatter = 0.0};
+  config.light.caustics = 0.5;
+  config.camera.auto_gain = true;
+  const Stage stage(make_world({.depth_m = 9, .size_m = 12, .resolution_m = 0.1}, 3), config);
+  ImageRequest request = still(looking_down({0.0, 0.0, -6.5}, 0.9));
+  EXPECT_LE(formula_error(stage.renderer.render(request)), 1.0);
+  request.disturbance.attenuation_length_m = 1.2;
+  EXPECT_LE(formula_error(stage.renderer.render(request)), 1.0);
+}
+
+Vector3d centre_of_clear(const RenderedFrame& frame) {
+  const auto pixel = frame.clear.at<cv::Vec3b>(frame.clear.rows / 2, frame.clear.cols / 2);
+  return Vector3d(pixel[2], pixel[1], pixel[0]) / 255.0;
+}
+
+TEST(Renderer, DaylightOnALevelPlaneFadesWithDepthAsTheFormulaSays) {
+  for (const double depth : {2.0, 6.0, 12.0}) {
+    const RendererConfig config = bare_config();
+    const Stage stage(plane(static_cast<float>(-depth)), config);
+    const auto frame = stage.renderer.render(still(looking_down({0.0, 0.0, 1.5 - depth})));
+    const Medium medium = make_medium(config.water);
+    const Vector3d expected =
+        config.camera.gain * 0.5 * daylight_at(config.light, medium, depth);  // albedo 0.5
+    EXPECT_LT((centre_of_clear(frame) - expected).cwiseAbs().maxCoeff(), 0.6 / 255.0) << depth;
+  }
+}
+
+TEST(Renderer, LampFallsWithDistanceAsTheFormulaSays) {
+  for (const double distance : {0.8, 1.5, 3.0}) {
+    RendererConfig config = bare_config();
+    config.light.daylight = 0.0;
+    config.light.lamp = LampConfig{.intensity = 0.6, .position_m = {0.2, -0.1, 0.0}};
+    const Stage stage(plane(-9.0F), config);
+    const auto frame = stage.renderer.render(still(looking_down({0.0, 0.0, -9.0 + distance})));
+    const Vector3d ray = *stage.camera.unproject({80, 60});
+    const Vector3d p = ray * (distance / ray.z());
+    const Vector3d expected =
+        config.camera.gain * 0.5 *
+        lamp_irradiance(*config.light.lamp, make_medium(config.water), p, -Vector3d::UnitZ());
+    EXPECT_LT((centre_of_clear(frame) - expected).cwiseAbs().maxCoeff(), 0.6 / 255.0) << distance;
+  }
+}
+
+RendererConfig everything_config() {
+  RendererConfig config;
+  config.light.lamp = LampConfig{};
+  config.light.caustics = 0.5;
+  config.water.veil_gradient = 0.3;
+  config.camera.shutter = Shutter::rolling;
+  config.camera.blur_samples = 5;
+  config.camera.gamma = 2.0;
+  return config;
+}
+
+TEST(Renderer, GivesTheSameBytesWithAnyNumberOfThreadsInAnyOrder) {
+  const Stage stage(make_world({.depth_m = 9, .size_m = 12, .resolution_m = 0.15}, 3),
+                    everything_config());
+  std::vector<ImageRequest> requests;
+  for (int i = 0; i < 3; ++i) {
+    const Stamp stamp{50000000LL * i};
+    requests.push_back(moving(looking_down({0, 0, -7}, 0.6), {0.8, 0.1, 0.0}, stamp));
+    requests.back().frame = static_cast<std::uint64_t>(i);
+    requests.back().disturbance.silt = 0.2 * i;
+  }
+  std::vector<RenderedFrame> first;
+  for (const ImageRequest& request : requests) first.push_back(stage.renderer.render(request, 1));
+  for (const int threads : {4, 2}) {
+    for (std::size_t i = requests.size(); i-- > 0;) {
+      const RenderedFrame again = stage.renderer.render(requests[i], threads);
+      EXPECT_TRUE(same_bytes(again.image, first[i].image)) << threads << " threads, frame " << i;
+      EXPECT_TRUE(same_bytes(again.clear, first[i].clear));
+      EXPECT_TRUE(same_bytes(again.depth, first[i].depth));
+    }
+  }
+  EXPECT_FALSE(same_bytes(first[0].image, first[1].image));
+}
+
+TEST(Renderer, NoiseHasTheVarianceOfPhotonsAndAmplifier) {
+  RendererConfig config = bare_config();
+  config.camera.noise = true;
+  config.camera.full_well_e = 4000.0;
+  config.camera.read_noise_e = 20.0;
+  const Stage stage(plane(-6.0F), config, small_camera(320, 240));
+  config.camera.noise = false;
+  const Stage clean(plane(-6.0F), config, small_camera(320, 240));
+  const ImageRequest request = still(looking_down({0.0, 0.0, -5.0}));
+  cv::Mat difference;
+  const RenderedFrame quiet = clean.renderer.render(request);
+  cv::subtract(stage.renderer.render(request).image, quiet.image, difference, cv::noArray(),
+               CV_32F);
+  cv::Scalar mean;
+  cv::Scalar sigma;
+  cv::meanStdDev(difference, mean, sigma);
+  const double electrons = config.camera.full_well_e / config.camera.gain;
+  const cv::Scalar level = cv::mean(quiet.image) / 255.0;
+  for (int c = 0; c < 3; ++c) {
+    const double expected = 255.0 * std::sqrt(level[c] * electrons + 400.0) / electrons;
+    EXPECT_NEAR(sigma[c], expected, 0.05 * expected + 0.05);
+    EXPECT_NEAR(mean[c], 0.0, 0.1);
+  }
+}
+
+TEST(Renderer, NoiseDiffersFromFrameToFrame) {
+  RendererConfig config = bare_config();
+  config.camera.noise = true;
+  const Stage stage(plane(-6.0F), config);
+  ImageRequest request = still(looking_down({0.0, 0.0, -5.0}));
+  const cv::Mat first = stage.renderer.render(request).image;
+  for (const std::uint64_t frame : {std::uint64_t{1}, std::uint64_t{1} << 40}) {
+    request.frame = frame;
+    EXPECT_FALSE(same_bytes(stage.renderer.render(request).image, first));
+  }
+}
+
+TEST(Renderer, IsBlackInABlackoutAndWhiteWhenOverexposed) {
+  RendererConfig config;
+  config.light.lamp = LampConfig{};
+  const Stage stage(make_world({.depth_m = 9, .size_m = 12, .resolution_m = 0.15}, 3), config);
+  ImageRequest request = still(looking_down({0.0, 0.0, -7.0}));
+  request.disturbance.darkness = 1.0;
+  const cv::Scalar dark = cv::mean(stage.renderer.render(request).image);
+  EXPECT_LT(dark[0] + dark[1] + dark[2], 10.0);
+  request.disturbance = {.exposure = 8.0};
+  EXPECT_GT(cv::mean(stage.renderer.render(request).image)[1], 240.0);
+}
+
+TEST(Renderer, RollingShutterSlantsWhatMovesAndAGlobalOneDoesNot) {
+  TriangleMesh mesh;  // the edge of a plate runs along the picture's y axis
+  mesh.add_vertex({0, -20, -9});
+  mesh.add_vertex({20, -20, -9});
+  mesh.add_vertex({20, 20, -9});
+  mesh.add_vertex({0, 20, -9});
+  mesh.add_quad(0, 1, 2, 3, Material::plain);
+  const auto edge_shift = [&](Shutter shutter) {
+    RendererConfig config = bare_config();
+    config.camera.shutter = shutter;
+    config.camera.readout_s = 0.05;
+    const CameraModel lens({.fx = 200,
+                            .fy = 200,
+                            .cx = 79.5,
+                            .cy = 59.5,
+                            .distortion = Distortion::none,
+                            .coefficients = {},
+                            .width = 160,
+                            .height = 120});
+    const Stage stage(mesh, config, lens);
+    const cv::Mat depth =
+        stage.renderer.render(moving(looking_down({0, 0, -7}), {1.0, 0, 0})).depth;
+    return cv::countNonZero(depth.row(119)) - cv::countNonZero(depth.row(0));
+  };
+  EXPECT_EQ(edge_shift(Shutter::global), 0);
+  // 1 m/s * 0.05 s at 2 m and 200 px of focal length: 5 px. More of the plate is seen later.
+  EXPECT_NEAR(edge_shift(Shutter::rolling), 5, 1);
+}
+
+TEST(Renderer, BlursWhatMovesDuringTheExposure) {
+  RendererConfig config = bare_config();
+  config.camera.exposure_s = 0.03;
+  config.camera.blur_samples = 9;
+  const Stage stage(make_world({.depth_m = 9, .size_m = 12, .resolution_m = 0.1}, 3), config,
+                    small_camera(320, 240));
+  const auto sharpness = [&](const Vector3d& velocity) {
+    cv::Mat edges;
+    cv::Laplacian(stage.renderer.render(moving(looking_down({0, 0, -7.5}), velocity)).image, edges,
+                  CV_32F);
+    cv::Scalar mean;
+    cv::Scalar sigma;
+    cv::meanStdDev(edges, mean, sigma);
+    return sigma[1];
+  };
+  EXPECT_LT(sharpness({1.0, 0.0, 0.0}), 0.6 * sharpness({0.0, 0.0, 0.0}));
+}
+
+// Corners of the first picture that optical flow finds in the second one, to a pixel, where the
+// scene says that they went. (On pictures of nothing but noise, flow "finds" corners too.)
+int tracked(const RenderedFrame& first, const cv::Mat& second, const CameraModel& camera,
+            const SE3& T_second_first) {
+  cv::Mat a;
+  cv::Mat b;
+  cv::cvtColor(first.image, a, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(second, b, cv::COLOR_BGR2GRAY);
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(a, corners, 300, 0.01, 15.0);
+  if (corners.empty()) return 0;
+  std::vector<cv::Point2f> there;
+  std::vector<uchar> found;
+  cv::calcOpticalFlowPyrLK(a, b, corners, there, found, cv::noArray());
+  int count = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Vector3d ray = *camera.unproject({corners[i].x, corners[i].y});
+    const double range =
+        first.range.at<float>(cv::Point(cvRound(corners[i].x), cvRound(corners[i].y)));
+    const auto expected = camera.project(T_second_first * Vector3d(range * ray));
+    const Eigen::Vector2d seen(there[i].x, there[i].y);
+    if (found[i] && expected && (*expected - seen).norm() < 1.0) ++count;
+  }
+  return count;
+}
+
+TEST(Renderer, OpticalFlowKeepsAHundredCornersOnAGoodDayAndLosesThemInOutages) {
+  const Stage stage(make_world({.depth_m = 9, .size_m = 14, .resolution_m = 0.08}, 3),
+                    RendererConfig{}, small_camera(640, 480));
+  const auto follow = [&](double speed, const Disturbance& disturbance) {
+    ImageRequest request = moving(looking_down({0, 0, -7.2}, 0.4), {speed, 0, 0});
+    request.disturbance = disturbance;
+    const RenderedFrame first = stage.renderer.render(request);
+    const SE3 T_world_first = request.T_world_camera(request.stamp);
+    request.stamp = {50000000};
+    request.frame = 1;
+    const SE3 T_second_first = request.T_world_camera(request.stamp).inverse() * T_world_first;
+    return tracked(first, stage.renderer.render(request).image, stage.camera, T_second_first);
+  };
+  for (const double speed : {0.2, 0.5, 0.8}) EXPECT_GE(follow(speed, {}), 150) << speed;
+  EXPECT_LE(follow(0.5, {.darkness = 1.0}), 20);
+  EXPECT_LE(follow(0.5, {.attenuation_length_m = 0.25}), 20);
+  EXPECT_LE(follow(0.5, {.silt = 0.97}), 20);
+}
+
+}  // namespace
+}  // namespace apvi::sim
