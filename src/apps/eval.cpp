@@ -22,69 +22,64 @@ namespace {
 namespace fs = std::filesystem;
 using eval::EvalOptions;
 
-template <typename T>
-using Words = std::vector<std::pair<std::string, T>>;
-
 struct Arguments {
   fs::path run;
   fs::path reference;
   fs::path estimate;
-  EvalOptions options;
+  std::vector<std::string> overrides;  // "key=value" of EvalOptions
   std::optional<WorldFrame> estimate_world;
   std::optional<WorldFrame> reference_world;
   bool json = false;
 };
 
-// An option that takes one of some words.
-template <typename T, typename Target>
-void add_word(CLI::App& command, const std::string& name, Target& target, const Words<T>& words,
-              const std::string& help) {
-  std::vector<std::string> names;
-  for (const auto& [word, value] : words) names.push_back(word);
-  const auto set = [&target, words](const std::string& given) {
-    for (const auto& [word, value] : words) {
-      if (word == given) target = value;
-    }
+using Words = std::vector<std::string>;
+
+void add_override(CLI::App& command, const std::string& flag, const std::string& key, Arguments& a,
+                  const Words& words, const std::string& help) {
+  const auto add = [&a, key](const std::string& value) {
+    a.overrides.push_back(key + "=" + value);
   };
-  command.add_option_function<std::string>(name, set, help)
-      ->check(CLI::IsMember(names))
+  CLI::Option* option = command.add_option_function<std::string>(flag, add, help);
+  if (words.empty()) {
+    option->check(CLI::NonNegativeNumber)->type_name("SECONDS");
+  } else {
+    option->check(CLI::IsMember(words))->type_name("WORD");
+  }
+}
+
+void add_world(CLI::App& command, const std::string& flag, std::optional<WorldFrame>& world,
+               const std::string& help) {
+  const auto set = [&world](const std::string& word) {
+    world = word == "ned" ? WorldFrame::ned : WorldFrame::up;
+  };
+  command.add_option_function<std::string>(flag, set, help)
+      ->check(CLI::IsMember({"up", "ned"}))
       ->type_name("WORD");
 }
 
 void add_options(CLI::App& command, Arguments& a) {
-  const Words<WorldFrame> worlds = {{"up", WorldFrame::up}, {"ned", WorldFrame::ned}};
-  eval::AssociationOptions& association = a.options.association;
-  add_word<eval::Alignment>(
-      command, "--align", a.options.alignment,
-      {{"se3", eval::Alignment::se3},
-       {"yaw", eval::Alignment::yaw},
-       {"first", eval::Alignment::first},
-       {"none", eval::Alignment::none}},
-      "taken out before comparing: a rigid motion (default), translation and heading, the first "
-      "pose, nothing");
-  add_word<eval::Association>(
-      command, "--associate", association.mode,
-      {{"auto", eval::Association::interpolate}, {"nearest", eval::Association::nearest}},
-      "interpolate the denser trajectory (default), or pair the nearest as evo does");
-  command
-      .add_option("--max-difference", association.max_difference_s,
-                  "nearest: largest distance in time of a pair [s]")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  command
-      .add_option("--max-gap", association.max_gap_s,
-                  "auto, coverage: longest gap to interpolate over [s]")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  add_word<WorldFrame>(command, "--estimate-world", a.estimate_world, worlds,
-                       "z up or north-east-down (default: from the rig of the run, else up)");
-  add_word<WorldFrame>(command, "--reference-world", a.reference_world, worlds,
-                       "the same (default: as the estimate, but up for positions only)");
+  add_override(command, "--align", "align", a, {"se3", "yaw", "first", "none"},
+               "what is taken out before comparing: a rigid motion (default), translation and "
+               "heading, the first pose, nothing");
+  add_override(command, "--associate", "associate", a, {"auto", "nearest"},
+               "interpolate the denser trajectory (default), or pair the nearest as evo does");
+  add_override(command, "--max-difference", "max_difference_s", a, {},
+               "nearest: largest distance in time of a pair (default 0.01)");
+  add_override(command, "--max-gap", "max_gap_s", a, {},
+               "auto, coverage: longest gap to interpolate over (default 2)");
+  add_world(command, "--estimate-world", a.estimate_world,
+            "z up or north-east-down (default: from the rig of the run, else up)");
+  add_world(command, "--reference-world", a.reference_world,
+            "the same (default: as the estimate, but up for positions only)");
   command.add_flag("--json", a.json, "print JSON instead of a table");
 }
 
-EvalOptions options_for(const Arguments& a, const Trajectory& reference, WorldFrame vehicle_world) {
-  EvalOptions options = a.options;
+// `section` is what the run's configuration says about it.
+EvalOptions options_for(const Arguments& a, const Trajectory& reference, config::Node section,
+                        WorldFrame vehicle_world) {
+  for (const std::string& assignment : a.overrides) config::apply_override(section, assignment);
+  EvalOptions options;
+  config::read(section, options, "eval");
   options.estimate_world = a.estimate_world.value_or(vehicle_world);
   options.reference_world =
       a.reference_world.value_or(eval::reference_world(reference, options.estimate_world));
@@ -116,7 +111,7 @@ void print(const std::string& text) {
 void eval_pair(const Arguments& a) {
   const Trajectory reference = io::read_trajectory(a.reference);
   const Trajectory estimate = io::read_trajectory(a.estimate);
-  const EvalOptions options = options_for(a, reference, WorldFrame::up);
+  const EvalOptions options = options_for(a, reference, {}, WorldFrame::up);
   const eval::RunTrajectories metrics{
       .fused = eval::evaluate(reference, estimate, options), .dipo = {}, .vio = {}};
   check_matched(metrics.fused, reference, estimate, options, a.estimate.string());
@@ -124,48 +119,43 @@ void eval_pair(const Arguments& a) {
   print(a.json ? json.dump(2) + "\n" : eval::to_table(metrics));
 }
 
-// What a run was made from.
+// What a run is compared with, and how.
 struct Origin {
   std::optional<Trajectory> reference;
   WorldFrame world = WorldFrame::up;
+  config::Node options;
 };
 
-Origin open_origin(const fs::path& run) {
-  const fs::path resolved = run / "resolved.yaml";
-  if (!fs::exists(resolved)) {
-    fail_input("{}: missing; is this a run folder? --reference FILE works without it",
-               resolved.string());
-  }
-  const config::Node root = config::load_file(resolved);
+config::Node section(const config::Node& root, std::string_view key) {
+  const config::Node* found = root.find(key);
+  return found != nullptr ? *found : config::Node{};
+}
+
+// The reference of the run's data set, as far as the run has seen it.
+std::optional<Trajectory> data_set_reference(const config::Node& resolved) {
   io::DatasetConfig dataset;
-  if (const config::Node* node = root.find("dataset")) config::read(*node, dataset, "dataset");
+  config::read(section(resolved, "dataset"), dataset, "dataset");
   const auto sequence = io::open_sequence(dataset, {});
-  Origin origin;
-  if (!sequence->rig().is_null()) origin.world = make_rig(sequence->rig()).world;
-  origin.reference = sequence->reference();
-  const bool whole = dataset.start_s == 0.0 && dataset.duration_s == 0.0;
-  if (whole || !origin.reference) return origin;
-  // Only what the run has seen counts for its coverage.
+  const auto reference = sequence->reference();
+  if (!reference || (dataset.start_s == 0.0 && dataset.duration_s == 0.0)) return reference;
   const auto first = sequence->next();
-  if (!first) fail_input("{}: dataset: nothing is left of it in this span", resolved.string());
-  const Stamp from = stamp_of(*first);
-  const Stamp to =
-      dataset.duration_s > 0.0 ? from + Duration::from_seconds(dataset.duration_s) : Stamp::max();
-  origin.reference = eval::within(*origin.reference, from, to);
-  return origin;
+  if (!first) fail_input("{}: dataset: nothing is left of it in this span", resolved.where());
+  return eval::seen_part(*reference, stamp_of(*first), dataset.duration_s);
 }
 
 Origin origin_of(const Arguments& a) {
-  if (a.reference.empty()) return open_origin(a.run);
   Origin origin;
-  origin.reference = io::read_trajectory(a.reference);
-  if (a.estimate_world || origin.reference->has_rotation) return origin;
-  try {
-    origin.world = open_origin(a.run).world;
-  } catch (const InputError& e) {
-    log::warning("{}; taking the run's world as z up, --estimate-world ned says otherwise",
-                 e.what());
+  const fs::path resolved_file = a.run / "resolved.yaml";
+  const bool has_resolved = fs::exists(resolved_file);
+  if (!has_resolved && a.reference.empty()) {
+    fail_input("{}: missing; is this a run folder? --reference FILE works without it",
+               resolved_file.string());
   }
+  const config::Node resolved = has_resolved ? config::load_file(resolved_file) : config::Node{};
+  origin.world = make_rig(section(resolved, "rig")).world;
+  origin.options = section(resolved, "eval");
+  origin.reference = a.reference.empty() ? data_set_reference(resolved)
+                                         : std::optional(io::read_trajectory(a.reference));
   return origin;
 }
 
@@ -173,7 +163,7 @@ eval::TrajectoryMetrics metrics_of(const Trajectory& estimate, const Arguments& 
                                    const Origin& origin) {
   if (!origin.reference) return eval::evaluate_alone(estimate);
   return eval::evaluate(*origin.reference, estimate,
-                        options_for(a, *origin.reference, origin.world));
+                        options_for(a, *origin.reference, origin.options, origin.world));
 }
 
 std::optional<eval::TrajectoryMetrics> metrics_of_part(const fs::path& file, const Arguments& a,
@@ -198,7 +188,7 @@ void eval_run(const Arguments& a) {
                                       .vio = metrics_of_part(a.run / "vio.tum", a, origin)};
   if (origin.reference) {
     check_matched(metrics.fused, *origin.reference, fused,
-                  options_for(a, *origin.reference, origin.world), file.string());
+                  options_for(a, *origin.reference, origin.options, origin.world), file.string());
   }
   const fs::path metrics_file = a.run / "metrics.json";
   eval::merge_metrics(metrics_file, {{"trajectory", eval::to_json(metrics)}});

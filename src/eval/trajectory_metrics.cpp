@@ -179,6 +179,12 @@ Trajectory within(const Trajectory& trajectory, Stamp from, Stamp to) {
   return part;
 }
 
+Trajectory seen_part(const Trajectory& reference, Stamp first_sample, double duration_s) {
+  const Stamp end =
+      duration_s > 0.0 ? first_sample + Duration::from_seconds(duration_s) : Stamp::max();
+  return within(reference, first_sample, end);
+}
+
 Trajectory to_z_up(const Trajectory& trajectory, WorldFrame world) {
   Trajectory turned = trajectory;
   if (world == WorldFrame::up) return turned;

@@ -123,7 +123,7 @@ class EvalRun : public testing::Test {
       ned.poses.push_back({stamp, {{1, 0, 0, 0}, {east_north.y(), east_north.x(), 2.0}}});
     }
     dir_.write("data/mav0/gnss0/data.csv", gnss);
-    dir_.write("data/rig.yaml", "body: imu0\nworld: ned\nimu0: {rate_hz: 100}\n");
+    dir_.write("data/rig.yaml", "body: imu0\nimu0: {rate_hz: 100}\n");
     dir_.write("data/mav0/imu0/data.csv",
                "#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],a_x [m s^-2],a_y [m "
                "s^-2],a_z [m s^-2]\n5000000000,0,0,0,0,0,-9.8\n5010000000,0,0,0,0,0,-9.8\n");
@@ -132,9 +132,9 @@ class EvalRun : public testing::Test {
     io::write_tum(run_ / "dipo.tum", ned);
   }
   void write_resolved(const std::string& more) {
-    dir_.write("run/resolved.yaml",
-               fmt::format("dataset: {{path: {}, format: folder{}}}\nother: {{key: 1}}\n",
-                           (dir_.path() / "data").string(), more));
+    dir_.write("run/resolved.yaml", fmt::format("dataset: {{path: {}, format: folder{}}}\n"
+                                                "rig: {{world: ned}}\nother: {{key: 1}}\n",
+                                                (dir_.path() / "data").string(), more));
   }
 
   test::TmpDir dir_;
@@ -162,6 +162,15 @@ TEST_F(EvalRun, CountsOnlyTheSpanThatTheRunHasSeen) {
   const ProgramResult result = apvi_eval({run_.string(), "--json"});
   ASSERT_EQ(result.status, 0) << result.err;
   EXPECT_NEAR(json::parse(result.out)["trajectory"]["coverage"].get<double>(), 1.0, 1e-9);
+}
+
+TEST_F(EvalRun, ComparesAsTheRunsConfigurationSaysUnlessToldOtherwise) {
+  std::ofstream(run_ / "resolved.yaml", std::ios::app) << "eval: {align: none, max_gap_s: 0.01}\n";
+  const json as_configured = json::parse(apvi_eval({run_.string(), "--json"}).out)["trajectory"];
+  EXPECT_EQ(as_configured.at("coverage"), 0.0);
+  const json told =
+      json::parse(apvi_eval({run_.string(), "--json", "--max-gap", "1"}).out)["trajectory"];
+  EXPECT_EQ(told.at("coverage"), 1.0);
 }
 
 TEST_F(EvalRun, TakesAnotherReferenceAndStillKnowsItsWorld) {

@@ -112,8 +112,11 @@ TrajectoryMetrics evaluate_alone(const Trajectory& estimate);
 /// east, north, up; a pose shares the vehicle's world.
 WorldFrame reference_world(const Trajectory& reference, WorldFrame vehicle_world);
 
-/// The poses from `from` to `to`, both included: the part of a reference that a run has seen.
+/// The poses from `from` to `to`, both included.
 Trajectory within(const Trajectory& trajectory, Stamp from, Stamp to);
+/// The part of a reference that a run over a part of a recording answers for: from its first sample
+/// on, for `duration_s` seconds; 0 for all the rest.
+Trajectory seen_part(const Trajectory& reference, Stamp first_sample, double duration_s);
 
 /// The trajectory in a world with z up: north-east-down becomes east, north, up.
 Trajectory to_z_up(const Trajectory& trajectory, WorldFrame world);
