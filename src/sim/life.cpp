@@ -212,13 +212,14 @@ void add_weed(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
 }
 
 void add_life(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
-              std::uint16_t object) {
+              std::uint16_t object, Ground ground) {
   const double kind = random.uniform();
-  if (kind < 0.24) return add_brain_coral(mesh, T, size, random, object);
-  if (kind < 0.46) return add_branch_coral(mesh, T, size, random, object);
-  if (kind < 0.58) return add_plate_coral(mesh, T, 1.2F * size, random, object);
-  if (kind < 0.74) return add_tube_sponge(mesh, T, size, random, object);
-  if (kind < 0.84) return add_fan(mesh, T, size, random, object);
+  const bool bed = ground == Ground::bed;
+  if (kind < (bed ? 0.24 : 0.10)) return add_brain_coral(mesh, T, size, random, object);
+  if (kind < (bed ? 0.46 : 0.30)) return add_branch_coral(mesh, T, size, random, object);
+  if (kind < (bed ? 0.58 : 0.30)) return add_plate_coral(mesh, T, 1.2F * size, random, object);
+  if (kind < (bed ? 0.74 : 0.60)) return add_tube_sponge(mesh, T, size, random, object);
+  if (kind < (bed ? 0.84 : 0.75)) return add_fan(mesh, T, size, random, object);
   return add_weed(mesh, T, 1.2F * size, random, object);
 }
 

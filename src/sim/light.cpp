@@ -39,7 +39,7 @@ Vector3d scene_white_balance(const LightConfig& config, const Medium& medium, do
   if (config.lamp) light += lamp_irradiance(*config.lamp, medium, p, -Vector3d::UnitZ());
   light = light.cwiseProduct(Vector3d((-medium.beta_d * p.z()).array().exp()));
   const Vector3d dimmest = Vector3d::Constant(1e-3 * std::max(1e-9, light.y()));
-  return (light.y() / light.cwiseMax(dimmest).array()).pow(0.75);
+  return (light.y() / light.cwiseMax(dimmest).array()).pow(0.65);
 }
 
 Vector3d sun_direction(const LightConfig& config) {

@@ -78,7 +78,8 @@ void scatter_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig&
                       centre.y + static_cast<float>(random.normal(0.0, 0.5))};
       const float size = 0.12F + 0.5F * static_cast<float>(std::pow(random.uniform(), 2.5));
       if (!usable(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
-      add_life(mesh, upright(terrain, spot, random), size, random, object_number(random));
+      add_life(mesh, upright(terrain, spot, random), size, random, object_number(random),
+               Ground::bed);
     }
   }
 }
@@ -114,7 +115,7 @@ void grow_on(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_tr
     const Vector3f direction = (normal + 0.5F * Vector3f::UnitZ()).normalized();
     const float s = size * (0.35F + 0.8F * static_cast<float>(std::pow(random.uniform(), 2.0)));
     add_life(mesh, shapes::frame_along(a, direction, uniform(random, 0, 6.28)), s, random,
-             object_number(random));
+             object_number(random), Ground::wall);
   }
 }
 

@@ -12,6 +12,7 @@
 namespace apvi::sim {
 namespace {
 
+using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 /// The hits of one tile on one material.
@@ -359,8 +360,10 @@ void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& 
                          .gradient = static_cast<float>(light.veil_gradient)};
   add_water(water, tile.rays.range.data(), tile.rays.dz.data(), count, tile);
   if (light.config.lamp && light.config.lamp->backscatter > 0.0) {
-    // Water sends back a few percent of what it scatters, per steradian, on the way of one metre.
-    const Channels strength = channels(0.05 * light.config.lamp->backscatter * light.medium.beta_d);
+    // Water sends back a few percent of what it scatters, per steradian, on the way of one metre;
+    // the large particles that do it are grey.
+    const Channels strength = channels(
+        Vector3d::Constant(0.05 * light.config.lamp->backscatter * light.medium.beta_d.y()));
     add_lamp_backscatter(lamp_terms(light, tile), strength, tile.rays, tile.rays.range.data(),
                          count, tile);
   }

@@ -53,9 +53,10 @@ void add_fan(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
              std::uint16_t object);
 void add_weed(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
               std::uint16_t object);
-/// One of the above, by chance.
+/// One of the above, by chance; on walls, those that hold on to walls.
+enum class Ground { bed, wall };
 void add_life(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
-              std::uint16_t object);
+              std::uint16_t object, Ground ground);
 /// A tyre, pipe, plank, drum, jar or concrete block lying on the bed.
 void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uint16_t object);
 

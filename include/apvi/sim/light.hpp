@@ -63,7 +63,7 @@ double lamp_beam(const LampConfig& lamp, double cos_angle);
 Eigen::Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium,
                                 const Eigen::Vector3d& p, const Eigen::Vector3d& normal);
 /// Factors of red, green, blue (green 1) that a camera set up for this scene would use: the light
-/// on a surface 1.5 m before it, at `depth_m`, is made grey to the power 0.75. Real cameras stop
+/// on a surface 1.5 m before it, at `depth_m`, is made grey to the power 0.65. Real cameras stop
 /// there too.
 Eigen::Vector3d scene_white_balance(const LightConfig& config, const Medium& medium,
                                     double depth_m);

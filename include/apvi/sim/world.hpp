@@ -61,7 +61,7 @@ struct WorldConfig {
   }
 };
 
-/// Builds the world; the same seed gives the same mesh on every machine.
+/// Builds the world; the same seed gives the same mesh.
 TriangleMesh make_world(const WorldConfig& config, std::uint64_t seed);
 
 }  // namespace apvi::sim
