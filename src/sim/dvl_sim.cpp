@@ -178,7 +178,7 @@ void lose_bottom(DvlSample& sample) {
 
 // What the device computes from its beams.
 void solve(DvlSample& sample, const Directions& directions, Random& random) {
-  const double spread = std::exp(0.2 * random.normal());
+  const double spread = std::exp(0.1 * random.normal());
   const auto velocity = velocity_of_beams(sample.beams, directions);
   const auto altitude = altitude_of(sample, directions);
   sample.valid = velocity.has_value();

@@ -153,6 +153,16 @@ TEST(Motion, BanksIntoTurnsAndWobblesByTheConfiguredAngle) {
   EXPECT_LT((pose.rotation * Vector3d::UnitY()).z(), -1e-4);
 }
 
+TEST(Motion, SurgesAlongTheBowInTimeWithTheStart) {
+  MotionConfig config = steady();
+  config.path = PathKind::hover;
+  config.surge_m = 0.5;
+  config.surge_period_s = 8.0;
+  const Se3Spline spline = plan_motion(config, context(10.0));
+  EXPECT_NEAR(at(spline, 0.0).T_world_body.translation.x(), 0.0, 1e-3);
+  EXPECT_NEAR(at(spline, 2.0).T_world_body.translation.x(), 0.5, 2e-3);
+}
+
 TEST(Motion, WavesRockTheVehicleLessTheDeeperItIs) {
   MotionConfig config = steady();
   config.path = PathKind::hover;
