@@ -95,9 +95,9 @@ struct StreamReport {
 /// A recording, as one time-ordered stream of samples. Reading is lazy: the memory needed does not
 /// grow with the length of the recording (images are decoded when asked for).
 ///
-/// Samples that no estimator could use (malformed, NaN, stamps that run backwards or jump away for a
-/// single sample) are dropped, counted in `report` and logged once per kind. A DVL sample that says it
-/// is invalid is data, and is delivered.
+/// Samples that no estimator could use (malformed, NaN, stamps that run backwards or jump away for
+/// a single sample) are dropped, counted in `report` and logged once per kind. A DVL sample that
+/// says it is invalid is data, and is delivered.
 class SequenceReader {
  public:
   virtual ~SequenceReader() = default;
@@ -117,8 +117,8 @@ class SequenceReader {
 
 /// Opens a recording and restricts it to the configured span. `sensors` (of "camera", "imu", "dvl",
 /// "pressure"; empty for all) says what to read; "pressure" covers depth sensors, GNSS is read only
-/// with an empty list. Throws InputError when the path does not exist, the format is not recognised,
-/// a needed file is missing or has no header.
+/// with an empty list. Throws InputError when the path does not exist, the format is not
+/// recognised, a needed file is missing or has no header.
 std::unique_ptr<SequenceReader> open_sequence(const DatasetConfig& config,
                                               const std::vector<std::string>& sensors);
 
