@@ -3,8 +3,8 @@
 
 #include <CLI/CLI.hpp>
 
-/// The subcommands of `apvi`. Each `add_*` declares its arguments on the app; when the user chose it,
-/// CLI11 calls its body, which throws InputError (status 2), RunError (status 1), or returns.
+/// The subcommands of `apvi`. Each `add_*` declares its arguments on the app; when the user chose
+/// it, CLI11 calls its body, which throws InputError (status 2), RunError (status 1), or returns.
 namespace apvi::apps {
 
 void add_run(CLI::App& app);
