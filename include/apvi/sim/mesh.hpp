@@ -17,10 +17,11 @@ struct TriangleMesh {
   using Triangle = std::array<std::uint32_t, 3>;
 
   std::vector<Eigen::Vector3f> vertices;  ///< [m]
-  std::vector<float> detail;              ///< per vertex, how rich the texture is, 0 (bare) to 1; bed: 1 to 2, sand to rock
-  std::vector<Triangle> triangles;        ///< vertex indices, counter-clockwise seen from outside
-  std::vector<Material> materials;        ///< per triangle
-  std::vector<std::uint16_t> objects;     ///< per triangle: varies colours from thing to thing
+  std::vector<float>
+      detail;  ///< per vertex, how rich the texture is, 0 (bare) to 1; bed: 1 to 2, sand to rock
+  std::vector<Triangle> triangles;     ///< vertex indices, counter-clockwise seen from outside
+  std::vector<Material> materials;     ///< per triangle
+  std::vector<std::uint16_t> objects;  ///< per triangle: varies colours from thing to thing
 
   std::uint32_t add_vertex(const Eigen::Vector3f& position, float vertex_detail = 1.0F);
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c, Material material,
