@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <functional>
 #include <utility>
 #include <vector>
@@ -66,6 +67,9 @@ std::string to_table(const RunTrajectories& metrics) {
   };
   if (columns.size() > 1) add_line("", [](const std::string& name, const auto&) { return name; });
   for (const auto& [label, cell] : rows()) {
+    const bool any = std::any_of(columns.begin(), columns.end(),
+                                 [&](const auto& column) { return cell(*column.second) != "-"; });
+    if (!any) continue;  // without a reference most figures make no sense, and no reason is needed
     add_line(label, [&](const std::string&, const TrajectoryMetrics& m) { return cell(m); });
   }
   return table;

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -111,6 +112,14 @@ TEST(MetricsTable, SaysWhyAFigureIsMissing) {
   EXPECT_THAT(table, HasSubstr("dipo"));
   EXPECT_THAT(table, HasSubstr("- (positions only)"));
   EXPECT_THAT(table, testing::Not(HasSubstr("nan")));
+}
+
+TEST(MetricsTable, WithoutAReferenceShowsOnlyWhatIsKnown) {
+  const auto pair = test::synthetic_pair();
+  const std::string table =
+      to_table({.fused = evaluate_alone(pair.estimate), .dipo = {}, .vio = {}});
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2);
+  EXPECT_THAT(table, HasSubstr("end to start [m]"));
 }
 
 }  // namespace
