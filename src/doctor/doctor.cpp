@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/doctor/doctor.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <filesystem>
+#include <memory>
+
+#include "apvi/core/error.hpp"
+#include "doctor/checks.hpp"
+
+namespace apvi::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+using Reader = std::unique_ptr<io::SequenceReader>;
+
+constexpr std::size_t kProgressEvery = 4096;
+
+void add_problem(Report& report, const std::string& sensor, const std::string& check,
+                 const std::string& what) {
+  report.add({Severity::error, sensor, check, what, "", {}});
+}
+
+// What can be opened of a recording of which not everything can: each kind of sensor by itself.
+Reader open_part(const io::DatasetConfig& config, const InputError& why, Report& report) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> kinds = {
+      {"imu", {"imu0"}},
+      {"dvl", {"dvl0"}},
+      {"pressure", {"pressure0", "depth0"}},
+      {"camera", {"cam0", "cam1"}}};
+  std::vector<std::string> usable;
+  std::vector<std::pair<std::vector<std::string>, std::string>> failed;
+  Reader any;
+  for (const auto& [kind, names] : kinds) {
+    try {
+      any = io::open_sequence(config, {kind});
+      usable.push_back(kind);
+    } catch (const InputError& e) {
+      failed.emplace_back(names, e.what());
+    }
+  }
+  if (usable.empty()) throw why;
+  for (const auto& [names, message] : failed) {
+    const bool claimed = std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+      return any->rig().find(name) != nullptr;
+    });
+    if (claimed || message == why.what()) add_problem(report, names.front(), "files", message);
+  }
+  return io::open_sequence(config, usable);
+}
+
+Reader open(const io::DatasetConfig& config, Report& report) {
+  try {
+    return io::open_sequence(config, {});
+  } catch (const InputError& e) {
+    return open_part(config, e, report);
+  }
+}
+
+void judge_rig(const config::Node& node, Case& c, Report& report) {
+  if (node.is_null()) {
+    report.add(
+        {Severity::warning,
+         "rig",
+         "file",
+         "the recording has no calibration",
+         "write rig.yaml beside mav0, or give one with --rig; docs/formats.md has an example",
+         {}});
+    return;
+  }
+  try {
+    c.rig = make_rig(node);
+    c.has_rig = true;
+    report.add(
+        {Severity::ok, "rig", "file", "read; rotations are rotations, units in range", "", {}});
+  } catch (const InputError& e) {
+    add_problem(report, "rig", "file", e.what());
+  }
+}
+
+// The reader leaves out cameras that the rig does not describe.
+void check_left_out_cameras(const io::DatasetConfig& config, const config::Node& rig,
+                            Report& report) {
+  for (const char* name : {"cam0", "cam1"}) {
+    std::error_code unreadable;
+    const fs::path file = fs::path(config.path) / "mav0" / name / "data.csv";
+    if (rig.is_null() || rig.find(name) != nullptr || !fs::exists(file, unreadable)) continue;
+    report.add(
+        {Severity::warning,
+         name,
+         "rig",
+         "is recorded, but the rig does not describe it",
+         fmt::format("calibrate it and add a {} section to rig.yaml, or it is not used", name),
+         {}});
+  }
+}
+
+void read_all(io::SequenceReader& reader, const Options& options, Collector& collector,
+              Report& report) {
+  try {
+    std::size_t count = 0;
+    while (const auto event = reader.next()) {
+      collector.add(*event);
+      if (++count % kProgressEvery != 0) continue;
+      if (options.progress) options.progress(reader.fraction());
+      if (options.interrupted && options.interrupted()) {
+        report.add({Severity::note,
+                    "recording",
+                    "interrupted",
+                    fmt::format("only the first {:.0f} % were read", 100.0 * reader.fraction()),
+                    "",
+                    {}});
+        return;
+      }
+    }
+  } catch (const std::exception& e) {
+    add_problem(report, "recording", "reading", fmt::format("stopped early: {}", e.what()));
+  }
+}
+
+std::optional<Trajectory> reference_of(const io::SequenceReader& reader, Report& report) {
+  try {
+    return reader.reference();
+  } catch (const std::exception& e) {
+    add_problem(report, "reference", "file", e.what());
+    return std::nullopt;
+  }
+}
+
+// Findings of one sensor together, in the order in which sensors are usually named.
+void sort_by_sensor(Report& report) {
+  const std::vector<std::string> order = {"rig",    "recording", "imu0", "dvl0",  "pressure0",
+                                          "depth0", "cam0",      "cam1", "gnss0", "reference"};
+  const auto rank = [&order](const Finding& f) {
+    return std::find(order.begin(), order.end(), f.sensor) - order.begin();
+  };
+  std::stable_sort(report.findings.begin(), report.findings.end(),
+                   [&rank](const Finding& a, const Finding& b) { return rank(a) < rank(b); });
+}
+
+}  // namespace
+
+Report examine(const io::DatasetConfig& config, const Options& options) {
+  Report report;
+  report.dataset = config.path;
+  const Reader reader = open(config, report);
+  Case c;
+  judge_rig(reader->rig(), c, report);
+  check_left_out_cameras(config, reader->rig(), report);
+  Collector collector(c.rig);
+  read_all(*reader, options, collector, report);
+  c.seen = collector.take();
+  c.seen.streams = reader->report();
+  c.seen.reference = reference_of(*reader, report);
+  check_timing(c, report);
+  check_imu(c, report);
+  check_dvl(c, report);
+  check_beams(c, report);
+  check_depth(c, report);
+  check_cameras(c, report);
+  check_motion(c, report);
+  sort_by_sensor(report);
+  return report;
+}
+
+}  // namespace apvi::doctor

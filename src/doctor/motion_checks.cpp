@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "apvi/geometry/so3.hpp"
+#include "doctor/checks.hpp"
+#include "doctor/depth_lag.hpp"
+#include "doctor/dvl_imu_fit.hpp"
+#include "doctor/dvl_reference_fit.hpp"
+#include "doctor/gyro_fit.hpp"
+#include "doctor/inertial_path.hpp"
+
+namespace apvi::doctor {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kTimeMatters_s = 0.05;
+constexpr double kTimesDiffer_s = 0.15;
+constexpr double kLeverMatters_m = 0.15;
+constexpr double kTurnMatters = 5.0 * kDegree;
+constexpr double kTurnBreaks = 45.0 * kDegree;
+constexpr double kScaleMatters = 0.04;
+constexpr double kCorrelated = 0.5;
+
+std::string late(double seconds) {
+  if (std::abs(seconds) < 0.005) return "on time (within 0.01 s)";
+  return fmt::format("{} by {:.2f} s", seconds < 0.0 ? "early" : "late", std::abs(seconds));
+}
+
+std::string list(const Vector3d& v, const char* format) {
+  const auto number = [&](double x) { return fmt::format(fmt::runtime(format), x + 0.0); };
+  return fmt::format("({}, {}, {})", number(v.x()), number(v.y()), number(v.z()));
+}
+
+DvlMounting mounting_of(const Rig& rig) {
+  if (!rig.dvl) return {};
+  const Matrix3d signs = rig.dvl->axis_signs.asDiagonal();
+  return {rig.dvl->scale * rig.dvl->T_body_dvl.rotation.toRotationMatrix() * signs,
+          rig.dvl->T_body_dvl.translation, rig.dvl->time_offset_s};
+}
+
+// A mounting as the rig writes it: a rotation behind signs of the reported components.
+struct RigMounting {
+  Matrix3d rotation = Matrix3d::Identity();
+  Vector3d signs = Vector3d::Ones();
+  double turn = 0.0;  // of the rotation against the rig's [rad]
+  Vector3d axis = Vector3d::UnitZ();
+};
+
+RigMounting with_signs(const Matrix3d& mounting, const Vector3d& signs, const Matrix3d& given) {
+  RigMounting m{mounting * signs.asDiagonal(), signs, 0.0, Vector3d::UnitZ()};
+  const Eigen::AngleAxisd turn(Matrix3d(m.rotation * given.transpose()));
+  m.turn = turn.angle();
+  m.axis = turn.axis();
+  return m;
+}
+
+// Of the signs that make the rest a rotation: the rig's own, else one reversed axis, all three only
+// when that is plainly nearer to the rig.
+RigMounting as_rig_writes(const Matrix3d& mounting, const Rig& rig) {
+  const Matrix3d given =
+      rig.dvl ? rig.dvl->T_body_dvl.rotation.toRotationMatrix() : Matrix3d::Identity();
+  const Vector3d own = rig.dvl ? rig.dvl->axis_signs : Vector3d::Ones();
+  const double handed = mounting.determinant();
+  if (handed * own.prod() > 0.0) return with_signs(mounting, own, given);
+  if (handed > 0.0) return with_signs(mounting, Vector3d::Ones(), given);
+  RigMounting best = with_signs(mounting, {1, 1, -1}, given);
+  for (const Vector3d& signs : {Vector3d(1, -1, 1), Vector3d(-1, 1, 1)}) {
+    const RigMounting candidate = with_signs(mounting, signs, given);
+    if (candidate.turn < best.turn - 1e-3) best = candidate;
+  }
+  const RigMounting all = with_signs(mounting, -Vector3d::Ones(), given);
+  if (all.turn < kTurnBreaks && all.turn < 0.5 * best.turn) return all;
+  return best;
+}
+
+std::string rotation_yaml(const Matrix3d& r) {
+  std::string text;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    text += fmt::format("{}{:.3f},{:.3f},{:.3f}", i > 0 ? "; " : "", r(i, 0), r(i, 1), r(i, 2));
+  }
+  return "[" + text + "]";
+}
+
+void report_time(const DvlImuFit& fit, const DvlMounting& rig, Report& report) {
+  const double off = fit.time_offset_s - rig.time_offset_s;
+  Finding f{Severity::ok,
+            "dvl0",
+            "time, imu",
+            "",
+            "",
+            {{"time_offset_s", fit.time_offset_s},
+             {"sigma_s", fit.time_offset_sigma_s},
+             {"rms_m_s", fit.rms},
+             {"rms_as_rig_m_s", fit.rms_as_rig}}};
+  f.message = fmt::format(
+      "against the IMU the stamps are {} (sigma {:.3f}); changes of velocity agree to {:.4f} m/s, "
+      "with the rig's calibration to {:.4f}",
+      late(fit.time_offset_s), fit.time_offset_sigma_s, fit.rms, fit.rms_as_rig);
+  if (std::abs(off) > std::max(kTimeMatters_s, 3.0 * fit.time_offset_sigma_s)) {
+    f.severity = Severity::warning;
+    f.advice =
+        fmt::format("set dvl0.time_offset_s: {:.2f} in the rig, or let the estimator find it",
+                    fit.time_offset_s);
+  }
+  report.add(std::move(f));
+}
+
+void report_mounting(const DvlImuFit& fit, const Case& c, Report& report) {
+  const RigMounting m = as_rig_writes(fit.mounting, c.rig);
+  const Vector3d own = c.rig.dvl ? c.rig.dvl->axis_signs : Vector3d::Ones();
+  const bool reversed = m.signs != own;
+  const double sigma = fit.mounting_sigma.maxCoeff();
+  Finding f{Severity::ok,
+            "dvl0",
+            "mounting",
+            "",
+            "",
+            {{"turn_deg", m.turn / kDegree},
+             {"sigma_deg", sigma / kDegree},
+             {"reversed", reversed ? 1.0 : 0.0}}};
+  f.message = fmt::format("turned against the rig by {:.1f} deg about {} (sigma {:.1f} deg)",
+                          m.turn / kDegree, list(m.axis, "{:.2f}"), sigma / kDegree);
+  if (reversed) {
+    f.message =
+        fmt::format("the axes are {}-handed, signs {}, and ",
+                    fit.mounting.determinant() < 0.0 ? "left" : "right", list(m.signs, "{:.0f}")) +
+        f.message;
+  }
+  if (!fit.mounting_is_free) f.message += "; too little motion to check the axes' signs";
+  if (reversed || (fit.mounting_is_free && m.turn > kTurnBreaks)) {
+    f.severity = Severity::error;
+  } else if (m.turn > std::max(kTurnMatters, 4.0 * sigma)) {
+    f.severity = Severity::warning;
+  }
+  if (f.severity != Severity::ok) {
+    f.advice = fmt::format(
+        "check the device's axes; the data want T_body_sensor to rotate by {} and "
+        "axis_signs of {}",
+        rotation_yaml(m.rotation), list(m.signs, "{:.0f}"));
+    if ((fit.mounting + Matrix3d::Identity()).norm() < 0.5) {
+      f.advice += "; all three reversed also means an accelerometer that reports gravity";
+    }
+  }
+  report.add(std::move(f));
+}
+
+void report_lever_arm(const DvlImuFit& fit, const DvlMounting& rig, Report& report) {
+  const Vector3d off = fit.lever_arm - rig.lever_arm;
+  Finding f{Severity::ok,
+            "dvl0",
+            "lever arm",
+            "",
+            "",
+            {{"x_m", fit.lever_arm.x()},
+             {"y_m", fit.lever_arm.y()},
+             {"z_m", fit.lever_arm.z()},
+             {"sigma_m", fit.lever_arm_sigma.maxCoeff()}}};
+  f.message =
+      fmt::format("{} m by the IMU, sigma {}; the rig says {}", list(fit.lever_arm, "{:.2f}"),
+                  list(fit.lever_arm_sigma, "{:.2f}"), list(rig.lever_arm, "{:.2f}"));
+  const Vector3d limit = (4.0 * fit.lever_arm_sigma).cwiseMax(kLeverMatters_m);
+  if ((off.cwiseAbs().array() > limit.array()).any()) {
+    f.severity = Severity::warning;
+    f.advice =
+        "measure it again, from the IMU to the DVL in the IMU's axes, or let the estimator "
+        "find it";
+  }
+  report.add(std::move(f));
+}
+
+void report_scale(const DvlImuFit& fit, Report& report) {
+  Finding f{Severity::ok,
+            "dvl0",
+            "scale, imu",
+            fmt::format("true over reported velocity lies between {:.3f} and {:.3f}", fit.scale_low,
+                        fit.scale_high),
+            "",
+            {{"low", fit.scale_low}, {"high", fit.scale_high}}};
+  if (fit.scale_low > 1.0 + kScaleMatters || fit.scale_high < 1.0 - kScaleMatters) {
+    f.severity = Severity::warning;
+    f.advice = "check units, dvl0.sound_speed in the rig and the accelerometer's scale";
+  }
+  report.add(std::move(f));
+}
+
+void report_reference(const DvlReferenceFit& fit, const std::optional<DvlImuFit>& imu,
+                      const DvlMounting& rig, Report& report) {
+  Finding f{Severity::ok,
+            "dvl0",
+            "time, reference",
+            "",
+            "",
+            {{"time_offset_s", fit.time_offset_s},
+             {"sigma_s", fit.time_offset_sigma_s},
+             {"scale", fit.scale},
+             {"yaw_deg", fit.yaw_rad / kDegree},
+             {"rms_m", fit.rms},
+             {"rms_as_rig_m", fit.rms_as_rig}}};
+  f.message = fmt::format(
+      "against the reference the stamps are {} (30-100 s baselines); sigma {:.2f}; dead reckoning "
+      "over 60 s agrees to {:.2f} m, with the rig's offset to {:.2f}",
+      late(fit.time_offset_s), fit.time_offset_sigma_s, fit.rms, fit.rms_as_rig);
+  const double limit = std::max(kTimeMatters_s, 3.0 * fit.time_offset_sigma_s);
+  if (imu && std::abs(fit.time_offset_s - imu->time_offset_s) > std::max(kTimesDiffer_s, limit)) {
+    f.severity = Severity::warning;
+    f.advice = fmt::format(
+        "the IMU says {}, so the reference was made with other DVL timing than the IMU sees: an "
+        "estimator that finds the offset on line follows the IMU; to compare with this reference "
+        "set "
+        "dvl0.time_offset_s: {:.2f} in the rig",
+        late(imu->time_offset_s), fit.time_offset_s);
+  } else if (std::abs(fit.time_offset_s - rig.time_offset_s) > limit) {
+    f.severity = Severity::warning;
+    f.advice = fmt::format("set dvl0.time_offset_s: {:.2f} in the rig", fit.time_offset_s);
+  }
+  report.add(std::move(f));
+  const bool imu_disagrees = imu && (imu->lever_arm - fit.lever_arm).head<2>().norm() > 0.5;
+  if (fit.lever_arm_is_rigs && !imu_disagrees) return;
+  Finding arm{Severity::note,
+              "dvl0",
+              "lever, reference",
+              "",
+              "",
+              {{"x_m", fit.lever_arm.x()}, {"y_m", fit.lever_arm.y()}}};
+  arm.message = fmt::format(
+      "the reference agrees with a DVL at {} m from its point{}", list(fit.lever_arm, "{:.2f}"),
+      fit.lever_arm_is_rigs ? ", as the rig says" : ", not with the rig's lever arm");
+  if (imu_disagrees) {
+    arm.message += fmt::format(", the IMU with {} m", list(imu->lever_arm, "{:.2f}"));
+    arm.advice =
+        "the reference's point is not the IMU; a filter at the IMU wants the IMU's lever arm, "
+        "and its trajectory is then that much away from the reference";
+  }
+  report.add(std::move(arm));
+}
+
+void report_depth(const DepthLag& lag, const std::string& sensor, const DvlMounting& rig,
+                  Report& report) {
+  Finding f{Severity::ok,
+            "dvl0",
+            "time, " + sensor,
+            "",
+            "",
+            {{"time_offset_s", lag.time_offset_s},
+             {"sigma_s", lag.time_offset_sigma_s},
+             {"correlation", lag.correlation},
+             {"depth_change_m", lag.depth_change}}};
+  if (std::abs(lag.correlation) < kCorrelated) {
+    f.severity = Severity::note;
+    f.message = fmt::format("cannot tell: vertical velocity and {} have a correlation of {:.2f}",
+                            sensor, lag.correlation);
+    f.advice = "dives and climbs of a metre would show it; changes here are " +
+               fmt::format("{:.2f} m in 2 s", lag.depth_change);
+    return report.add(std::move(f));
+  }
+  if (lag.correlation < 0.0) {
+    report.add(
+        {Severity::error,
+         sensor,
+         "sign",
+         fmt::format("depth falls when the DVL goes down (correlation {:.2f})", lag.correlation),
+         "depth grows downwards: turn its sign, or the DVL's z axis, or world in the rig",
+         {{"correlation", lag.correlation}}});
+  }
+  f.message = fmt::format("against {} the stamps are {} (sigma {:.2f}; correlation {:.2f})", sensor,
+                          late(lag.time_offset_s), lag.time_offset_sigma_s, lag.correlation);
+  const double off = lag.time_offset_s - rig.time_offset_s;
+  if (std::abs(off) > std::max(kTimeMatters_s, 3.0 * lag.time_offset_sigma_s)) {
+    f.severity = Severity::warning;
+    f.advice = "set dvl0.time_offset_s in the rig if the depth sensor's stamps are right";
+  }
+  report.add(std::move(f));
+}
+
+void check_depths(const Case& c, const InertialPath& path, const DvlMounting& mounting,
+                  Report& report) {
+  const Observations& seen = c.seen;
+  const auto check = [&](const DepthObservations& depth, const char* name, const Vector3d& p) {
+    const auto lag = fit_dvl_against_depth(path, seen.dvl.buffer, mounting, depth.buffer, p);
+    if (lag) report_depth(*lag, name, mounting, report);
+  };
+  check(seen.pressure, "pressure0",
+        c.rig.pressure ? c.rig.pressure->p_body_sensor : Vector3d(Vector3d::Zero()));
+  check(seen.depth, "depth0",
+        c.rig.depth ? c.rig.depth->p_body_sensor : Vector3d(Vector3d::Zero()));
+}
+
+void report_imu_fit(const DvlImuFit& fit, const Case& c, const DvlMounting& rig, Report& report) {
+  report_time(fit, rig, report);
+  report_mounting(fit, c, report);
+  report_lever_arm(fit, rig, report);
+  report_scale(fit, report);
+}
+
+bool has_error(const Report& report, std::string_view sensor) {
+  return std::any_of(report.findings.begin(), report.findings.end(), [sensor](const Finding& f) {
+    return f.sensor == sensor && f.severity == Severity::error;
+  });
+}
+
+void check_dvl_motion(const Case& c, const InertialPath& path, Report& report) {
+  const DvlMounting rig = mounting_of(c.rig);
+  const auto fit = fit_dvl_against_imu(path, c.seen.dvl.buffer, rig);
+  DvlMounting best = rig;
+  if (fit) {
+    report_imu_fit(*fit, c, rig, report);
+    // Where the rig's axes are plainly wrong the other fits had nothing to go by.
+    const double scale = std::cbrt(std::abs(rig.matrix.determinant()));
+    if ((scale * fit->mounting - rig.matrix).norm() > scale * 0.35)
+      best.matrix = scale * fit->mounting;
+  } else {
+    report.add({Severity::note,
+                "dvl0",
+                "time, imu",
+                "cannot be told from this recording: too short, or too little change of velocity",
+                "record a minute of starts, stops and turns",
+                {}});
+  }
+  check_depths(c, path, best, report);
+  if (!c.seen.reference) return;
+  const auto reference =
+      fit_dvl_against_reference(path, c.seen.dvl.buffer, best, *c.seen.reference);
+  if (reference) report_reference(*reference, fit, rig, report);
+}
+
+}  // namespace
+
+void check_motion(const Case& c, Report& report) {
+  if (c.seen.imu.buffer.size() < 2) return;
+  check_gyro(c.seen.imu.buffer, report);
+  const bool dvl_there = c.seen.dvl.buffer.size() > 1;
+  if (!dvl_there) return;
+  if (has_error(report, "imu0")) {
+    report.add(
+        {Severity::note, "dvl0", "time, imu", "not compared: the IMU's errors come first", "", {}});
+    return;
+  }
+  check_dvl_motion(c, InertialPath(c.seen.imu.buffer), report);
+}
+
+}  // namespace apvi::doctor

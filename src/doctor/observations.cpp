@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "doctor/observations.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+
+namespace apvi::doctor {
+namespace {
+
+// The fits look at this much of a recording, from the first ping that moves (or the beginning).
+constexpr double kWindow_s = 600.0;
+constexpr double kBeforeWindow_s = 5.0;
+// For sensors that report faster than any real one does.
+constexpr std::size_t kMostBuffered = 1'500'000;
+constexpr double kMovingSpeed = 0.02;   // [m/s]
+constexpr double kFastestDive = 5.0;    // [m/s]
+constexpr double kAboveSurface = -0.5;  // [m]
+
+template <typename T>
+void drop_before(std::vector<T>& buffer, Stamp stamp) {
+  buffer.erase(buffer.begin(), std::find_if(buffer.begin(), buffer.end(), [stamp](const T& sample) {
+                 return sample.stamp >= stamp;
+               }));
+}
+
+bool same_beams(const DvlSample& a, const DvlSample& b) {
+  for (std::size_t i = 0; i < kDvlBeams; ++i) {
+    if (a.beams[i].has_value() != b.beams[i].has_value()) return false;
+    if (a.beams[i] && a.beams[i]->velocity != b.beams[i]->velocity) return false;
+  }
+  return true;
+}
+
+bool same(const DvlSample& a, const DvlSample& b) {
+  return a.valid == b.valid && a.velocity == b.velocity && a.altitude == b.altitude &&
+         same_beams(a, b);
+}
+
+}  // namespace
+
+void Timing::add(Stamp stamp, bool repeats) {
+  if (count == 0) first = stamp;
+  if (count > 0) {
+    const double step = seconds_between(last, stamp);
+    steps.add(step);
+    if (step > longest_step) {
+      longest_step = step;
+      longest_at = last;
+    }
+  }
+  last = stamp;
+  ++count;
+  if (repeats) ++repeated;
+}
+
+void BeamMoments::add(const DvlSample& sample) {
+  Eigen::Vector4d b;
+  for (std::size_t i = 0; i < kDvlBeams; ++i) {
+    if (!sample.beams[i] || !sample.beams[i]->valid) return;
+    b(static_cast<Eigen::Index>(i)) = sample.beams[i]->velocity;
+  }
+  ++count;
+  beam_beam += b * b.transpose();
+  velocity_beam += sample.velocity * b.transpose();
+  velocity_velocity += sample.velocity * sample.velocity.transpose();
+}
+
+void Collector::add(const SensorEvent& event) {
+  if (const auto* imu = std::get_if<ImuSample>(&event)) add_imu(*imu);
+  if (const auto* dvl = std::get_if<DvlSample>(&event)) add_dvl(*dvl);
+  if (const auto* p = std::get_if<PressureSample>(&event)) {
+    const PressureCalibration calibration = rig_.pressure.value_or(PressureCalibration{});
+    add_depth(seen_.pressure, p->stamp, p->pressure_pa, calibration.depth(p->pressure_pa));
+  }
+  if (const auto* d = std::get_if<DepthSample>(&event)) {
+    add_depth(seen_.depth, d->stamp, std::abs(d->depth_m), d->depth_m);
+  }
+  if (const auto* image = std::get_if<ImageFrame>(&event)) add_image(*image);
+  if (const auto* gnss = std::get_if<GnssSample>(&event)) seen_.gnss.add(gnss->stamp, false);
+}
+
+bool Collector::in_window(Stamp stamp) {
+  if (!window_end_) window_end_ = stamp + Duration::from_seconds(kWindow_s);
+  return stamp < *window_end_;
+}
+
+void Collector::start_window(Stamp stamp) {
+  window_fixed_ = true;
+  const Stamp from = stamp - Duration::from_seconds(kBeforeWindow_s);
+  drop_before(seen_.imu.buffer, from);
+  drop_before(seen_.pressure.buffer, from);
+  drop_before(seen_.depth.buffer, from);
+  window_end_ = stamp + Duration::from_seconds(kWindow_s);
+}
+
+void Collector::add_imu(const ImuSample& sample) {
+  ImuObservations& seen = seen_.imu;
+  const bool repeats =
+      last_imu_ && last_imu_->gyro == sample.gyro && last_imu_->accel == sample.accel;
+  seen.timing.add(sample.stamp, repeats);
+  seen.accel_norm.add(sample.accel.norm());
+  seen.gyro_norm.add(sample.gyro.norm());
+  seen.accel_sum += sample.accel;
+  last_imu_ = sample;
+  if (in_window(sample.stamp) && seen.buffer.size() < kMostBuffered) seen.buffer.push_back(sample);
+}
+
+void Collector::add_dvl(const DvlSample& sample) {
+  DvlObservations& seen = seen_.dvl;
+  const bool repeats = last_dvl_ && same(*last_dvl_, sample);
+  seen.timing.add(sample.stamp, repeats);
+  last_dvl_ = sample;
+  if (!sample.valid) return;
+  ++seen.valid;
+  const Stamp since = seen.last_valid.value_or(seen.timing.first);
+  if (seconds_between(since, sample.stamp) > seen.longest_dropout) {
+    seen.longest_dropout = seconds_between(since, sample.stamp);
+    seen.dropout_at = since;
+  }
+  seen.last_valid = sample.stamp;
+  seen.speed.add(sample.velocity.norm());
+  if (sample.figure_of_merit) seen.figure_of_merit.add(*sample.figure_of_merit);
+  if (sample.velocity.isZero(0.0)) ++seen.zero;
+  const auto beams = std::count_if(sample.beams.begin(), sample.beams.end(),
+                                   [](const auto& beam) { return beam.has_value(); });
+  const auto valid = std::count_if(sample.beams.begin(), sample.beams.end(),
+                                   [](const auto& beam) { return beam && beam->valid; });
+  if (beams > 0) ++seen.with_beams;
+  if (valid == static_cast<int>(kDvlBeams)) ++seen.four_beams;
+  if (repeats) return;
+  seen.beams.add(sample);
+  if (!window_fixed_ && sample.velocity.norm() > kMovingSpeed) start_window(sample.stamp);
+  if (window_fixed_ && in_window(sample.stamp) && seen.buffer.size() < kMostBuffered) {
+    seen.buffer.push_back({sample.stamp, sample.velocity});
+  }
+}
+
+void Collector::add_depth(DepthObservations& seen, Stamp stamp, double value, double depth) {
+  const auto last = last_depth_.find(&seen);
+  const bool first = last == last_depth_.end();
+  const double step = first ? 0.0 : std::abs(depth - last->second.depth);
+  seen.timing.add(stamp, !first && step == 0.0);
+  seen.value.add(value);
+  if (step > 0.0) seen.depth_step.add(step);
+  // A tenth of a metre of slack, for coarse sensors that report fast.
+  if (!first && step > 0.1 + kFastestDive * seconds_between(last->second.stamp, stamp))
+    ++seen.spikes;
+  if (depth < kAboveSurface) ++seen.negative;
+  seen.lowest = first ? depth : std::min(seen.lowest, depth);
+  seen.highest = first ? depth : std::max(seen.highest, depth);
+  last_depth_[&seen] = {stamp, depth};
+  if (in_window(stamp) && seen.buffer.size() < kMostBuffered) seen.buffer.push_back({stamp, depth});
+}
+
+void Collector::add_image(const ImageFrame& frame) {
+  if (frame.camera < 0 || frame.camera > 1) return;
+  CameraObservations& seen = seen_.cameras[static_cast<std::size_t>(frame.camera)];
+  seen.timing.add(frame.stamp, false);
+  if (seen.timing.count > 1) return;
+  try {
+    const cv::Mat image = frame.decode();
+    seen.size = {image.cols, image.rows};
+  } catch (const std::exception& e) {
+    seen.damage = e.what();
+  }
+}
+
+}  // namespace apvi::doctor

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "doctor/checks.hpp"
+
+namespace apvi::doctor {
+namespace {
+
+constexpr double kRateNote = 0.02;
+constexpr double kRateWarning = 0.1;
+constexpr double kGapOfMedian = 4.0;
+constexpr double kRepeatedShare = 0.05;
+constexpr double kStartsLate_s = 5.0;
+
+struct Sensor {
+  std::string name;
+  std::string stream;  // key of the reader's report
+  const Timing* timing;
+  bool in_rig;
+  double nominal_hz;  // zero: the rig does not say
+  double bad_gap_s;   // longer ones are warned of
+  bool repeats_matter;
+};
+
+std::vector<Sensor> sensors_of(const Case& c) {
+  const Rig& rig = c.rig;
+  const auto camera_rate = [&rig](std::size_t i) {
+    return rig.cameras.size() > i ? rig.cameras[i].rate_hz : 0.0;
+  };
+  return {
+      {"imu0", "imu", &c.seen.imu.timing, rig.imu.has_value(), rig.imu ? rig.imu->rate_hz : 0.0,
+       0.1, true},
+      {"dvl0", "dvl", &c.seen.dvl.timing, rig.dvl.has_value(), 0.0, 5.0, true},
+      {"pressure0", "pressure", &c.seen.pressure.timing, rig.pressure.has_value(), 0.0, 5.0, false},
+      {"depth0", "depth", &c.seen.depth.timing, rig.depth.has_value(), 0.0, 5.0, false},
+      {"cam0", "camera", &c.seen.cameras[0].timing, !rig.cameras.empty(), camera_rate(0), 1.0,
+       false},
+      {"cam1", "camera", &c.seen.cameras[1].timing, rig.cameras.size() > 1, camera_rate(1), 1.0,
+       false},
+      {"gnss0", "gnss", &c.seen.gnss, true, 0.0, 60.0, false}};
+}
+
+std::string_view section_of(const Sensor& s) {
+  return s.name;
+}
+
+void check_presence(const Case& c, const Sensor& s, Report& report) {
+  const auto stream = c.seen.streams.find(s.stream);
+  const bool opened = stream != c.seen.streams.end() && s.name != "cam1";
+  const bool claimed = c.has_rig && s.in_rig && s.name != "gnss0";
+  if (s.timing->count > 0) {
+    if (!c.has_rig || s.in_rig) return;
+    report.add(
+        {Severity::warning,
+         s.name,
+         "rig",
+         fmt::format("reports {} samples, but the rig does not describe it", s.timing->count),
+         fmt::format("add a {} section to rig.yaml, or it is not used", section_of(s)),
+         {}});
+  } else if (opened || claimed) {
+    report.add({claimed ? Severity::error : Severity::warning,
+                s.name,
+                "presence",
+                opened ? "never reports: its file or topic holds no usable sample"
+                       : "never reports, but the rig describes it",
+                fmt::format("record it, or take {} out of the rig and out of sensors.use", s.name),
+                {{"samples", 0.0}}});
+  }
+}
+
+void check_rate(const Sensor& s, Report& report) {
+  const Timing& t = *s.timing;
+  const double mean = t.span_s() > 0.0 ? static_cast<double>(t.count - 1) / t.span_s() : 0.0;
+  Finding f{Severity::ok, s.name, "rate", "", "", {{"median_hz", t.rate_hz()}, {"mean_hz", mean}}};
+  f.message = fmt::format("{:.4g} Hz", t.rate_hz());
+  if (std::abs(mean - t.rate_hz()) > 0.05 * t.rate_hz()) {
+    f.message += fmt::format(" by the median step, {:.4g} Hz in the mean", mean);
+  }
+  f.message += fmt::format("; {} samples over {:.1f} s", t.count, t.span_s());
+  if (s.nominal_hz > 0.0) {
+    // A sensor whose stamps jitter has its nominal rate in the mean, one with gaps in the median.
+    const double off =
+        std::min(std::abs(t.rate_hz() / s.nominal_hz - 1.0), std::abs(mean / s.nominal_hz - 1.0));
+    f.message += fmt::format("; nominal {:.4g} Hz", s.nominal_hz);
+    if (off > kRateNote) {
+      f.severity = off > kRateWarning ? Severity::warning : Severity::note;
+      f.advice = fmt::format("set {}.rate_hz in the rig to what is measured, or find what is lost",
+                             s.name);
+    }
+  }
+  report.add(std::move(f));
+}
+
+void check_gaps(const Sensor& s, Report& report) {
+  const Timing& t = *s.timing;
+  const double median = t.steps.median();
+  const double longest = t.longest_step;
+  Finding f{Severity::ok, s.name, "gaps", "", "", {{"longest_s", longest}}};
+  const double at = seconds_between(t.first, t.longest_at);
+  f.message = fmt::format("longest step {:.3g} s, at {:.1f} s", longest, at);
+  if (longest <= kGapOfMedian * median) {
+    f.message = fmt::format("none; longest step {:.3g} s", longest);
+  } else {
+    const double share = t.steps.share_from(kGapOfMedian * median);
+    f.values.emplace_back("share", share);
+    f.message += fmt::format("; {:.2g} % of the steps are over {:.0f} times the median",
+                             100.0 * share, kGapOfMedian);
+    f.severity = longest > s.bad_gap_s ? Severity::warning : Severity::note;
+    if (f.severity == Severity::warning) {
+      f.advice =
+          s.name == "imu0"
+              ? "what moved meanwhile is lost: look for an overloaded logger or a loose cable"
+              : "the estimate drifts meanwhile: look for an overloaded logger or a lost link";
+    }
+  }
+  report.add(std::move(f));
+}
+
+void check_jitter(const Sensor& s, Report& report) {
+  const Timing& t = *s.timing;
+  const double low = t.steps.quantile(0.05);
+  const double high = t.steps.quantile(0.95);
+  const double median = t.steps.median();
+  if (t.count < 20 || !(median > 0.0)) return;
+  const double spread = (high - low) / median;
+  Finding f{Severity::ok, s.name,
+            "jitter",     fmt::format("9 of 10 steps lie between {:.3g} and {:.3g} s", low, high),
+            "",           {{"low_s", low}, {"high_s", high}}};
+  if (spread > 0.5) {
+    f.severity = Severity::note;
+    f.advice = "these look like times of arrival; stamps made by the device serve better";
+  }
+  report.add(std::move(f));
+}
+
+void check_repeats(const Sensor& s, Report& report) {
+  const Timing& t = *s.timing;
+  const double share = static_cast<double>(t.repeated) / static_cast<double>(t.count);
+  if (!s.repeats_matter || t.count < 20 || share < kRepeatedShare) return;
+  const double fresh =
+      t.span_s() > 0.0 ? static_cast<double>(t.count - t.repeated) / t.span_s() : 0.0;
+  const bool frozen = t.repeated + 1 == t.count;
+  Finding f{frozen ? Severity::error : Severity::warning, s.name, "repeats", "", "",
+            {{"share", share}, {"fresh_hz", fresh}}};
+  f.message = frozen ? "every sample is the same in every number"
+                     : fmt::format(
+                           "{:.1f} % of the samples repeat the one before in every number: new "
+                           "ones come at {:.3g} Hz",
+                           100.0 * share, fresh);
+  f.advice = frozen ? "the device or its driver hangs"
+                    : "log each measurement once: an estimator takes repeats for independent ones";
+  report.add(std::move(f));
+}
+
+void check_drops(const Sensor& s, const io::StreamReport& stream, Report& report) {
+  std::size_t dropped = 0;
+  for (const auto& [reason, count] : stream.dropped) dropped += count;
+  for (const auto& [reason, count] : stream.dropped) {
+    if (count == 0) continue;
+    const bool most = 2 * count > stream.delivered + dropped;
+    const auto where = stream.first_drop.find(reason);
+    Finding f{most ? Severity::error : Severity::warning,
+              s.name,
+              std::string(io::to_string(reason)),
+              "",
+              "",
+              {{"dropped", static_cast<double>(count)}}};
+    f.message = fmt::format("{} of {} samples are useless", count, stream.delivered + dropped);
+    if (where != stream.first_drop.end()) f.message += ", first at " + where->second;
+    f.advice = "they are left out when reading";
+    if (reason == io::DropReason::out_of_order || reason == io::DropReason::broken_stamp) {
+      f.advice += "; was a clock set while recording?";
+    }
+    report.add(std::move(f));
+  }
+}
+
+// The two cameras share one report of the reader.
+bool owns_stream(const Case& c, const Sensor& s) {
+  if (s.name == "cam1") return false;
+  return c.seen.streams.count(s.stream) > 0;
+}
+
+void check_common_time(const Case& c, const Sensor& s, Report& report) {
+  const Timing& imu = c.seen.imu.timing;
+  const Timing& t = *s.timing;
+  if (s.name == "imu0" || imu.count == 0 || t.count == 0) return;
+  const double late = seconds_between(imu.first, t.first);
+  const double early = seconds_between(t.last, imu.last);
+  if (t.last < imu.first || t.first > imu.last) {
+    const double apart =
+        std::max(seconds_between(t.last, imu.first), seconds_between(imu.last, t.first));
+    report.add({Severity::error,
+                s.name,
+                "common time",
+                fmt::format("shares no time with imu0; they are {:.1f} s apart", apart),
+                "are both on one clock?",
+                {{"apart_s", apart}}});
+  } else if (late > kStartsLate_s || early > kStartsLate_s) {
+    report.add({Severity::note,
+                s.name,
+                "common time",
+                fmt::format("begins {:.1f} s after imu0 and ends {:.1f} s before it", late, early),
+                "",
+                {{"late_s", late}, {"early_s", early}}});
+  }
+}
+
+}  // namespace
+
+void check_timing(const Case& c, Report& report) {
+  for (const Sensor& s : sensors_of(c)) {
+    check_presence(c, s, report);
+    if (owns_stream(c, s)) check_drops(s, c.seen.streams.at(s.stream), report);
+    if (s.timing->count == 0) continue;
+    check_common_time(c, s, report);
+    if (s.timing->count < 2) {
+      report.add({Severity::warning, s.name, "rate", "one sample only", "record longer", {}});
+      continue;
+    }
+    check_rate(s, report);
+    check_gaps(s, report);
+    check_jitter(s, report);
+    check_repeats(s, report);
+  }
+}
+
+}  // namespace apvi::doctor
