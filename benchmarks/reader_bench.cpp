@@ -2,6 +2,7 @@
 // How fast recordings are read, and whether the memory needed grows with their size.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -103,9 +104,12 @@ std::uintmax_t size_of(const fs::path& path) {
 struct Reading {
   std::size_t samples = 0;
   double rss_peak_mib = 0.0;
+  double rss_growth_mib = 0.0;  // over what it was before the recording was opened
 };
 
 Reading read_all(const fs::path& path) {
+  malloc_trim(0);  // what writing the recording has left
+  const double rss_before = resident_mib();
   io::DatasetConfig config;
   config.path = path.string();
   const auto reader = io::open_sequence(config, {"imu", "dvl", "pressure"});
@@ -117,6 +121,7 @@ Reading read_all(const fs::path& path) {
       reading.rss_peak_mib = std::max(reading.rss_peak_mib, resident_mib());
     }
   }
+  reading.rss_growth_mib = reading.rss_peak_mib - rss_before;
   return reading;
 }
 
@@ -137,6 +142,7 @@ void reading(benchmark::State& state, Write write) {
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(result.samples));
     state.counters["file_mib"] = static_cast<double>(size) / (1024.0 * 1024.0);
     state.counters["rss_peak_mib"] = result.rss_peak_mib;
+    state.counters["rss_growth_mib"] = result.rss_growth_mib;
   } catch (const RunError& error) {  // a build without rosbag_storage
     state.SkipWithError(error.what());
   }
