@@ -25,6 +25,7 @@ int dispatch(int argc, char** argv) {
   app.fallthrough();
   apvi::apps::add_run(app);
   apvi::apps::add_eval(app);
+  apvi::apps::add_doctor(app);
   apvi::apps::add_sim(app);
   apvi::apps::add_config(app);
   try {
