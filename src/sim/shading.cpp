@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "apvi/sim/material.hpp"
@@ -12,7 +13,6 @@
 namespace apvi::sim {
 namespace {
 
-using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 /// The hits of one tile on one material.
@@ -120,6 +120,11 @@ LampTerms lamp_terms(const LightState& light, const TileRays& tile) {
   return terms;
 }
 
+// lamp_beam of the public interface; a factor instead of a branch, so that loops vectorise.
+inline float beam_at(float falloff, float cosine) {
+  return fast_exp(-falloff * (1.0F - cosine)) * static_cast<float>(cosine > 0.0F);
+}
+
 APVI_CLONES void add_lamp(const LampTerms& lamp, Patch& patch) {
   const SurfaceBatch& s = patch.surface;
   const float px = lamp.position.x(), py = lamp.position.y(), pz = lamp.position.z();
@@ -132,8 +137,8 @@ APVI_CLONES void add_lamp(const LampTerms& lamp, Patch& patch) {
     d = d < 0.05F ? 0.05F : d;
     const float cosine = (x * ax + y * ay + z * az) / d;
     const float facing = -(x * s.nx.v[i] + y * s.ny.v[i] + z * s.nz.v[i]) / d;
-    const float beam = cosine > 0.0F ? fast_exp(-lamp.falloff * (1.0F - cosine)) : 0.0F;
-    const float geometry = (facing > 0.0F ? facing : 0.0F) * beam / (d * d);
+    const float geometry =
+        (facing > 0.0F ? facing : 0.0F) * beam_at(lamp.falloff, cosine) / (d * d);
     for (int c = 0; c < 3; ++c) {
       patch.light[c].v[i] += geometry * lamp.colour.v[c] * fast_exp(-lamp.beta_d.v[c] * d);
     }
@@ -243,41 +248,42 @@ APVI_CLONES void add_water(const WaterTerms& water, const float* range, const fl
   }
 }
 
-// Light of the lamp that the water sends back before it reaches anything, by a few steps along the
-// ray that grow with distance.
-APVI_CLONES void add_lamp_backscatter(const LampTerms& lamp, const Channels& strength,
-                                      const RayBatch& rays, const float* range, int count,
-                                      TileRays& tile) {
-  constexpr int kSteps = 5;
-  constexpr float kEdges[kSteps + 1] = {0.15F, 0.35F, 0.65F, 1.1F, 1.9F, 3.2F};
+// Light of the lamp that the water between `near` and `far` [m] along the ray sends back.
+APVI_CLONES void add_glow(const LampTerms& lamp, float strength, float near, float far,
+                          const RayBatch& rays, int count, TileRays& tile) {
   const float* ox = rays.ox.data();
   const float* oy = rays.oy.data();
   const float* oz = rays.oz.data();
   const float* dx = rays.dx.data();
   const float* dy = rays.dy.data();
   const float* dz = rays.dz.data();
+  const float* range = rays.range.data();
   const float lx = lamp.position.x(), ly = lamp.position.y(), lz = lamp.position.z();
   const float ax = lamp.axis.x(), ay = lamp.axis.y(), az = lamp.axis.z();
+#pragma GCC ivdep  // the rays and the colours are not the same memory
   for (int i = 0; i < count; ++i) {
-    const float end = range[i] < 0.0F ? 1e4F : range[i];
-    for (int k = 0; k < kSteps; ++k) {
-      const float near = kEdges[k];
-      const float far = kEdges[k + 1] < end ? kEdges[k + 1] : end;
-      const float length = far > near ? far - near : 0.0F;
-      const float along = near + 0.5F * length;
-      const float x = ox[i] + along * dx[i] - lx;
-      const float y = oy[i] + along * dy[i] - ly;
-      const float z = oz[i] + along * dz[i] - lz;
-      const float square = x * x + y * y + z * z + 0.01F;
-      const float d = __builtin_sqrtf(square);
-      const float cosine = (x * ax + y * ay + z * az) / d;
-      const float beam = cosine > 0.0F ? fast_exp(-lamp.falloff * (1.0F - cosine)) : 0.0F;
-      const float geometry = beam * length / square;
-      for (int c = 0; c < 3; ++c) {
-        tile.seen[c].v[i] +=
-            geometry * strength.v[c] * lamp.colour.v[c] * fast_exp(-lamp.beta_d.v[c] * (d + along));
-      }
+    const float end = range[i] < 0.0F || range[i] > far ? far : range[i];
+    const float length = end > near ? end - near : 0.0F;
+    const float along = near + 0.5F * length;
+    const float x = ox[i] + along * dx[i] - lx;
+    const float y = oy[i] + along * dy[i] - ly;
+    const float z = oz[i] + along * dz[i] - lz;
+    const float square = x * x + y * y + z * z + 0.01F;
+    const float d = __builtin_sqrtf(square);
+    const float cosine = (x * ax + y * ay + z * az) / d;
+    const float geometry = strength * beam_at(lamp.falloff, cosine) * length / square;
+    for (int c = 0; c < 3; ++c) {
+      tile.seen[c].v[i] += geometry * lamp.colour.v[c] * fast_exp(-lamp.beta_d.v[c] * (d + along));
     }
+  }
+}
+
+// A few steps along the ray that grow with distance.
+void add_lamp_backscatter(const LampTerms& lamp, float strength, TileRays& tile) {
+  static constexpr float kEdges[] = {0.15F, 0.35F, 0.65F, 1.1F, 1.9F, 3.2F};
+  const int count = static_cast<int>(tile.rays.size());
+  for (std::size_t k = 0; k + 1 < std::size(kEdges); ++k) {
+    add_glow(lamp, strength, kEdges[k], kEdges[k + 1], tile.rays, count, tile);
   }
 }
 
@@ -362,10 +368,8 @@ void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& 
   if (light.config.lamp && light.config.lamp->backscatter > 0.0) {
     // Water sends back a few percent of what it scatters, per steradian, on the way of one metre;
     // the large particles that do it are grey.
-    const Channels strength = channels(
-        Vector3d::Constant(0.05 * light.config.lamp->backscatter * light.medium.beta_d.y()));
-    add_lamp_backscatter(lamp_terms(light, tile), strength, tile.rays, tile.rays.range.data(),
-                         count, tile);
+    const double strength = 0.05 * light.config.lamp->backscatter * light.medium.beta_d.y();
+    add_lamp_backscatter(lamp_terms(light, tile), static_cast<float>(strength), tile);
   }
   if (light.silt > 0.0) add_silt(light, tile);
 }
