@@ -105,12 +105,12 @@ class CpuMediumBackend final : public MediumBackend {
   }
 
   MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const override {
-    const MediumInput out = {.color = torch::empty_like(input.color),
-                             .range = torch::empty_like(input.range),
-                             .alpha = torch::empty_like(input.alpha),
-                             .beta_d = torch::empty_like(input.beta_d),
-                             .beta_b = torch::empty_like(input.beta_b),
-                             .b_inf = torch::empty_like(input.b_inf)};
+    MediumInput out = {.color = torch::empty_like(input.color),
+                       .range = torch::empty_like(input.range),
+                       .alpha = torch::empty_like(input.alpha),
+                       .beta_d = torch::empty_like(input.beta_d),
+                       .beta_b = torch::empty_like(input.beta_b),
+                       .b_inf = torch::empty_like(input.b_inf)};
     std::vector<RowSums> sums(static_cast<std::size_t>(input.color.size(0)), RowSums{});
     AT_DISPATCH_FLOATING_TYPES(input.color.scalar_type(), "medium_backward", [&] {
       const Pointers<scalar_t> in(input);

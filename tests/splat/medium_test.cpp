@@ -220,7 +220,7 @@ TEST(MediumParameters, AreRecoveredFromAnImageAndItsRange) {
     optimizer.zero_grad();
     const Tensor image = apply_medium(scene.color.detach(), scene.range.detach(),
                                       scene.alpha.detach(), raw.medium());
-    const Tensor loss = (image - truth).square().sum();
+    Tensor loss = (image - truth).square().sum();
     loss.backward();
     return loss;
   });

@@ -19,8 +19,8 @@ inline torch::Tensor reference_medium(const torch::Tensor& color, const torch::T
 }
 
 /// Gradient of a scalar function by central differences; `x` float64 on the CPU.
-inline torch::Tensor numeric_gradient(const std::function<torch::Tensor()>& loss, torch::Tensor x,
-                                      double step = 1e-5) {
+inline torch::Tensor numeric_gradient(const std::function<torch::Tensor()>& loss,
+                                      const torch::Tensor& x, double step = 1e-5) {
   const torch::NoGradGuard no_grad;
   torch::Tensor gradient = torch::zeros_like(x);
   auto* const value = x.data_ptr<double>();

@@ -51,7 +51,7 @@ APVI_HD inline ChannelGradient<T> medium_backward(const ChannelPixel<T>& p,
                                                   const ChannelMedium<T>& m, T grad) {
   const T direct = std::exp(-m.beta_d * p.range);
   const T veil = p.alpha * std::exp(-m.beta_b * p.range);  // how much of the water is in front
-  ChannelGradient<T> g;
+  ChannelGradient<T> g = {};
   g.pixel.color = grad * direct;
   g.pixel.range = grad * (m.b_inf * m.beta_b * veil - m.beta_d * p.color * direct);
   g.pixel.alpha = -grad * m.b_inf * std::exp(-m.beta_b * p.range);
