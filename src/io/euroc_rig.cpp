@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "apvi/core/error.hpp"
 #include "apvi/core/text.hpp"
 
 namespace apvi::io {
@@ -85,7 +86,11 @@ Node parse_sensor_yaml(std::string text, const std::string& source) {
   // OpenCV writes a directive that YAML does not know; as a comment it keeps the line numbers
   // right.
   if (text.starts_with("%YAML:")) text[0] = '#';
-  return config::parse_yaml(text, source);
+  Node node = config::parse_yaml(text, source);
+  if (node.kind != Node::Kind::map) {
+    fail_input("{}: no calibration in this file: expected keys like T_BS and rate_hz", source);
+  }
+  return node;
 }
 
 Node rig_of_sensor_yamls(const std::map<std::string, Node>& sensors) {
