@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 using Directions = std::array<Vector3d, kDvlBeams>;
 
-enum Stream : std::uint64_t { kDvl = 31 };
+constexpr std::uint64_t kDvlStream = 31;
 constexpr double kNoSolution = 10.0;  // figure of merit of a ping without velocity
 constexpr std::size_t kMinBeams = 3;
 
@@ -222,7 +222,7 @@ std::vector<DvlSample> simulate_dvl(const Se3Spline& spline, const RayCaster& wo
                                     const DvlCalibration& dvl, const DvlSimConfig& config,
                                     const EventSchedule& events, Stamp start, double duration_s,
                                     std::uint64_t seed) {
-  Random random = Random(seed).fork(kDvl);
+  Random random = Random(seed).fork(kDvlStream);
   const Relock relock(config, random);
   RateByAltitude mode;
   std::vector<DvlSample> samples;

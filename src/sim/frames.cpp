@@ -77,6 +77,7 @@ class FrameMaker {
              int threads)
       : root_(root), scene_(scene), events_(events), recording_(recording) {
     const SceneConfig& config = scene.config;
+    renderers_.reserve(scene.rig.cameras.size());
     for (const CameraCalibration& camera : scene.rig.cameras) {
       renderers_.emplace_back(mesh, world, camera.model,
                               RendererConfig{config.water, config.light, config.camera.effects},

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
 constexpr double kDegree = std::numbers::pi / 180.0;
-enum Stream : std::uint64_t { kImu = 21 };
+constexpr std::uint64_t kImuStream = 21;
 constexpr double kGyroShare = 0.03;  // a frame that rings bends little
 
 Vector3d normal3(Random& random) {
@@ -125,7 +125,7 @@ void ImuSimConfig::use(ImuPreset other) {
 ImuRecord simulate_imu(const Se3Spline& spline, const ImuSimConfig& config,
                        const EventSchedule& events, Stamp start, double duration_s, double gravity,
                        std::uint64_t seed) {
-  Random random = Random(seed).fork(kImu);
+  Random random = Random(seed).fork(kImuStream);
   Triad gyro(config.gyro_noise_density, config.gyro_random_walk, config.gyro_range, config.rate_hz);
   Triad accel(config.accel_noise_density, config.accel_random_walk, config.accel_range,
               config.rate_hz);

@@ -22,7 +22,8 @@ constexpr double kDegree = kPi / 180.0;
 constexpr double kKnotS = 0.1;
 constexpr double kSteepest = 0.4;  // slope that pitch answers to; steeper is a lift
 constexpr double kYawSmoothingS = 0.5;
-enum Stream : std::uint64_t { kWobble = 11, kWaves = 12 };
+constexpr std::uint64_t kWobbleStream = 11;
+constexpr std::uint64_t kWavesStream = 12;
 
 // Smooth noise: a few sinusoids about one period, with the standard deviation 1.
 class Wobble {
@@ -221,7 +222,7 @@ Plan empty_plan(double duration_s) {
 }  // namespace
 
 WaveField make_waves(const WaveConfig& config, std::uint64_t seed, double gravity) {
-  return WaveField(config, Random(seed).fork(kWaves), gravity);
+  return WaveField(config, Random(seed).fork(kWavesStream), gravity);
 }
 
 Se3Spline plan_motion(const MotionConfig& config, const MotionContext& context) {
@@ -243,7 +244,7 @@ Se3Spline plan_motion(const MotionConfig& config, const MotionContext& context) 
   }
   point_bow(config, plan);
   lean(config, context, plan);
-  wobble(config, Random(context.seed).fork(kWobble), plan);
+  wobble(config, Random(context.seed).fork(kWobbleStream), plan);
   ride_waves(config, make_waves(config.waves, context.seed, context.gravity), plan);
   return to_spline(plan, context.start);
 }

@@ -9,7 +9,7 @@
 namespace apvi::sim {
 namespace {
 
-enum Stream : std::uint64_t { kPressure = 41 };
+constexpr std::uint64_t kPressureStream = 41;
 
 // True depth as the water presses: hydrostatic and the waves' share [m].
 double felt_depth(const Se3Spline& spline, const WaveField& waves, const Eigen::Vector3d& p_body,
@@ -38,7 +38,7 @@ std::vector<PressureSample> simulate_pressure(const Se3Spline& spline, const Wav
                                               const PressureSimConfig& config,
                                               const EventSchedule& events, Stamp start,
                                               double duration_s, std::uint64_t seed) {
-  Random random = Random(seed).fork(kPressure);
+  Random random = Random(seed).fork(kPressureStream);
   const double per_metre = calibration.water_density * calibration.gravity;
   const double step = config.bias_walk / std::sqrt(config.rate_hz);
   double bias = config.bias_m * random.normal();

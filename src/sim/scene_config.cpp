@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using config::Node;
 
-enum Stream : std::uint64_t { kRigError = 51 };
+constexpr std::uint64_t kRigErrorStream = 51;
 constexpr double kAssumedSoundSpeed = 1500.0;  // the A50's [m/s]
 
 // A small survey vehicle. Body forward-left-up; the camera looks forward and 25 degrees down, the
@@ -132,7 +132,7 @@ SE3 shaken(const SE3& pose, const RigErrorConfig& error, Random& random) {
 
 Node perturbed_rig(const Scene& scene) {
   const RigErrorConfig& error = scene.config.rig_error;
-  Random random = Random(scene.seed()).fork(kRigError);
+  Random random = Random(scene.seed()).fork(kRigErrorStream);
   Node rig = scene.rig_node;
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     Node& camera = rig.member(fmt::format("cam{}", i));

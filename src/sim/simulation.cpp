@@ -12,18 +12,20 @@ namespace {
 
 using Eigen::Vector3d;
 
-enum Stream : std::uint64_t { kFrames = 61 };
+constexpr std::uint64_t kFramesStream = 61;
 constexpr double kFarM = 500.0;
 
 std::array<Vector3d, 14> all_around() {
   std::array<Vector3d, 14> directions;
-  for (int axis = 0; axis < 3; ++axis) {
-    directions[2 * axis] = Vector3d::Unit(axis);
-    directions[2 * axis + 1] = -Vector3d::Unit(axis);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const Vector3d unit = Vector3d::Unit(static_cast<Eigen::Index>(axis));
+    directions[2 * axis] = unit;
+    directions[2 * axis + 1] = -unit;
   }
-  for (int i = 0; i < 8; ++i) {
+  for (std::size_t i = 0; i < 8; ++i) {
     directions[6 + i] =
-        Vector3d(i & 1 ? 1.0 : -1.0, i & 2 ? 1.0 : -1.0, i & 4 ? 1.0 : -1.0).normalized();
+        Vector3d((i & 1) != 0 ? 1.0 : -1.0, (i & 2) != 0 ? 1.0 : -1.0, (i & 4) != 0 ? 1.0 : -1.0)
+            .normalized();
   }
   return directions;
 }
@@ -45,8 +47,8 @@ void check_step(const Vector3d& from, const Vector3d& to, double t, const RayCas
   if (step.norm() > 1e-9 && world.cast(from, step.normalized(), step.norm())) {
     fail_input("motion: the path goes through the terrain {}; move or raise it", place_text(to, t));
   }
-  static const std::array<Vector3d, 14> kDirections = all_around();
-  for (const Vector3d& direction : kDirections) {
+  static const std::array<Vector3d, 14> directions = all_around();
+  for (const Vector3d& direction : directions) {
     const auto hit = world.cast(to, direction, clearance_m);
     if (!hit) continue;
     fail_input(
@@ -60,7 +62,7 @@ std::vector<FrameTime> frame_times(const Scene& scene, const EventSchedule& even
   std::vector<FrameTime> frames;
   if (scene.rig.cameras.empty()) return frames;
   const CameraCalibration& camera = scene.rig.cameras.front();
-  const Random random = Random(scene.seed()).fork(kFrames);
+  const Random random = Random(scene.seed()).fork(kFramesStream);
   const auto count =
       static_cast<std::int64_t>(std::floor(scene.config.duration_s * camera.rate_hz + 1e-6)) + 1;
   for (std::int64_t i = 0; i < count; ++i) {
