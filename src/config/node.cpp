@@ -121,10 +121,10 @@ Node load_layers(const fs::path& path, std::vector<fs::path>& open_files) {
   return merged;
 }
 
-// Notes the line of the first thing in a document, from 1; 0 in an empty one.
+// Notes the lines where a document begins and where the first thing in it is, from 1; 0: nowhere.
 class FirstContent : public YAML::EventHandler {
  public:
-  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentStart(const YAML::Mark& mark) override { start_ = mark.line + 1; }
   void OnDocumentEnd() override {}
   void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { note(mark); }
@@ -143,12 +143,14 @@ class FirstContent : public YAML::EventHandler {
   }
   void OnMapEnd() override {}
 
+  int start() const { return start_; }
   int line() const { return line_; }
 
  private:
   void note(const YAML::Mark& mark) {
     if (line_ == 0) line_ = mark.line + 1;
   }
+  int start_ = 0;
   int line_ = 0;
 };
 
@@ -158,8 +160,11 @@ std::optional<int> line_of_second_document(const std::string& text) {
   YAML::Parser parser(in);
   FirstContent first;
   FirstContent second;
+  FirstContent third;
   if (!parser.HandleNextDocument(first) || !parser.HandleNextDocument(second)) return std::nullopt;
-  return second.line() > 0 ? std::optional<int>(second.line()) : std::nullopt;
+  if (second.line() > 0) return second.line();
+  // Where the parser cannot go on it sees one empty document after the other.
+  return parser.HandleNextDocument(third) ? std::optional<int>(third.start()) : std::nullopt;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "io/bag_check.hpp"
 #include "io/bag_topics.hpp"
 #include "io/readers.hpp"
 #include "io/ros_samples.hpp"
@@ -22,6 +23,8 @@ namespace fs = std::filesystem;
 // for at most kWindow, so a sensor that falls silent does not make the others fill the memory.
 constexpr Duration kReorder{100'000'000};
 constexpr Duration kWindow{2'000'000'000};
+
+constexpr std::uint64_t kMaxMessage = 64ULL << 20U;  // bytes: a picture of 20 megapixels fits
 
 Stamp to_stamp(const ros::Time& time) {
   return {std::int64_t{time.sec} * 1'000'000'000 + time.nsec};
@@ -61,6 +64,7 @@ class BagCursor {
     for (const rosbag::ConnectionInfo* c : view_.getConnections()) {
       types_.try_emplace(c->datatype + c->md5sum, c->datatype, c->msg_def);
     }
+    largest_message_ = std::min(kMaxMessage, bag_->getSize() + (1U << 20U));
     guarded([&] {
       begin_ = to_stamp(view_.getBeginTime());
       end_ = to_stamp(view_.getEndTime());
@@ -83,7 +87,9 @@ class BagCursor {
   const std::string& topic() const { return topic_; }
   Stamp recorded() const { return recorded_; }
   /// The message; nothing when its bytes do not fit its definition. It points into this cursor.
-  std::optional<RosValue> message() const { return type_->decode(bytes_); }
+  std::optional<RosValue> message() const {
+    return type_ == nullptr ? std::nullopt : type_->decode(bytes_);
+  }
   double fraction() const {
     if (ended_ || end_ <= begin_) return 1.0;
     return std::clamp(seconds_between(begin_, recorded_) / seconds_between(begin_, end_), 0.0, 1.0);
@@ -94,6 +100,9 @@ class BagCursor {
     const rosbag::MessageInstance& instance = *next_;
     topic_ = instance.getTopic();
     recorded_ = to_stamp(instance.getTime());
+    type_ = nullptr;
+    // rosbag believes any size it finds, and would copy from beyond its buffer.
+    if (instance.size() > largest_message_) return;
     bytes_.resize(instance.size());
     ros::serialization::OStream stream(bytes_.data(), static_cast<std::uint32_t>(bytes_.size()));
     instance.write(stream);
@@ -125,8 +134,9 @@ class BagCursor {
   Stamp end_;
   Stamp recorded_;
   std::string topic_;
+  std::uint64_t largest_message_ = 0;
   std::vector<std::uint8_t> bytes_;
-  const RosMessageType* type_ = nullptr;
+  const RosMessageType* type_ = nullptr;  // of the message; null when it is damaged
 };
 
 struct Channel {
@@ -294,7 +304,9 @@ Recording open_topics(const fs::path& path, const DatasetConfig& config,
   const std::string file = path.string();
   Recording recording;
   recording.rig = load_rig(config, path.parent_path() / "rig.yaml");
-  const ChosenTopics topics = choose_topics(topics_of(*open_file(file)), config.topics, file);
+  const auto bag = open_file(file);
+  check_bag(path);
+  const ChosenTopics topics = choose_topics(topics_of(*bag), config.topics, file);
   std::vector<Channel> channels;
   std::vector<std::string> kinds;
   for (BagSensor& sensor : sensors_of(topics, config.pressure_unit)) {

@@ -249,5 +249,31 @@ TEST(Bag, KeepsWhatIsReadableWhenTheMiddleIsDamaged) {
   EXPECT_LE(events, 525U);
 }
 
+// rosbag_storage trusts every length and place in the file; what keeps it inside is ours.
+TEST(Bag, RandomDamageEndsInAnErrorOrInLessDataAndNeverInACrash) {
+  const TmpDir dir;
+  std::ostringstream content;
+  content << std::ifstream(write_tank_bag(dir), std::ios::binary).rdbuf();
+  const std::string whole = content.str();
+  Random random(5);
+  std::size_t refused = 0;
+  for (int round = 0; round < 300; ++round) {
+    std::string damaged = whole;
+    for (int i = 0; i < 3; ++i) {
+      const double place = i == 0 ? random.uniform() : random.uniform(0.85, 1.0);  // the index
+      damaged[static_cast<std::size_t>(place * static_cast<double>(whole.size()))] =
+          static_cast<char>(random.next());
+    }
+    auto config = config_for(dir.write("damaged.bag", damaged));
+    const std::string error = input_error([&] {
+      EXPECT_LE(read_out(config).events.size(), 525U);
+      io::open_sequence(config, {})->reference();
+    });
+    refused += error.empty() ? 0 : 1;
+  }
+  EXPECT_GT(refused, 10U);
+  EXPECT_LT(refused, 300U);
+}
+
 }  // namespace
 }  // namespace apvi

@@ -116,10 +116,13 @@ TEST(PublishedEuroc, NamesFileAndLineOfABadCalibration) {
               HasSubstr("cam0/sensor.yaml:2"));
 }
 
+// Found by fuzzing: the YAML library finds documents without end in this.
 TEST(PublishedEuroc, ABrokenDirectiveIsRefusedAndNotReadForEver) {
   const TmpDir dir;
   write_published(dir);
-  dir.write("mav0/cam0/sensor.yaml", "%Ycv-matrix\n  rows: 4\n,0,0, 0,00, 0,0,0,AML:1.0\nT_\nT");
+  dir.write("mav0/cam0/sensor.yaml",
+            "%Ycv-matrix\n  rows: 4\n  cols: 4\n  data: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n"
+            ",0,0, 0,00, 0,0,0,AML:1.0\nT_BS: !!opencv-mat1]\nrate_\nT");
   EXPECT_THAT(input_error([&] { io::open_sequence(config_for(dir.path()), {}); }),
               HasSubstr("cam0/sensor.yaml:"));
 }
