@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What careful study of real recordings found, the doctor finds by itself.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "doctor/dive.hpp"
+#include "support/test_data.hpp"
+
+namespace apvi::doctor {
+namespace {
+
+using test::value_of;
+
+Report examine_folder(const std::filesystem::path& path) {
+  io::DatasetConfig config;
+  config.path = path.string();
+  return examine(config);
+}
+
+class Akit : public testing::TestWithParam<const char*> {};
+
+TEST_P(Akit, TheDvlTicksAndSitsOtherwiseForTheImuThanForTheReference) {
+  APVI_NEEDS_DATA(path, GetParam());
+  const Report report = examine_folder(path);
+  EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);
+  EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), -0.025, 0.025);
+  EXPECT_NEAR(value_of(report, "dvl0", "lever arm", "x_m"), -0.08, 0.05);
+  EXPECT_NEAR(value_of(report, "dvl0", "lever arm", "y_m"), -0.02, 0.05);
+  EXPECT_NEAR(value_of(report, "dvl0", "lever arm", "z_m"), 0.22, 0.05);
+  EXPECT_LT(value_of(report, "dvl0", "time, imu", "rms_m_s"), 0.012);
+  EXPECT_NEAR(value_of(report, "dvl0", "time, reference", "time_offset_s"), 0.45, 0.1);
+  EXPECT_FINDING(report, "dvl0", "time, reference", warning, "(30-100 s baselines)");
+  EXPECT_FINDING(report, "dvl0", "time, reference", warning, "made with other DVL timing");
+  EXPECT_FINDING(report, "dvl0", "lever arm", warning, "the rig says (-1.84, -0.04, 0.11)");
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, Akit,
+                         testing::Values("akit_01", "akit_02", "akit_03", "akit_04", "akit_05",
+                                         "akit_06"));
+
+class Sonia : public testing::TestWithParam<const char*> {};
+
+TEST_P(Sonia, TheDvlIsLeftHandedTurnedAndLate) {
+  APVI_NEEDS_DATA(path, GetParam());
+  const Report report = examine_folder(path);
+  EXPECT_FINDING(report, "dvl0", "mounting", error, "left-handed, signs (1, 1, -1)");
+  EXPECT_NEAR(value_of(report, "dvl0", "mounting", "turn_deg"), 90.0, 5.0);
+  EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.03);
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, Sonia, testing::Values("sonia_pool_square", "sonia_pool_circle"));
+
+TEST(Blueye, RepeatsImuSamplesAndItsTurnedBeamsAgreeWithTheRig) {
+  APVI_NEEDS_DATA(path, "blueye_auto_square");
+  const Report report = examine_folder(path);
+  EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);
+  EXPECT_FINDING(report, "imu0", "repeats", warning, "repeat the one before");
+  EXPECT_FINDING(report, "dvl0", "beams, velocity", ok, "agree");
+  EXPECT_LT(value_of(report, "dvl0", "beam parity", "rms_m_s"), 0.006);
+  EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.1);
+}
+
+TEST(Euroc, FindsWhatWasPutIntoTheSynthesisedDvl) {
+  APVI_NEEDS_DATA(path, "euroc_mh01_apvi");
+  const Report report = examine_folder(path);
+  EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);
+  EXPECT_FINDING(report, "cam0", "size", ok, "752x480");
+  EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.02);
+  EXPECT_EQ(report.find("dvl0", "lever arm")->severity, Severity::ok);
+  EXPECT_EQ(report.find("dvl0", "mounting")->severity, Severity::ok);
+}
+
+}  // namespace
+}  // namespace apvi::doctor
