@@ -134,7 +134,7 @@ void Dipo::add(const ImuSample& sample) {
 
 void Dipo::add(const DvlSample& sample) {
   if (last_ping_ && same_ping(*last_ping_, sample)) {  // telemetry repeats each ping several times
-    dvl_reports_.push_back({.stamp = sample.stamp, .verdict = Verdict::repeated});
+    report_dvl({.stamp = sample.stamp, .verdict = Verdict::repeated});
     return;
   }
   last_ping_ = sample;
@@ -142,6 +142,12 @@ void Dipo::add(const DvlSample& sample) {
   if (!initialized()) initializer_.add(sample);
   pending_.push_back(sample);
   take_in_pending();
+}
+
+void Dipo::report_dvl(Report report) {
+  report.accel_factor = adapter_.accel_factor();
+  report.dvl_variance_factor = adapter_.dvl_variance_factor();
+  dvl_reports_.push_back(report);
 }
 
 void Dipo::add(const PressureSample& sample) {
@@ -258,9 +264,7 @@ bool Dipo::take_in(const DvlSample& ping) {
       timeline_.insert(stamp, std::move(*model), config_.dvl.displacement);
     }
   }
-  report.accel_factor = adapter_.accel_factor();
-  report.dvl_variance_factor = adapter_.dvl_variance_factor();
-  dvl_reports_.push_back(report);
+  report_dvl(report);
   return true;
 }
 

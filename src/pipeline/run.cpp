@@ -82,6 +82,7 @@ eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
 struct Pass {
   Trajectory trajectory;
   double length_m = 0.0;
+  double accel_factor = 1.0;  // what the adaptive noise ended with
   std::optional<Stamp> first;
   Stamp last;
   bool interrupted = false;
@@ -114,6 +115,7 @@ Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder&
     for (const LocalizationOutput& output : localization.process(*event)) {
       folder.write(output);
       add_pose(pass, output.estimate);
+      pass.accel_factor = output.ping.accel_factor;
     }
     if (++count % 1024 == 0) status.update(reader.fraction(), status_detail(localization, pass));
     if (interrupted()) {
@@ -122,6 +124,15 @@ Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder&
     }
   }
   return pass;
+}
+
+// Innovations that the largest accelerometer noise does not explain have another cause.
+void warn_if_sensors_disagree(const RunConfig& config, const Pass& pass) {
+  if (pass.accel_factor < 0.5 * config.dipo.adaptation.max_accel_factor) return;
+  log::warning(
+      "DVL and IMU disagree to the end: look at the DVL's mounting and axes with `apvi doctor`, "
+      "and "
+      "at dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
 }
 
 }  // namespace
@@ -142,6 +153,7 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
   const Stopwatch watch;
   const Pass pass = localize(*reader, localization, folder, options.interrupted);
   folder.close();
+  warn_if_sensors_disagree(config, pass);
   RunResult result{.interrupted = pass.interrupted,
                    .poses = pass.trajectory.size(),
                    .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,

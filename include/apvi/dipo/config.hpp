@@ -37,7 +37,8 @@ struct InitializationConfig {
       "heading of the body's x axis at the start, about world z [deg]");
     v("tilt_sigma_deg", tilt_sigma_deg, Range{0.01, 90.0}, "roll and pitch, one sigma [deg]");
     v("gyro_bias_sigma", gyro_bias_sigma, Range{0.0, 1.0},
-      "turn-on bias, one sigma [rad/s]; null: as large as the gyro's noise over one second");
+      "turn-on bias, one sigma [rad/s]; null: as large as the noise over one "
+      "second; MEMS gyros may need 0.1");
     v("accel_bias_sigma", accel_bias_sigma, Range{0.0, 10.0}, "turn-on bias, one sigma [m/s²]");
   }
 };

@@ -82,6 +82,7 @@ class Dipo {
   };
 
   void add_depth(const DepthReading& reading);
+  void report_dvl(Report report);
   void start(const Initializer::Start& start);
   void take_in_pending();
   /// False while the sample's own time is still ahead of the inertial data.
