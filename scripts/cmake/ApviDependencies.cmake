@@ -27,7 +27,7 @@ if(APVI_LOCALIZATION)
     find_package(CLI11 REQUIRED)  # the program alone needs it
   endif()
   if(APVI_WITH_ROSBAG)
-    include(ApviRosbag OPTIONAL)
+    include(ApviRosbag)
   endif()
 endif()
 
