@@ -45,9 +45,9 @@ def sources_for(names):
 
 
 def tidy(name, deadline):
-    """(name, what to print, whether it is clean or there was no time)."""
+    """(name, what to print, whether it is clean: None when there was no time)."""
     if time.monotonic() > deadline:
-        return name, "tidy: no time left for " + name, True
+        return name, "", None
     done = subprocess.run(["clang-tidy", "-p", str(BUILD), "--quiet", name], cwd=ROOT,
                           capture_output=True, text=True)
     return name, done.stdout if done.returncode == 0 else done.stdout + done.stderr, done.returncode == 0
@@ -69,8 +69,10 @@ def main():
         results = list(pool.map(lambda name: tidy(name, deadline), sources))
     for _, output, _ in results:
         print(output, end="" if not output or output.endswith("\n") else "\n")
-    dirty = [name for name, _, clean in results if not clean]
-    print(f"tidy: {len(sources)} sources, {len(dirty)} with findings", *dirty, sep="\n  ")
+    dirty = [name for name, _, clean in results if clean is False]
+    unseen = sum(clean is None for _, _, clean in results)
+    print(f"tidy: {len(sources)} sources, {unseen} of them not looked at for want of time, "
+          f"{len(dirty)} with findings", *dirty, sep="\n  ")
     return 1 if dirty else 0
 
 

@@ -13,7 +13,8 @@ constexpr int kRunFailed = 1;
 constexpr int kUsageError = 2;
 
 int dispatch(int argc, char** argv) {
-  CLI::App app{"Acoustic, pressure, visual and inertial localization and mapping under water", "apvi"};
+  CLI::App app{"Acoustic, pressure, visual and inertial localization and mapping under water",
+               "apvi"};
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("apvi ") + apvi::kVersion);
   app.add_flag_callback(

@@ -6,8 +6,8 @@
 namespace apvi::doctor {
 namespace {
 
-constexpr double kLowestAir_pa = 50'000.0;  // on a mountain lake
-constexpr double kDeep_pa = 1.2e8;
+constexpr double kLowestAir = 50'000.0;  // on a mountain lake [Pa]
+constexpr double kDeep = 1.2e8;          // [Pa]
 constexpr double kSomeNegative = 0.05;
 
 void check_pressure_unit(const DepthObservations& seen, Report& report) {
@@ -15,8 +15,8 @@ void check_pressure_unit(const DepthObservations& seen, Report& report) {
   Finding f{Severity::ok, "pressure0",
             "unit",       fmt::format("median {:.5g} Pa", median),
             "",           {{"median_pa", median}}};
-  if (median < kLowestAir_pa || median > kDeep_pa) f.severity = Severity::error;
-  if (median > kDeep_pa) {
+  if (median < kLowestAir || median > kDeep) f.severity = Severity::error;
+  if (median > kDeep) {
     f.advice = "deeper than any ocean: is the unit right? see dataset.pressure_unit";
   } else if (median >= 500.0 && median < 20'000.0) {
     f.advice = "these look like hPa (mbar): set dataset.pressure_unit: hPa, or the header's unit";

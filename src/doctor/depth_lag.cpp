@@ -11,10 +11,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kBaseline_s = 2.0;
-constexpr double kLongestGap_s = 2.5;
-constexpr double kReach_s = 1.0;
-constexpr double kStep_s = 0.05;
+constexpr double kBaseline = 2.0;    // [s]
+constexpr double kLongestGap = 2.5;  // of the DVL [s]
+constexpr double kReach = 1.0;       // of the scan [s]
+constexpr double kStep = 0.05;       // [s]
 constexpr std::size_t kFewestPairs = 60;
 constexpr double kLeastChange = 0.002;  // [m]
 constexpr int kGroups = 8;
@@ -55,7 +55,7 @@ Dive dive(const InertialPath& path, const std::vector<DvlPing>& pings, const Dvl
     const double down = -state->up_body.dot(body);
     const bool first = result.t.empty();
     const double dt = first ? 0.0 : t - result.t.back();
-    const bool hole = dt > kLongestGap_s;
+    const bool hole = dt > kLongestGap;
     result.depth.push_back(first ? 0.0 : result.depth.back() + 0.5 * dt * (before + down));
     result.holes.push_back(first ? 0 : result.holes.back() + (hole ? 1 : 0));
     result.t.push_back(t);
@@ -81,9 +81,9 @@ std::vector<Change> depth_changes(const InertialPath& path, const std::vector<De
   std::vector<Change> changes;
   std::size_t j = 0;
   for (const auto& [t, depth] : points) {
-    while (j < points.size() && points[j].first < t + kBaseline_s) ++j;
+    while (j < points.size() && points[j].first < t + kBaseline) ++j;
     if (j == points.size()) break;
-    if (points[j].first > t + 1.5 * kBaseline_s) continue;
+    if (points[j].first > t + 1.5 * kBaseline) continue;
     changes.push_back({t, points[j].first, points[j].second - depth});
   }
   return changes;
@@ -136,6 +136,7 @@ Moments sum(const Groups& groups, int without = -1) {
 
 Minimum best_of(const std::vector<double>& offsets, const std::vector<Groups>& scan, int without) {
   std::vector<double> costs;
+  costs.reserve(scan.size());
   for (const Groups& groups : scan) {
     const double r = sum(groups, without).correlation();
     costs.push_back(-r * r);
@@ -153,8 +154,9 @@ std::optional<DepthLag> fit_dvl_against_depth(const InertialPath& path,
   if (path.empty() || pings.size() < 2) return std::nullopt;
   const std::vector<Change> changes = depth_changes(path, depths, p_sensor);
   if (changes.size() < kFewestPairs) return std::nullopt;
-  const std::vector<double> offsets = steps(-kReach_s, kReach_s, kStep_s);
+  const std::vector<double> offsets = steps(-kReach, kReach, kStep);
   std::vector<Groups> scan;
+  scan.reserve(offsets.size());
   for (const double late : offsets)
     scan.push_back(compare(changes, dive(path, pings, rig, late), late));
   const Minimum best = best_of(offsets, scan, -1);
@@ -168,6 +170,7 @@ std::optional<DepthLag> fit_dvl_against_depth(const InertialPath& path,
   lag.time_offset_s = best.at;
   lag.correlation = moments.correlation();
   std::vector<double> left_out;
+  left_out.reserve(kGroups);
   for (int g = 0; g < kGroups; ++g) left_out.push_back(best_of(offsets, scan, g).at);
   lag.time_offset_sigma_s = jackknife_sigma(left_out);
   return lag;

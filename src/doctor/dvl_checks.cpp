@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kFewValid = 0.5;
 constexpr double kManyValid = 0.9;
-constexpr double kLongDropout_s = 5.0;
+constexpr double kLongDropout = 5.0;  // [s]
 constexpr double kSomeZeros = 0.01;
 constexpr double kTooFast = 15.0;    // [m/s]
 constexpr double kNoSolution = 2.6;  // figures of merit that mean "none": 2.66, 2.71, 10, 17.49 m/s
@@ -46,7 +46,7 @@ void check_dropouts(const DvlObservations& dvl, Report& report) {
                         seconds_between(dvl.timing.first, since)),
             "",
             {{"longest_s", longest}}};
-  if (longest > kLongDropout_s) {
+  if (longest > kLongDropout) {
     f.severity = Severity::warning;
     f.advice = "position drifts there with the IMU alone; expect it in the result";
   }

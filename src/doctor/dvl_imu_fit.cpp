@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "apvi/geometry/so3.hpp"
 #include "doctor/scan.hpp"
@@ -18,17 +19,17 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kNear_s = 0.12;  // between the pings of a change of velocity
-constexpr double kFar_s = 0.9;
-constexpr double kReach_s = 1.0;
-constexpr double kCoarse_s = 0.05;
-constexpr double kFineReach_s = 0.1;
-constexpr double kFine_s = 0.02;
+constexpr double kNear = 0.12;  // between the pings of a change of velocity [s]
+constexpr double kFar = 0.9;    // the same [s]
+constexpr double kReach = 1.0;  // of the scan over time offsets [s]
+constexpr double kCoarse = 0.05;
+constexpr double kFineReach = 0.1;  // of the second one
+constexpr double kFine = 0.02;
 constexpr std::size_t kFewestBlocks = 2;
 // How much lower than the rest of the scan its minimum must be, to be a minimum of anything.
 constexpr double kClearDip = 0.97;
 constexpr std::size_t kGroups = 10;
-constexpr double kTurned = 20.0 * 3.14159265358979 / 180.0;
+constexpr double kTurned = 20.0 * std::numbers::pi / 180.0;
 
 // What solutions of a scan have in common.
 struct Scan {
@@ -84,6 +85,7 @@ ChangeModel given_model(const DvlMounting& rig) {
 
 void find_best(Scan& scan) {
   std::vector<double> costs;
+  costs.reserve(scan.solutions.size());
   for (const ChangeSolution& s : scan.solutions) costs.push_back(s.rms * s.rms);
   scan.best = lowest(scan.offsets, costs);
 }
@@ -92,7 +94,7 @@ std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPin
                               const ChangeSpans& spans) {
   Scan scan;
   scan.spans = spans;
-  scan.offsets = steps(-kReach_s, kReach_s, kCoarse_s);
+  scan.offsets = steps(-kReach, kReach, kCoarse);
   std::vector<double> rms;
   for (const double offset : scan.offsets) {
     const auto blocks = velocity_changes(path, pings, offset, spans);
@@ -113,8 +115,8 @@ std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPin
 std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPing>& pings) {
   const double span = path.seconds(pings.back().stamp) - path.seconds(pings.front().stamp);
   const double block = std::clamp(span / 4.0, 5.0, 20.0);
-  const auto near = scan_free(path, pings, {.shortest_s = kNear_s, .block_s = block});
-  auto far = scan_free(path, pings, {.shortest_s = kFar_s, .block_s = block});
+  auto near = scan_free(path, pings, {.shortest_s = kNear, .block_s = block});
+  auto far = scan_free(path, pings, {.shortest_s = kFar, .block_s = block});
   if (!far) return near;
   return near && near->dip < far->dip ? near : far;
 }
@@ -124,7 +126,7 @@ Scan scan_rigid(const InertialPath& path, const std::vector<DvlPing>& pings, con
   Scan scan;
   scan.spans = coarse.spans;
   const double around = coarse.best.at;
-  scan.offsets = steps(around - kFineReach_s, around + kFineReach_s, kFine_s);
+  scan.offsets = steps(around - kFineReach, around + kFineReach, kFine);
   for (const double offset : scan.offsets) {
     const auto blocks = velocity_changes(path, pings, offset, scan.spans);
     Matrix3d m = mounting;
@@ -156,12 +158,14 @@ ChangeNormal sum_without(const std::vector<ChangeNormal>& normals, std::size_t g
 Matrix3d free_sigma(const ChangeSolution& solution) {
   const std::size_t groups = std::min(kGroups, solution.normals.size());
   std::vector<Eigen::VectorXd> left_out;
+  left_out.reserve(groups);
   for (std::size_t g = 0; g < groups; ++g) {
     left_out.push_back(solve(sum_without(solution.normals, g, groups), free_model()).x);
   }
   Matrix3d sigma;
   for (Eigen::Index i = 0; i < 9; ++i) {
     std::vector<double> values;
+    values.reserve(left_out.size());
     for (const Eigen::VectorXd& x : left_out) values.push_back(x(i));
     sigma(i % 3, i / 3) = jackknife_sigma(values);
   }

@@ -16,11 +16,11 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kStep_s = 0.05;  // of the integration
-constexpr double kFewest_s = 120.0;
-constexpr double kReferenceStep_s = 0.5;  // poses closer than this add nothing
-constexpr double kLongestReferenceGap_s = 3.0;
-constexpr std::array<double, 3> kBaselines_s = {30.0, 60.0, 100.0};
+constexpr double kStep = 0.05;                // of the integration [s]
+constexpr double kFewest = 120.0;             // of common time [s]
+constexpr double kReferenceStep = 0.5;        // poses closer than this add nothing [s]
+constexpr double kLongestReferenceGap = 3.0;  // [s]
+constexpr std::array<double, 3> kBaselines = {30.0, 60.0, 100.0};  // [s]
 constexpr int kGroups = 5;
 constexpr int kUnknowns = 5;  // yaw, scale - 1, lever arm
 using Row = Eigen::Matrix<double, 1, kUnknowns>;
@@ -40,7 +40,7 @@ std::vector<Knot> knots_of(const InertialPath& path, const Trajectory& reference
   std::vector<Knot> knots;
   for (const StampedPose& pose : reference.poses) {
     const double t = path.seconds(pose.stamp);
-    if (!knots.empty() && t - knots.back().t < kReferenceStep_s) continue;
+    if (!knots.empty() && t - knots.back().t < kReferenceStep) continue;
     const auto state = path.at(t);
     if (!state) continue;
     Eigen::Quaterniond correction = pose.T_world_body.rotation * state->R_start_body.conjugate();
@@ -61,7 +61,7 @@ Grid grid_of(const InertialPath& path, const std::vector<Knot>& knots) {
   Grid grid;
   for (std::size_t k = 0; k + 1 < knots.size(); ++k) {
     const double span = knots[k + 1].t - knots[k].t;
-    const int n = std::max(1, static_cast<int>(std::lround(std::min(span, 1e3) / kStep_s)));
+    const int n = std::max(1, static_cast<int>(std::lround(std::min(span, 1e3) / kStep)));
     grid.knots.push_back(grid.t.size());
     for (int i = 0; i < n; ++i) {
       const double u = static_cast<double>(i) / n;
@@ -70,7 +70,7 @@ Grid grid_of(const InertialPath& path, const std::vector<Knot>& knots) {
       const Eigen::Quaterniond correction =
           knots[k].R_world_start.slerp(u, knots[k + 1].R_world_start);
       grid.t.push_back(t);
-      grid.good.push_back(state.has_value() && span < kLongestReferenceGap_s);
+      grid.good.push_back(state.has_value() && span < kLongestReferenceGap);
       grid.R_world_body.push_back(
           state ? Matrix3d((correction * state->R_start_body).toRotationMatrix())
                 : Matrix3d::Identity());
@@ -165,7 +165,7 @@ std::vector<Normal> displacements(const std::vector<Knot>& knots, const Reckonin
                                   const Vector3d& lever) {
   std::vector<Normal> groups(kGroups);
   const std::size_t n = r.path.size();
-  for (const double baseline : kBaselines_s) {
+  for (const double baseline : kBaselines) {
     std::size_t j = 0;
     for (std::size_t i = 0; i < n; ++i) {
       while (j < n && knots[j].t < knots[i].t + baseline - 1e-6) ++j;
@@ -219,6 +219,7 @@ struct Scan {
 
   Minimum best(bool free_lever, int without = -1) const {
     std::vector<double> costs;
+    costs.reserve(groups.size());
     for (const auto& g : groups) {
       const double rms = solve(g, free_lever, without).rms;
       costs.push_back(rms * rms);
@@ -229,8 +230,8 @@ struct Scan {
 
 double typical_baseline_root() {
   double sum = 0.0;
-  for (const double b : kBaselines_s) sum += b;
-  return std::sqrt(sum / static_cast<double>(kBaselines_s.size()));
+  for (const double b : kBaselines) sum += b;
+  return std::sqrt(sum / static_cast<double>(kBaselines.size()));
 }
 
 }  // namespace
@@ -241,7 +242,7 @@ std::optional<DvlReferenceFit> fit_dvl_against_reference(const InertialPath& pat
                                                          const Trajectory& reference) {
   if (path.empty() || !reference.has_rotation || pings.size() < 2) return std::nullopt;
   const std::vector<Knot> knots = knots_of(path, reference);
-  if (knots.size() < 10 || knots.back().t - knots.front().t < kFewest_s) return std::nullopt;
+  if (knots.size() < 10 || knots.back().t - knots.front().t < kFewest) return std::nullopt;
   const Grid grid = grid_of(path, knots);
   const Velocities velocities(path, pings, rig.matrix);
   Scan scan;
@@ -270,6 +271,7 @@ std::optional<DvlReferenceFit> fit_dvl_against_reference(const InertialPath& pat
       displacements(knots, reckon(grid, velocities, rig.time_offset_s), rig.lever_arm);
   fit.rms_as_rig = solve(as_rig, is_free).rms * typical_baseline_root();
   std::vector<double> offsets;
+  offsets.reserve(kGroups);
   for (int g = 0; g < kGroups; ++g) offsets.push_back(scan.best(is_free, g).at);
   fit.time_offset_sigma_s = jackknife_sigma(offsets);
   return fit;

@@ -13,13 +13,13 @@
 namespace apvi::doctor {
 namespace {
 
-constexpr double kBaseline_s = 2.0;
-constexpr double kMean_s = 0.5;  // gravity is the mean force over this
-constexpr double kFewest_s = 20.0;
+constexpr double kBaseline = 2.0;  // [s]
+constexpr double kMean = 0.5;      // gravity is the mean force over this [s]
+constexpr double kFewest = 20.0;   // of data [s]
 
 std::optional<Eigen::Vector3d> gravity_at(const InertialPath& path, double t) {
-  const auto before = path.at(t - 0.5 * kMean_s);
-  const auto after = path.at(t + 0.5 * kMean_s);
+  const auto before = path.at(t - 0.5 * kMean);
+  const auto after = path.at(t + 0.5 * kMean);
   if (!before || !after) return std::nullopt;
   const Eigen::Vector3d mean = after->force_integral - before->force_integral;
   if (!(mean.norm() > 1e-6)) return std::nullopt;
@@ -33,10 +33,10 @@ double apparent_turn(std::vector<ImuSample> samples, double factor) {
   const double end = path.seconds(path.end());
   double sum = 0.0;
   double count = 0.0;
-  for (double t = 1.0; t + kBaseline_s < end; t += 0.5) {
+  for (double t = 1.0; t + kBaseline < end; t += 0.5) {
     const auto a = gravity_at(path, t);
-    const auto b = gravity_at(path, t + kBaseline_s);
-    if (!a || !b || !path.unbroken(t, t + kBaseline_s)) continue;
+    const auto b = gravity_at(path, t + kBaseline);
+    if (!a || !b || !path.unbroken(t, t + kBaseline)) continue;
     sum += (*b - *a).squaredNorm();
     count += 1.0;
   }
@@ -46,7 +46,7 @@ double apparent_turn(std::vector<ImuSample> samples, double factor) {
 }  // namespace
 
 void check_gyro(const std::vector<ImuSample>& samples, Report& report) {
-  if (seconds_between(samples.front().stamp, samples.back().stamp) < kFewest_s) return;
+  if (seconds_between(samples.front().stamp, samples.back().stamp) < kFewest) return;
   const double as_is = apparent_turn(samples, 1.0);
   const double without = apparent_turn(samples, 0.0);
   const double reversed = apparent_turn(samples, -1.0);

@@ -11,11 +11,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGap_s = 0.25;        // longer steps are not integrated over
-constexpr double kNodeStep_s = 0.004;  // of what is kept; every sample is integrated
-constexpr double kTiltTime_s = 20.0;   // of the complementary filter
-constexpr double kBiasTime_s = 60.0;
-constexpr double kRateSpan_s = 0.06;
+constexpr double kGap = 0.25;        // nothing is said across longer steps [s]
+constexpr double kNodeStep = 0.004;  // of what is kept; every sample counts [s]
+constexpr double kTiltTime = 20.0;   // of the complementary filter [s]
+constexpr double kBiasTime = 60.0;   // of its bias [s]
+constexpr double kRateSpan = 0.06;   // [s]
 
 // Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group", 2008,
 // reduced to the direction of gravity.
@@ -26,9 +26,9 @@ class TiltFilter {
   void step(const Vector3d& gyro, const Vector3d& force, double dt, bool estimate_bias) {
     Vector3d error = Vector3d::Zero();
     if (force.norm() > 1e-6) error = force.normalized().cross(up_);
-    const double gain = std::min(1.0 / kTiltTime_s, 1.0 / std::max(dt, 1e-9));
+    const double gain = std::min(1.0 / kTiltTime, 1.0 / std::max(dt, 1e-9));
     const Vector3d rate = gyro - bias_ + gain * error;
-    if (estimate_bias) bias_ -= dt / (kTiltTime_s * kBiasTime_s) * error;
+    if (estimate_bias) bias_ -= dt / (kTiltTime * kBiasTime) * error;
     up_ = (so3::exp(-rate * dt) * up_).normalized();
   }
   const Vector3d& up() const { return up_; }
@@ -59,7 +59,7 @@ Vector3d estimate_bias(const std::vector<ImuSample>& samples) {
   double time = 0.0;
   for (std::size_t i = 1; i < samples.size(); ++i) {
     const double dt = step_between(samples[i - 1], samples[i]);
-    if (!(dt > 0.0) || dt > kGap_s) continue;
+    if (!(dt > 0.0) || dt > kGap) continue;
     filter.step(samples[i].gyro, samples[i].accel, dt, true);
     if (2 * i < samples.size()) continue;
     sum += dt * filter.bias();
@@ -80,7 +80,7 @@ InertialPath::InertialPath(const std::vector<ImuSample>& samples) {
   for (std::size_t i = 1; i < samples.size(); ++i) {
     const double dt = step_between(samples[i - 1], samples[i]);
     if (!(dt > 0.0)) continue;
-    const bool gap = dt > kGap_s;
+    const bool gap = dt > kGap;
     const Vector3d gyro = 0.5 * (samples[i - 1].gyro + samples[i].gyro) - gyro_bias_;
     InertialState& s = now.state;
     const Eigen::Quaterniond after = (s.R_start_body * so3::exp(gyro * dt)).normalized();
@@ -94,7 +94,7 @@ InertialPath::InertialPath(const std::vector<ImuSample>& samples) {
     now.stamp = samples[i].stamp;
     now.t = seconds_between(samples.front().stamp, now.stamp);
     if (gap) ++now.gaps_before;
-    if (gap || now.t - nodes_.back().t >= kNodeStep_s) nodes_.push_back(now);
+    if (gap || now.t - nodes_.back().t >= kNodeStep) nodes_.push_back(now);
   }
 }
 
@@ -120,11 +120,11 @@ std::optional<InertialState> InertialPath::at(double t) const {
 }
 
 std::optional<Vector3d> InertialPath::rate_at(double t) const {
-  const auto before = at(t - 0.5 * kRateSpan_s);
-  const auto after = at(t + 0.5 * kRateSpan_s);
+  const auto before = at(t - 0.5 * kRateSpan);
+  const auto after = at(t + 0.5 * kRateSpan);
   if (!before || !after) return std::nullopt;
   const Eigen::Quaterniond turned = before->R_start_body.conjugate() * after->R_start_body;
-  return Vector3d(so3::log(turned) / kRateSpan_s);
+  return Vector3d(so3::log(turned) / kRateSpan);
 }
 
 bool InertialPath::unbroken(double from, double to) const {

@@ -21,9 +21,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kTimeMatters_s = 0.05;
-constexpr double kTimesDiffer_s = 0.15;
-constexpr double kLeverMatters_m = 0.15;
+constexpr double kTimeMatters = 0.05;   // [s]
+constexpr double kTimesDiffer = 0.15;   // [s]
+constexpr double kLeverMatters = 0.15;  // [m]
 constexpr double kTurnMatters = 5.0 * kDegree;
 constexpr double kTurnBreaks = 45.0 * kDegree;
 constexpr double kScaleMatters = 0.04;
@@ -76,7 +76,7 @@ RigMounting as_rig_writes(const Matrix3d& mounting, const Rig& rig) {
     const RigMounting candidate = with_signs(mounting, signs, given);
     if (candidate.turn < best.turn - 1e-3) best = candidate;
   }
-  const RigMounting all = with_signs(mounting, -Vector3d::Ones(), given);
+  RigMounting all = with_signs(mounting, -Vector3d::Ones(), given);
   if (all.turn < kTurnBreaks && all.turn < 0.5 * best.turn) return all;
   return best;
 }
@@ -104,7 +104,7 @@ void report_time(const DvlImuFit& fit, const DvlMounting& rig, Report& report) {
       "against the IMU the stamps are {} (sigma {:.3f}); changes of velocity agree to {:.4f} m/s, "
       "with the rig's calibration to {:.4f}",
       late(fit.time_offset_s), fit.time_offset_sigma_s, fit.rms, fit.rms_as_rig);
-  if (std::abs(off) > std::max(kTimeMatters_s, 3.0 * fit.time_offset_sigma_s)) {
+  if (std::abs(off) > std::max(kTimeMatters, 3.0 * fit.time_offset_sigma_s)) {
     f.severity = Severity::warning;
     f.advice =
         fmt::format("set dvl0.time_offset_s: {:.2f} in the rig, or let the estimator find it",
@@ -166,7 +166,7 @@ void report_lever_arm(const DvlImuFit& fit, const DvlMounting& rig, Report& repo
   f.message =
       fmt::format("{} m by the IMU, sigma {}; the rig says {}", list(fit.lever_arm, "{:.2f}"),
                   list(fit.lever_arm_sigma, "{:.2f}"), list(rig.lever_arm, "{:.2f}"));
-  const Vector3d limit = (4.0 * fit.lever_arm_sigma).cwiseMax(kLeverMatters_m);
+  const Vector3d limit = (4.0 * fit.lever_arm_sigma).cwiseMax(kLeverMatters);
   if ((off.cwiseAbs().array() > limit.array()).any()) {
     f.severity = Severity::warning;
     f.advice =
@@ -208,8 +208,8 @@ void report_reference(const DvlReferenceFit& fit, const std::optional<DvlImuFit>
       "against the reference the stamps are {} (30-100 s baselines); sigma {:.2f}; dead reckoning "
       "over 60 s agrees to {:.2f} m, with the rig's offset to {:.2f}",
       late(fit.time_offset_s), fit.time_offset_sigma_s, fit.rms, fit.rms_as_rig);
-  const double limit = std::max(kTimeMatters_s, 3.0 * fit.time_offset_sigma_s);
-  if (imu && std::abs(fit.time_offset_s - imu->time_offset_s) > std::max(kTimesDiffer_s, limit)) {
+  const double limit = std::max(kTimeMatters, 3.0 * fit.time_offset_sigma_s);
+  if (imu && std::abs(fit.time_offset_s - imu->time_offset_s) > std::max(kTimesDiffer, limit)) {
     f.severity = Severity::warning;
     f.advice = fmt::format(
         "the IMU says {}, so the reference was made with other DVL timing than the IMU sees: an "
@@ -273,7 +273,7 @@ void report_depth(const DepthLag& lag, const std::string& sensor, const DvlMount
   f.message = fmt::format("against {} the stamps are {} (sigma {:.2f}; correlation {:.2f})", sensor,
                           late(lag.time_offset_s), lag.time_offset_sigma_s, lag.correlation);
   const double off = lag.time_offset_s - rig.time_offset_s;
-  if (std::abs(off) > std::max(kTimeMatters_s, 3.0 * lag.time_offset_sigma_s)) {
+  if (std::abs(off) > std::max(kTimeMatters, 3.0 * lag.time_offset_sigma_s)) {
     f.severity = Severity::warning;
     f.advice = "set dvl0.time_offset_s in the rig if the depth sensor's stamps are right";
   }

@@ -9,8 +9,8 @@ namespace apvi::doctor {
 namespace {
 
 // The fits look at this much of a recording, from the first ping that moves (or the beginning).
-constexpr double kWindow_s = 600.0;
-constexpr double kBeforeWindow_s = 5.0;
+constexpr double kWindow = 600.0;      // [s]
+constexpr double kBeforeWindow = 5.0;  // [s]
 // For sensors that report faster than any real one does.
 constexpr std::size_t kMostBuffered = 1'500'000;
 constexpr double kMovingSpeed = 0.02;   // [m/s]
@@ -81,17 +81,17 @@ void Collector::add(const SensorEvent& event) {
 }
 
 bool Collector::in_window(Stamp stamp) {
-  if (!window_end_) window_end_ = stamp + Duration::from_seconds(kWindow_s);
+  if (!window_end_) window_end_ = stamp + Duration::from_seconds(kWindow);
   return stamp < *window_end_;
 }
 
 void Collector::start_window(Stamp stamp) {
   window_fixed_ = true;
-  const Stamp from = stamp - Duration::from_seconds(kBeforeWindow_s);
+  const Stamp from = stamp - Duration::from_seconds(kBeforeWindow);
   drop_before(seen_.imu.buffer, from);
   drop_before(seen_.pressure.buffer, from);
   drop_before(seen_.depth.buffer, from);
-  window_end_ = stamp + Duration::from_seconds(kWindow_s);
+  window_end_ = stamp + Duration::from_seconds(kWindow);
 }
 
 void Collector::add_imu(const ImuSample& sample) {

@@ -13,7 +13,7 @@ constexpr double kRateNote = 0.02;
 constexpr double kRateWarning = 0.1;
 constexpr double kGapOfMedian = 4.0;
 constexpr double kRepeatedShare = 0.05;
-constexpr double kStartsLate_s = 5.0;
+constexpr double kStartsLate = 5.0;  // [s]
 
 struct Sensor {
   std::string name;
@@ -199,7 +199,7 @@ void check_common_time(const Case& c, const Sensor& s, Report& report) {
                 fmt::format("shares no time with imu0; they are {:.1f} s apart", apart),
                 "are both on one clock?",
                 {{"apart_s", apart}}});
-  } else if (late > kStartsLate_s || early > kStartsLate_s) {
+  } else if (late > kStartsLate || early > kStartsLate) {
     report.add({Severity::note,
                 s.name,
                 "common time",

@@ -15,7 +15,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Row = Eigen::Matrix<double, 3, kChangeSize>;
 
-constexpr double kLongest_s = 2.6;  // between the pings of a change
+constexpr double kLongest = 2.6;  // between the pings of a change [s]
 constexpr Eigen::Index kFewestInBlock = 5;
 constexpr int kReweightings = 4;
 
@@ -64,7 +64,7 @@ std::vector<Pair> pairs_of(const InertialPath& path, const std::vector<Instant>&
   for (const Instant& from : all) {
     while (j < all.size() && all[j].t < from.t + shortest_s) ++j;
     if (j == all.size()) break;
-    if (all[j].t > from.t + kLongest_s || !path.unbroken(from.t, all[j].t)) continue;
+    if (all[j].t > from.t + kLongest || !path.unbroken(from.t, all[j].t)) continue;
     pairs.push_back({&from, &all[j]});
   }
   return pairs;
@@ -192,6 +192,7 @@ ChangeSolution solve(const ChangeNormal& normal, const ChangeModel& model) {
 
 ChangeSolution solve(const std::vector<ChangeBlock>& blocks, const ChangeModel& model) {
   std::vector<Weights> weights;
+  weights.reserve(blocks.size());
   for (const ChangeBlock& b : blocks) weights.emplace_back(Weights::Ones(b.felt.size() / 3));
   ChangeSolution solution;
   for (int round = 0; round < kReweightings; ++round) {

@@ -11,7 +11,9 @@ namespace apvi::doctor {
 
 /// Order of the linear unknowns: the columns of the mounting matrix, the lever arm, the
 /// accelerometer's bias.
-enum ChangeIndex { kMounting = 0, kLever = 9, kAccelBias = 12 };
+inline constexpr int kMounting = 0;
+inline constexpr int kLever = 9;
+inline constexpr int kAccelBias = 12;
 inline constexpr int kChangeSize = 15;
 using ChangeVector = Eigen::Matrix<double, kChangeSize, 1>;
 using ChangeMatrix = Eigen::Matrix<double, kChangeSize, kChangeSize>;

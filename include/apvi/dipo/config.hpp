@@ -86,7 +86,7 @@ struct AdaptationConfig {
   bool enabled = true;
   double rate = 0.3;
   double recovery_rate = 0.003;
-  double initial_accel_factor = 3.0;
+  double initial_accel_factor = 1.0;
   double max_accel_factor = 300.0;
   double max_dvl_variance_factor = 100.0;
 
