@@ -164,7 +164,7 @@ inline double value_of(const doctor::Report& report, const std::string& sensor,
 /// The finding is there, has this severity, and says (message or advice) the words.
 #define EXPECT_FINDING(report, sensor, check, level, words)                                \
   do {                                                                                     \
-    const ::apvi::doctor::Report judged = (report);                                        \
+    const ::apvi::doctor::Report& judged = (report);                                       \
     const auto* finding = judged.find(sensor, check);                                      \
     ASSERT_NE(finding, nullptr) << (sensor) << ": " << (check) << "\n"                     \
                                 << ::apvi::doctor::to_text(judged);                        \

@@ -238,6 +238,7 @@ TEST(InertialPath, KnowsItsGapsAndEnds) {
 TEST(Scan, RefinesAMinimumByAParabola) {
   const std::vector<double> at = steps(-1.0, 1.0, 0.1);
   std::vector<double> values;
+  values.reserve(at.size());
   for (const double x : at) values.push_back((x - 0.234) * (x - 0.234) + 2.0);
   const Minimum m = lowest(at, values);
   EXPECT_TRUE(m.inside);
