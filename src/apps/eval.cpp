@@ -136,7 +136,7 @@ std::optional<Trajectory> data_set_reference(const config::Node& resolved) {
   io::DatasetConfig dataset;
   config::read(section(resolved, "dataset"), dataset, "dataset");
   const auto sequence = io::open_sequence(dataset, {});
-  const auto reference = sequence->reference();
+  auto reference = sequence->reference();
   if (!reference || (dataset.start_s == 0.0 && dataset.duration_s == 0.0)) return reference;
   const auto first = sequence->next();
   if (!first) fail_input("{}: dataset: nothing is left of it in this span", resolved.where());

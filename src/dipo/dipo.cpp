@@ -140,7 +140,7 @@ void Dipo::add(const DvlSample& sample) {
   last_ping_ = sample;
   stillness_.add(sample);
   if (!initialized()) initializer_.add(sample);
-  pending_.push_back(sample);
+  pending_.emplace_back(sample);
   take_in_pending();
 }
 
@@ -163,7 +163,7 @@ void Dipo::add(const DepthSample& sample) {
 
 void Dipo::add_depth(const DepthReading& reading) {
   if (!initialized()) initializer_.add_depth(reading.depth_m, reading.p_body_sensor);
-  pending_.push_back(reading);
+  pending_.emplace_back(reading);
   take_in_pending();
 }
 

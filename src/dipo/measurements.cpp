@@ -48,11 +48,11 @@ Vector3d predict_dvl(const State& x, const Vector3d& gyro) {
   return (1.0 + x.dvl_scale_error) * (x.R_body_dvl.conjugate() * sensor_velocity(x, gyro));
 }
 
-Measurement dvl_velocity(const State& x, const Kinematics& kinematics, const imu::World& world,
+Measurement dvl_velocity(const State& x, const Kinematics& k, const imu::World& world,
                          const Vector3d& velocity, const Matrix3d& noise) {
   Measurement m(3);
-  m.residual = velocity - predict_dvl(x, kinematics.gyro);
-  m.H = dvl_jacobian(x, kinematics, world);
+  m.residual = velocity - predict_dvl(x, k.gyro);
+  m.H = dvl_jacobian(x, k, world);
   m.R = noise;
   return m;
 }
@@ -75,11 +75,11 @@ Matrix3d time_offset_noise(const Eskf& filter, const Kinematics& k, const imu::W
   return offset_variance * R.transpose() * acceleration * R;
 }
 
-Measurement dvl_beam(const State& x, const Kinematics& kinematics, const imu::World& world,
+Measurement dvl_beam(const State& x, const Kinematics& k, const imu::World& world,
                      const Vector3d& beam, double velocity, double variance) {
   Measurement m(1);
-  m.residual(0) = velocity - beam.dot(predict_dvl(x, kinematics.gyro));
-  m.H = beam.transpose() * dvl_jacobian(x, kinematics, world);
+  m.residual(0) = velocity - beam.dot(predict_dvl(x, k.gyro));
+  m.H = beam.transpose() * dvl_jacobian(x, k, world);
   m.R(0, 0) = variance;
   return m;
 }

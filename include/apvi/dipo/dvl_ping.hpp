@@ -21,8 +21,8 @@ double beam_disagreement(const DvlSample& ping, const DvlCalibration& dvl);
 /// The ping as one measurement, by beams in lock (`by_beam`) or as a velocity, each component or
 /// beam with `variance` [m²/s²], the second-order noise of the time offset included. The state of
 /// `filter` is that at the ping's stamp minus `offset_s`.
-Measurement ping_measurement(const Eskf& filter, const Kinematics& kinematics,
-                             const imu::World& world, const DvlCalibration& dvl,
-                             const DvlSample& ping, bool by_beam, double variance, double offset_s);
+Measurement ping_measurement(const Eskf& filter, const Kinematics& k, const imu::World& world,
+                             const DvlCalibration& dvl, const DvlSample& ping, bool by_beam,
+                             double variance, double offset_s);
 
 }  // namespace apvi::dipo

@@ -28,7 +28,8 @@ inline constexpr int kMaterialCount = 14;
 
 /// Points on surfaces of one material. `evaluate_material` fills the colour and turns the normals
 /// by the bumps of the texture.
-struct SurfaceBatch {
+/// Lanes are scratch: clearing ten of them for every batch would cost as much as a material.
+struct SurfaceBatch {  // NOLINT(cppcoreguidelines-pro-type-member-init)
   Points p;          ///< world [m]
   Lanes nx, ny, nz;  ///< unit normal, towards the camera
   Lanes detail;      ///< of the mesh: see there
