@@ -30,11 +30,11 @@ inline constexpr int kMaterialCount = 14;
 /// by the bumps of the texture.
 /// Lanes are scratch: clearing ten of them for every batch would cost as much as a material.
 struct SurfaceBatch {  // NOLINT(cppcoreguidelines-pro-type-member-init)
-  Points p;          ///< world [m]
-  Lanes nx, ny, nz;  ///< unit normal, towards the camera
-  Lanes detail;      ///< of the mesh: see there
-  Lanes object;      ///< random in [0, 1), the same over a thing
-  Lanes r, g, b;     ///< albedo, filled
+  Points p;            ///< world [m]
+  Lanes nx, ny, nz;    ///< unit normal, towards the camera
+  Lanes detail;        ///< of the mesh: see there
+  Lanes object;        ///< random in [0, 1), the same over a thing
+  Lanes r, g, b;       ///< albedo, filled
 };
 void evaluate_material(Material material, SurfaceBatch& batch);
 

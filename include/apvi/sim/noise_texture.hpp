@@ -23,7 +23,7 @@ struct alignas(64) Lanes {
   }
 };
 
-struct Points {  // NOLINT(cppcoreguidelines-pro-type-member-init): scratch, filled before use
+struct Points {     // NOLINT(cppcoreguidelines-pro-type-member-init): scratch, filled before use
   Lanes x, y, z;    ///< [m]
   Lanes footprint;  ///< size of a pixel on the surface [m]: detail finer than this is left out
   int count = 0;
