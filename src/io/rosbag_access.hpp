@@ -62,6 +62,7 @@ struct Serializer<apvi::io::RawMessage> {
     const auto size = static_cast<std::uint32_t>(message.bytes.size());
     if (size > 0) std::memcpy(stream.advance(size), message.bytes.data(), size);
   }
+  // NOLINTNEXTLINE(readability-identifier-naming): the name that roscpp's serializer calls
   static std::uint32_t serializedLength(const apvi::io::RawMessage& message) {
     return static_cast<std::uint32_t>(message.bytes.size());
   }
