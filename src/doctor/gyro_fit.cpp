@@ -16,6 +16,8 @@ namespace {
 constexpr double kBaseline = 2.0;  // [s]
 constexpr double kMean = 0.5;      // gravity is the mean force over this [s]
 constexpr double kFewest = 20.0;   // of data [s]
+// Less than this the noise of a cheap gyro does at rest [rad].
+constexpr double kClear = 0.05;
 
 std::optional<Eigen::Vector3d> gravity_at(const InertialPath& path, double t) {
   const auto before = path.at(t - 0.5 * kMean);
@@ -59,7 +61,7 @@ void check_gyro(const std::vector<ImuSample>& samples, Report& report) {
                   as_is, without),
       "",
       {{"with_rad", as_is}, {"without_rad", without}, {"reversed_rad", reversed}}};
-  if (degrees < 0.5 * as_is && without < 0.5 * as_is) {
+  if (as_is > kClear && degrees < 0.5 * as_is && without < 0.5 * as_is) {
     f.severity = Severity::error;
     f.message += fmt::format("; taken as deg/s {:.2g}", degrees);
     f.advice = "the gyro reports deg/s: multiply the angular rates by 0.0174533";
@@ -68,7 +70,7 @@ void check_gyro(const std::vector<ImuSample>& samples, Report& report) {
     f.message += fmt::format("; with the gyro reversed {:.2g}", reversed);
     f.advice =
         "gyro and accelerometer disagree about the sense of turning: check their axes' signs";
-  } else if (as_is > 1.3 * without) {
+  } else if (as_is > kClear && as_is > 1.3 * without) {
     f.severity = Severity::warning;
     f.advice = "the gyro makes it worse: are its axes those of the accelerometer?";
   }

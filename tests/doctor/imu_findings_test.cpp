@@ -85,6 +85,16 @@ TEST(ImuFindings, AGyroThatTurnsTheOtherWayIsAnError) {
   EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", error, "sense of turning");
 }
 
+TEST(ImuFindings, ANoisyGyroAtRestIsFine) {
+  Dive dive = healthy_dive();
+  Random random(9);
+  for (ImuSample& s : dive.imu) {
+    s.gyro = test::normal_vector(random, 0.1);
+    s.accel = Eigen::Vector3d(0.0, 0.0, 9.80665) + test::normal_vector(random, 0.05);
+  }
+  EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", ok, "carried by the gyro");
+}
+
 TEST(ImuFindings, AnotherRateThanNominalIsAWarning) {
   Dive dive = healthy_dive();
   dive.rig.replace(dive.rig.find("rate_hz: 100"), 12, "rate_hz: 200");
