@@ -30,6 +30,7 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
 
 void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, float frequency,
                 float height, float radius) {
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): scratch, filled before use
   Gradient dome;
   for (int i = 0; i < kBatch; ++i) {
     // height (1 - d^2 / radius^2) inside: its gradient is -2 offset / radius^2, per metre.

@@ -92,6 +92,7 @@ APVI_INLINE Noise gradient_noise(float px, float py, float pz, std::uint32_t see
   const float k5 = a.dot - c.dot - e.dot + g.dot;
   const float k6 = a.dot - b.dot - e.dot + f.dot;
   const float k7 = -a.dot + b.dot + c.dot - d.dot + e.dot - f.dot - g.dot + h.dot;
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): scratch, filled before use
   Noise n;
   n.value =
       a.dot + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * v * w + k6 * w * u + k7 * u * v * w;
@@ -240,6 +241,7 @@ void cells(const Points& p, float frequency, std::uint32_t seed, Cells& out) {
     out.nearest.fill(0.5F);
     return;
   }
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): scratch, filled before use
   Best best;
   best.first.fill(1e9F);
   best.second.fill(1e9F);
