@@ -43,10 +43,6 @@ class Timeline {
   Kinematics kinematics_at(Stamp stamp) const;
   /// Takes a measurement in at its time; `clone_position` then makes the last-ping clone there.
   void insert(Stamp stamp, Model model, bool clone_position = false);
-  /// Raises the variance of `count` states from `index` on at the newest state.
-  void inflate(int index, int count, double variance) {
-    steps_.back().filter.inflate(index, count, variance);
-  }
 
  private:
   struct Entry {
