@@ -2,6 +2,7 @@
 // The one place that knows which backends this build has.
 #include <torch/torch.h>
 
+#include "apvi/splat/loss_backend.hpp"
 #include "apvi/splat/medium_backend.hpp"
 
 namespace apvi::splat {
@@ -12,6 +13,11 @@ const MediumBackend& medium_backend(const torch::Device& device) {
   if (device.is_cuda()) return cuda_medium_backend();
 #endif
   TORCH_CHECK(false, "this build has no backend for ", device);
+}
+
+const LossBackend& loss_backend(const torch::Device& device) {
+  if (device.is_cpu()) return cpu_loss_backend();
+  TORCH_CHECK(false, "this build has no photometric loss for ", device);
 }
 
 torch::Device active_device() {

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loss_rows.hpp"
+
+#include <algorithm>
+
+#include "clones.hpp"
+
+namespace apvi::splat::cpu {
+namespace {
+
+// Half of the Gaussian of sigma 1.5 px over 11 taps, centre first, normalised to a sum of one.
+constexpr std::array<double, kSsimRadius + 1> kTaps = {0.2660117248617943,   0.21300553771125366,
+                                                       0.1093606895097,      0.03600077212843082,
+                                                       0.007598758135239184, 0.0010283800844791099};
+constexpr double kC1 = 0.01 * 0.01;  // Wang et al., "Image quality assessment", 2004
+constexpr double kC2 = 0.03 * 0.03;
+
+template <typename T>
+APVI_INLINE void blur_along(const T* padded, std::int64_t length, T* __restrict__ out) {
+  const T* const p = padded + kMargin;
+  for (std::int64_t i = 0; i < length; ++i) {
+    T sum = static_cast<T>(kTaps[0]) * p[i];
+    for (std::int64_t t = 1; t <= kSsimRadius; ++t) {
+      sum += static_cast<T>(kTaps[static_cast<std::size_t>(t)]) * (p[i - 3 * t] + p[i + 3 * t]);
+    }
+    out[i] = sum;
+  }
+}
+
+template <typename T>
+APVI_INLINE void blur_across(const Neighbours<T>& rows, std::int64_t offset, std::int64_t length,
+                             T* __restrict__ out) {
+  std::array<const T*, kSsimTaps> p = {};
+  for (std::size_t t = 0; t < p.size(); ++t) p[t] = rows[t] + offset;
+  for (std::int64_t i = 0; i < length; ++i) {
+    T sum = static_cast<T>(kTaps[0]) * p[kSsimRadius][i];
+    for (std::size_t t = 1; t <= kSsimRadius; ++t) {
+      sum += static_cast<T>(kTaps[t]) * (p[kSsimRadius - t][i] + p[kSsimRadius + t][i]);
+    }
+    out[i] = sum;
+  }
+}
+
+/// A sum in sixteen lanes, which vectorises and does not depend on how wide the vectors are.
+template <typename T>
+APVI_INLINE double sum_of(const T* values, std::int64_t length) {
+  constexpr std::int64_t kLanes = 16;
+  T lanes[kLanes] = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= length; i += kLanes) {
+    for (std::int64_t j = 0; j < kLanes; ++j) lanes[j] += values[i + j];
+  }
+  double sum = 0.0;
+  for (const T lane : lanes) sum += static_cast<double>(lane);
+  for (; i < length; ++i) sum += static_cast<double>(values[i]);
+  return sum;
+}
+
+template <typename T>
+struct Padded {
+  T* first;
+  std::int64_t length;
+
+  APVI_INLINE T* row(std::int64_t k) const { return first + k * (length + 2 * kMargin) + kMargin; }
+  APVI_INLINE void clear_margins(std::int64_t rows) const {
+    for (std::int64_t k = 0; k < rows; ++k) {
+      std::fill_n(row(k) - kMargin, kMargin, T(0));
+      std::fill_n(row(k) + length, kMargin, T(0));
+    }
+  }
+};
+
+template <typename T>
+APVI_INLINE void blur_images_in(const LossRow<T>& row, T* scratch, T* blurred) {
+  const Padded<T> padded = {scratch, row.length};
+  padded.clear_margins(kBlurred);
+  T* const s = padded.row(0);
+  T* const d = padded.row(1);
+  T* const ss = padded.row(2);
+  T* const dd = padded.row(3);
+  for (std::int64_t i = 0; i < row.length; ++i) {
+    const T difference = row.weight[i] * (row.image[i] - row.target[i]);
+    const T sum = T(2) * row.target[i] + difference;
+    s[i] = sum;
+    d[i] = difference;
+    ss[i] = sum * sum;
+    dd[i] = difference * difference;
+  }
+  for (std::int64_t k = 0; k < kBlurred; ++k) {
+    blur_along(padded.row(k) - kMargin, row.length, blurred + k * row.length);
+  }
+}
+
+/// SSIM of one value and its derivatives, from the blurred s, d, s², d². With P = s̄², Q = d̄²,
+/// U = blur(s²) - P and V = blur(d²) - Q, it is
+///     ((P - Q)/2 + c1) ((U - V)/2 + c2) / (((P + Q)/2 + c1) ((U + V)/2 + c2)).
+template <typename T>
+struct Ssim {
+  T value, by_mean, by_ss, by_dd;
+
+  APVI_INLINE Ssim(T s, T d, T ss, T dd) {
+    const T p = s * s;
+    const T q = d * d;
+    const T u = ss - p;
+    const T v = dd - q;
+    const T c1 = static_cast<T>(kC1);
+    const T c2 = static_cast<T>(kC2);
+    const T inverse_1 = T(1) / (T(0.5) * (p + q) + c1);
+    const T inverse_2 = T(1) / (T(0.5) * (u + v) + c2);
+    const T luminance = (T(0.5) * (p - q) + c1) * inverse_1;
+    const T contrast = (T(0.5) * (u - v) + c2) * inverse_2;
+    value = luminance * contrast;
+    by_ss = T(0.5) * (luminance - value) * inverse_2;
+    by_dd = T(-0.5) * (luminance + value) * inverse_2;
+    const T by_p = T(0.5) * (contrast - value) * inverse_1 - by_ss;
+    const T by_q = T(-0.5) * (contrast + value) * inverse_1 - by_dd;
+    by_mean = T(2) * (s * by_p + d * by_q);
+  }
+};
+
+template <typename T>
+APVI_INLINE RowSums compare_in(const LossRow<T>& row, const Neighbours<T>& blurred, T* scratch,
+                               T* derivatives) {
+  const std::int64_t n = row.length;
+  const Padded<T> rows = {scratch, n};
+  for (std::int64_t k = 0; k < kBlurred; ++k) blur_across(blurred, k * n, n, rows.row(k));
+  T* const s = rows.row(0);
+  T* const d = rows.row(1);
+  T* const ss = rows.row(2);
+  T* const dd = rows.row(3);
+  for (std::int64_t i = 0; i < n; ++i) {  // what has been read makes room for what comes of it
+    const Ssim<T> ssim(s[i], d[i], ss[i], dd[i]);
+    const T weight = row.weight[i];
+    s[i] = weight * ssim.by_mean;
+    d[i] = weight * ssim.by_ss;
+    ss[i] = weight * ssim.by_dd;
+    dd[i] = weight * ssim.value;
+  }
+  RowSums sums = {.l1 = 0.0, .ssim = sum_of(dd, n)};
+  if (derivatives != nullptr) {
+    rows.clear_margins(kDerivatives);
+    for (std::int64_t k = 0; k < kDerivatives; ++k) {
+      blur_along(rows.row(k) - kMargin, n, derivatives + k * n);
+    }
+  }
+  for (std::int64_t i = 0; i < n; ++i) {
+    const T difference = row.weight[i] * (row.image[i] - row.target[i]);
+    dd[i] = difference < T(0) ? -difference : difference;
+  }
+  sums.l1 = sum_of(dd, n);
+  return sums;
+}
+
+template <typename T>
+APVI_INLINE void differentiate_in(const LossRow<T>& row, const Neighbours<T>& derivatives,
+                                  const RowSums& factors, T* __restrict__ gradient) {
+  constexpr std::int64_t kBlock = 192;  // stays in the first cache
+  T by_mean[kBlock];
+  T by_ss[kBlock];
+  T by_dd[kBlock];
+  const T l1 = static_cast<T>(factors.l1);
+  const T ssim = static_cast<T>(factors.ssim);
+  for (std::int64_t begin = 0; begin < row.length; begin += kBlock) {
+    const std::int64_t n = std::min(kBlock, row.length - begin);
+    blur_across(derivatives, begin, n, by_mean);
+    blur_across(derivatives, row.length + begin, n, by_ss);
+    blur_across(derivatives, 2 * row.length + begin, n, by_dd);
+    for (std::int64_t j = 0; j < n; ++j) {
+      const std::int64_t i = begin + j;
+      const T d = row.weight[i] * (row.image[i] - row.target[i]);
+      const T s = T(2) * row.target[i] + d;
+      const T sign = d > T(0) ? l1 : (d < T(0) ? -l1 : T(0));
+      const T by_ssim = by_mean[j] + T(2) * (s * by_ss[j] + d * by_dd[j]);
+      gradient[i] = sign + ssim * row.weight[i] * by_ssim;
+    }
+  }
+}
+
+}  // namespace
+
+APVI_CPU_CLONES void blur_images(const LossRow<float>& row, float* scratch, float* blurred) {
+  blur_images_in(row, scratch, blurred);
+}
+APVI_CPU_CLONES void blur_images(const LossRow<double>& row, double* scratch, double* blurred) {
+  blur_images_in(row, scratch, blurred);
+}
+APVI_CPU_CLONES RowSums compare(const LossRow<float>& row, const Neighbours<float>& blurred,
+                                float* scratch, float* derivatives) {
+  return compare_in(row, blurred, scratch, derivatives);
+}
+APVI_CPU_CLONES RowSums compare(const LossRow<double>& row, const Neighbours<double>& blurred,
+                                double* scratch, double* derivatives) {
+  return compare_in(row, blurred, scratch, derivatives);
+}
+APVI_CPU_CLONES void differentiate(const LossRow<float>& row, const Neighbours<float>& derivatives,
+                                   const RowSums& factors, float* gradient) {
+  differentiate_in(row, derivatives, factors, gradient);
+}
+APVI_CPU_CLONES void differentiate(const LossRow<double>& row,
+                                   const Neighbours<double>& derivatives, const RowSums& factors,
+                                   double* gradient) {
+  differentiate_in(row, derivatives, factors, gradient);
+}
+
+}  // namespace apvi::splat::cpu
