@@ -48,6 +48,9 @@ endif()
 add_library(apvi_torch INTERFACE IMPORTED GLOBAL)
 # LibTorch 2 ships headers of a newer fmt than Debian's library: only inline code of it may be used.
 target_link_libraries(apvi_torch INTERFACE ${TORCH_LIBRARIES} fmt::fmt-header-only)
+# at::parallel_for is a template in a header, and without OpenMP it quietly runs on one thread.
+apvi_find(OpenMP COMPONENTS CXX)
+target_link_libraries(apvi_torch INTERFACE OpenMP::OpenMP_CXX)
 if(TARGET torch_cuda)
   # The wheels keep CUDA's libraries in folders of their own, which only the run path can name; as
   # RPATH, because LibTorch's libraries, not ours, ask for most of them.

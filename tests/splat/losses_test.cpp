@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <array>
+
 #include "support/torch_reference.hpp"
 
 namespace apvi::splat {
@@ -121,6 +123,19 @@ TEST(PhotometricLoss, WorksOnImagesSmallerThanTheWindow) {
     EXPECT_TRUE(tensors_near(got, expected, 1e-13)) << height << " x " << width;
     EXPECT_TRUE(tensors_near(gradient(got, pair.image), gradient(expected, pair.image), 1e-12));
   }
+}
+
+TEST(ParallelLoops, RunOnAsManyThreadsAsLibTorchIsGiven) {
+  const int threads = at::get_num_threads();
+  at::set_num_threads(3);
+  std::array<int, 3> seen = {};
+  at::parallel_for(0, 3, 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      seen[static_cast<std::size_t>(i)] = at::get_thread_num();
+    }
+  });
+  at::set_num_threads(threads);
+  EXPECT_EQ(seen, (std::array<int, 3>{0, 1, 2}));
 }
 
 TEST(PhotometricLoss, DoesNotDependOnTheNumberOfThreads) {
