@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+
+#include "apvi/vio/factors.hpp"
+#include "block_math.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using View = ReprojectionFactor::View;
+
+// The depth of a point in the second camera, as a multiple of that in the first, is taken to be no
+// less than this: a point at or behind the image plane has a large residual, never an infinite one.
+constexpr double kMinDepthRatio = 1e-2;
+
+Vector3d bearing(const View& view, double dt) {
+  return (view.point + dt * view.velocity).homogeneous();
+}
+
+/// A point times its inverse depth, from where it is anchored to where it is seen. So a point at
+/// infinity (λ = 0) is no special case.
+struct Transfer {
+  Vector3d in_body_i, in_body_j, in_camera_j;
+
+  Transfer(const Rigid& i, const Rigid& j, const Rigid& a, const Rigid& b,
+           const Vector3d& bearing_i, double lambda)
+      : in_body_i(a.R * bearing_i + lambda * a.p),
+        in_body_j(j.R.transpose() * (i.R * in_body_i + lambda * (i.p - j.p))),
+        in_camera_j(b.R.transpose() * (in_body_j - lambda * b.p)) {}
+};
+
+Vector2d project(const Vector3d& h) {
+  return h.head<2>() / std::max(h.z(), kMinDepthRatio);
+}
+
+/// Derivative of `project` times `weight`; the clamped depth is a constant.
+Matrix23 projection_jacobian(const Vector3d& h, double weight) {
+  const double s = weight / std::max(h.z(), kMinDepthRatio);
+  const Vector2d by_depth =
+      h.z() > kMinDepthRatio ? Vector2d(-s / h.z() * h.head<2>()) : Vector2d(0.0, 0.0);
+  Matrix23 jacobian;
+  jacobian << s, 0.0, by_depth.x(), 0.0, s, by_depth.y();
+  return jacobian;
+}
+
+void write_pose(double* jacobian, const Matrix23& by_rotation, const Matrix23& by_position) {
+  PoseJacobian<2> J(jacobian);
+  J.leftCols<3>() = by_rotation;
+  J.middleCols<3>(3) = by_position;
+  J.col(6).setZero();
+}
+
+/// Rows of the derivative of the weighted residual by points (times λ) in each frame on the way.
+struct Chain {
+  Matrix23 by_camera_j, by_body_j, by_world, by_body_i;
+
+  Chain(const Transfer& t, const Rigid& i, const Rigid& j, const Rigid& b, double weight)
+      : by_camera_j(projection_jacobian(t.in_camera_j, weight)),
+        by_body_j(by_camera_j * b.R.transpose()),
+        by_world(by_body_j * j.R.transpose()),
+        by_body_i(by_world * i.R) {}
+};
+
+// By T_body_camera of the camera that anchors the point, and of the camera that sees it.
+void add_anchor_camera(Matrix23& rotation, Matrix23& position, const Chain& c, const Rigid& a,
+                       const Vector3d& bearing_i, double lambda) {
+  rotation -= times_hat(c.by_body_i * a.R, bearing_i);
+  position += lambda * c.by_body_i;
+}
+void add_other_camera(Matrix23& rotation, Matrix23& position, const Chain& c, const Transfer& t,
+                      double lambda) {
+  rotation += times_hat(c.by_camera_j, t.in_camera_j);
+  position -= lambda * c.by_body_j;
+}
+
+/// Where the blocks of one factor are.
+struct Blocks {
+  const double* pose_i;
+  const double* pose_j;
+  const double* camera_a;
+  const double* camera_b;
+  double lambda;
+};
+
+// Slots of the Jacobians; null where nobody asks. With one camera both of its slots are the same.
+struct Slots {
+  double* pose_i;
+  double* pose_j;
+  double* camera_a;
+  double* camera_b;
+  double* lambda;
+  double* offset;
+};
+
+void write_cameras(const Slots& out, const Chain& c, const Transfer& t, const Rigid& a,
+                   const Vector3d& bearing_i, double lambda) {
+  Matrix23 rotation = Matrix23::Zero();
+  Matrix23 position = Matrix23::Zero();
+  if (out.camera_a != nullptr) {
+    add_anchor_camera(rotation, position, c, a, bearing_i, lambda);
+    if (out.camera_b == out.camera_a) add_other_camera(rotation, position, c, t, lambda);
+    write_pose(out.camera_a, rotation, position);
+  }
+  if (out.camera_b != nullptr && out.camera_b != out.camera_a) {
+    rotation.setZero();
+    position.setZero();
+    add_other_camera(rotation, position, c, t, lambda);
+    write_pose(out.camera_b, rotation, position);
+  }
+}
+
+void write_jacobians(const Slots& out, const Blocks& at, const Rigid& a, const Rigid& b,
+                     const View& view_i, const View& view_j, double dt, double weight) {
+  const Rigid i(at.pose_i);
+  const Rigid j(at.pose_j);
+  const Vector3d ray = bearing(view_i, dt);
+  const Transfer t(i, j, a, b, ray, at.lambda);
+  const Chain c(t, i, j, b, weight);
+  if (out.pose_i != nullptr) {
+    write_pose(out.pose_i, -times_hat(c.by_body_i, t.in_body_i), at.lambda * c.by_world);
+  }
+  if (out.pose_j != nullptr) {
+    write_pose(out.pose_j, times_hat(c.by_body_j, t.in_body_j), -at.lambda * c.by_world);
+  }
+  write_cameras(out, c, t, a, ray, at.lambda);
+  if (out.lambda != nullptr) {
+    Eigen::Map<Vector2d>{out.lambda} =
+        c.by_body_i * a.p + c.by_world * (i.p - j.p) - c.by_body_j * b.p;
+  }
+  if (out.offset != nullptr) {
+    Eigen::Map<Vector2d>{out.offset} =
+        c.by_body_i * (a.R.leftCols<2>() * view_i.velocity) - weight * view_j.velocity;
+  }
+}
+
+Vector2d residual(const Blocks& at, const Rigid& a, const Rigid& b, const View& view_i,
+                  const View& view_j, double dt, double weight) {
+  const Transfer t(Rigid(at.pose_i), Rigid(at.pose_j), a, b, bearing(view_i, dt), at.lambda);
+  return weight * (project(t.in_camera_j) - view_j.point - dt * view_j.velocity);
+}
+
+}  // namespace
+
+ReprojectionFactor::ReprojectionFactor(const View& i, const View& j, double weight, double offset_s,
+                                       const FirstEstimate* first_i, const FirstEstimate* first_j)
+    : i_(i), j_(j), weight_(weight), offset_s_(offset_s), first_i_(first_i), first_j_(first_j) {}
+
+bool ReprojectionFactor::Evaluate(double const* const* parameters, double* residuals,
+                                  double** jacobians) const {
+  Blocks at{parameters[0], parameters[1], parameters[2], parameters[2], *parameters[3]};
+  const double dt = *parameters[4] - offset_s_;
+  const Rigid camera(at.camera_a);
+  Eigen::Map<Vector2d>{residuals} = residual(at, camera, camera, i_, j_, dt, weight_);
+  if (jacobians == nullptr) return true;
+  at.pose_i = pose_point(first_i_, at.pose_i);
+  at.pose_j = pose_point(first_j_, at.pose_j);
+  const Slots out{jacobians[0], jacobians[1], jacobians[2],
+                  jacobians[2], jacobians[3], jacobians[4]};
+  write_jacobians(out, at, camera, camera, i_, j_, dt, weight_);
+  return true;
+}
+
+CrossCameraFactor::CrossCameraFactor(const View& i, const View& j, double weight, double offset_s,
+                                     const FirstEstimate* first_i, const FirstEstimate* first_j)
+    : i_(i), j_(j), weight_(weight), offset_s_(offset_s), first_i_(first_i), first_j_(first_j) {}
+
+bool CrossCameraFactor::Evaluate(double const* const* parameters, double* residuals,
+                                 double** jacobians) const {
+  Blocks at{parameters[0], parameters[1], parameters[2], parameters[3], *parameters[4]};
+  const double dt = *parameters[5] - offset_s_;
+  const Rigid a(at.camera_a);
+  const Rigid b(at.camera_b);
+  Eigen::Map<Vector2d>{residuals} = residual(at, a, b, i_, j_, dt, weight_);
+  if (jacobians == nullptr) return true;
+  at.pose_i = pose_point(first_i_, at.pose_i);
+  at.pose_j = pose_point(first_j_, at.pose_j);
+  const Slots out{jacobians[0], jacobians[1], jacobians[2],
+                  jacobians[3], jacobians[4], jacobians[5]};
+  write_jacobians(out, at, a, b, i_, j_, dt, weight_);
+  return true;
+}
+
+StereoFactor::StereoFactor(const Vector2d& point_a, const Vector2d& point_b, double weight)
+    : a_(point_a), b_(point_b), weight_(weight) {}
+
+bool StereoFactor::Evaluate(double const* const* parameters, double* residuals,
+                            double** jacobians) const {
+  const Rigid a(parameters[0]);
+  const Rigid b(parameters[1]);
+  const double lambda = *parameters[2];
+  const Vector3d ray = a_.homogeneous();
+  const Vector3d baseline = a.p - b.p;
+  const Vector3d h = b.R.transpose() * (a.R * ray + lambda * baseline);
+  Eigen::Map<Vector2d>{residuals} = weight_ * (project(h) - b_);
+  if (jacobians == nullptr) return true;
+  const Matrix23 by_camera = projection_jacobian(h, weight_);
+  const Matrix23 by_body = by_camera * b.R.transpose();
+  if (jacobians[0] != nullptr) {
+    write_pose(jacobians[0], -times_hat(by_body * a.R, ray), lambda * by_body);
+  }
+  if (jacobians[1] != nullptr) {
+    write_pose(jacobians[1], times_hat(by_camera, h), -lambda * by_body);
+  }
+  if (jacobians[2] != nullptr) Eigen::Map<Vector2d>{jacobians[2]} = by_body * baseline;
+  return true;
+}
+
+}  // namespace apvi::vio
