@@ -19,6 +19,7 @@ RunConfig load_run_config(const std::filesystem::path& file,
 }
 
 void check(const RunConfig& config) {
+  if (!config.localization.enabled) return;  // no estimator, no demands
   constexpr std::array<std::string_view, 4> kSensors = {"camera", "imu", "dvl", "pressure"};
   for (const std::string& name : config.sensors.use) {
     if (std::find(kSensors.begin(), kSensors.end(), name) == kSensors.end()) {

@@ -40,12 +40,24 @@ struct RunSection {
   }
 };
 
+struct LocalizationSection {
+  bool enabled = true;
+  std::string poses;
+  template <typename V>
+  void visit(V& v) {
+    v("enabled", enabled, "whether poses are estimated; false: they are given");
+    v("poses", poses,
+      "given poses of the body: a TUM or EuRoC file; empty: the recording's reference");
+  }
+};
+
 /// Everything about a run, as in a configuration file.
 struct RunConfig {
   io::DatasetConfig dataset;
   config::Node rig;
   SensorsSection sensors;
   RunSection run;
+  LocalizationSection localization;
   dipo::Config dipo;
   eval::EvalOptions eval;
 
@@ -55,6 +67,7 @@ struct RunConfig {
     v("rig", rig, "keys laid over the recording's rig.yaml");
     v("sensors", sensors, "which of its sensors are used");
     v("run", run, "how it is run");
+    v("localization", localization, "where poses come from");
     v("dipo", dipo, "DVL, IMU and pressure odometry");
     v("eval", eval, "comparison with the reference");
   }

@@ -40,6 +40,7 @@ std::string_view to_string(InitStatus status);
 /// The states of all frames, world z along gravity, yaw and position of the first frame zero.
 struct InitResult {
   InitStatus status = InitStatus::too_few_frames;
+  std::size_t first = 0;  ///< the frame that the first state belongs to
   std::vector<imu::NavState> states;
   double reprojection_rms_px = 0.0;  ///< of unit focal length times `InitConfig::focal_px`
   double scale_sigma = 0.0;          ///< relative, from the final information
@@ -54,6 +55,10 @@ struct InitConfig {
   double max_scale_sigma = 0.1;
   double focal_px = 460.0;  ///< turns angles into pixels
   double pixel_sigma = 1.0;
+  double max_window_s = 2.0;
+  int keyframes = 12;
+  double gyro_bias_sigma = 0.1;
+  double accel_bias_sigma = 0.2;
 
   template <typename V>
   void visit(V& v) {
@@ -69,6 +74,11 @@ struct InitConfig {
     v("focal_px", focal_px, Range{1.0, 1e5},
       "focal length that angles are turned into pixels with");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "of a corner [px]");
+    v("max_window_s", max_window_s, Range{0.1, 60.0}, "older frames take no part [s]");
+    v("keyframes", keyframes, Range{3, 100}, "of its frames that are solved for");
+    v("gyro_bias_sigma", gyro_bias_sigma, Range{1e-6, 10.0}, "of the gyro's turn-on bias [rad/s]");
+    v("accel_bias_sigma", accel_bias_sigma, Range{1e-6, 10.0},
+      "of the accelerometer's turn-on bias [m/s²]");
   }
 };
 

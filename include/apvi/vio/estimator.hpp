@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/imu/sample_buffer.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "apvi/vio/config.hpp"
+#include "apvi/vio/window.hpp"
+
+namespace apvi::vio {
+
+/// The state as another estimator knows it (DIPO): what a start and a frozen window lean on.
+struct Aid {
+  imu::NavState state = {};
+  imu::NavMatrix covariance = imu::NavMatrix::Identity();  ///< order of imu::NavIndex
+};
+
+enum class Status {
+  waiting,   ///< no state yet
+  started,   ///< this frame is the first with a state
+  tracking,  ///< as it should be
+  blind,     ///< no landmark takes part: inertial (and DVL) only
+  lost,      ///< gave up in this frame; starts anew with the next
+};
+std::string_view to_string(Status status);
+
+/// How a frame went and how sure the window is.
+struct Result {
+  Stamp stamp;
+  Status status = Status::waiting;
+  std::string detail = {};  ///< what it waits for, or why it gave up
+  imu::NavState state = {};
+  /// Of the newest pose with everything else integrated out; tangent [rotation, position].
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  int landmarks = 0;  ///< that took part
+  int sightings = 0;
+  double reprojection_rms_px = 0.0;  ///< over the newest frame's sightings
+  bool keyframe = false;
+  double solve_s = 0.0;
+  double information_s = 0.0;
+  double marginalize_s = 0.0;
+
+  bool has_state() const { return status != Status::waiting && status != Status::lost; }
+};
+
+/// Visual-inertial odometry by a sliding window of keyframes (Qin, Li, Shen, "VINS-Mono", T-RO
+/// 2018, in its main lines), with DVL and depth in the same graph if asked to. Feed the inertial
+/// samples first: a frame is worked on when they cover its stamp. World z as the rig says, gravity
+/// along it; with an aid the world is the aid's, else yaw and position start from zero.
+class Estimator {
+ public:
+  Estimator(const Config& config, const Rig& rig);
+  Estimator(const Estimator&) = delete;  // the prior points into the window
+  Estimator& operator=(const Estimator&) = delete;
+
+  void add(const ImuSample& sample);
+  void add(const DvlMeasurement& measurement);
+  void add(const DepthMeasurement& measurement);
+
+  /// One frame. Give the aid when there is one; a start leans on it.
+  Result process(const TrackedFrame& tracked, const std::optional<Aid>& aid);
+
+  /// Forgets everything but the sensors' samples.
+  void reset();
+
+  bool started() const { return !window_.frames.empty(); }
+  const Window& window() const { return window_; }
+
+ private:
+  Result start(const TrackedFrame& tracked, const std::optional<Aid>& aid);
+  Result start_with_aid(const TrackedFrame& tracked, const Aid& aid);
+  Result start_alone(const TrackedFrame& tracked);
+  void adopt(const std::vector<TrackedFrame>& frames, const std::vector<imu::NavState>& states);
+  Result track(const TrackedFrame& tracked);
+
+  void estimate(Result& result);
+  bool append(const TrackedFrame& tracked);
+  void drop_newest();
+  Frame& push_frame(Stamp stamp, const FrameState& state);
+  std::shared_ptr<imu::Preintegration> preintegrate(Stamp from, Stamp to,
+                                                    const FrameState& state) const;
+  void refresh_preintegrations();
+  void attach_measurements();
+  void attach(Frame& frame, const DvlMeasurement& measured) const;
+  std::string why_diverged(const Result& result);
+
+  Config config_;
+  Rig rig_;
+  imu::Noise noise_;
+  imu::SampleBuffer imu_;
+  std::deque<DvlMeasurement> pings_;
+  std::deque<DepthMeasurement> depths_;
+  std::vector<TrackedFrame> waiting_;  // frames before the start
+  Window window_;
+  bool newest_is_keyframe_ = false;
+  int bad_frames_ = 0;
+};
+
+}  // namespace apvi::vio

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/pipeline/navigator.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "apvi/core/log.hpp"
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::pipeline {
+namespace {
+
+constexpr Duration kKeepSamples{5'000'000'000};
+
+// Images of two cameras that belong together.
+constexpr Duration kSameFrame{5'000'000};
+// How long the first waits for the second.
+constexpr Duration kStereoPatience{30'000'000};
+
+// Frames that may wait for inertial data before the oldest is given up.
+constexpr std::size_t kMostWaiting = 60;
+
+Stamp true_stamp(const ImageFrame& image, const Rig& rig) {
+  const auto camera = static_cast<std::size_t>(image.camera);
+  return image.stamp - Duration::from_seconds(rig.cameras.at(camera).time_offset_s);
+}
+
+// A ping as the filter sees it now: on the true clock, scaled, with what it does not know of its
+// time as noise along the acceleration.
+vio::DvlMeasurement corrected(const DvlSample& ping, const dipo::Estimate& estimate, const Rig& rig,
+                              const Eigen::Vector3d& acceleration) {
+  const dipo::State& s = estimate.state;
+  const Eigen::Matrix3d R_dvl_body = s.R_body_dvl.conjugate().toRotationMatrix();
+  const Eigen::Vector3d a = R_dvl_body * acceleration;
+  const double noise = rig.dvl->velocity_noise;
+  const double time_variance = estimate.covariance(dipo::kTimeOffset, dipo::kTimeOffset);
+  // The graph knows the mounting of the rig; what the filter has learnt is taken out here.
+  const Eigen::Quaterniond R_rig_learnt = rig.dvl->T_body_dvl.rotation.conjugate() * s.R_body_dvl;
+  return {.stamp = ping.stamp - Duration::from_seconds(s.dvl_time_offset_s),
+          .velocity =
+              R_rig_learnt * (rig.dvl->true_velocity(ping.velocity) / (1.0 + s.dvl_scale_error)),
+          .covariance =
+              noise * noise * Eigen::Matrix3d::Identity() + time_variance * a * a.transpose()};
+}
+
+Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& samples,
+                                  const Eigen::Vector3d& bias) {
+  Eigen::Quaterniond R = Eigen::Quaterniond::Identity();
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const double dt = seconds_between(samples[k - 1].stamp, samples[k].stamp);
+    const Eigen::Vector3d rate = 0.5 * (samples[k - 1].gyro + samples[k].gyro) - bias;
+    R = R * so3::exp(rate * dt);
+  }
+  return R.normalized();
+}
+
+}  // namespace
+
+Navigator::Navigator(const dipo::Config& config, const Rig& rig, bool use_dvl, std::size_t cameras)
+    : rig_(rig), cameras_(cameras), imu_(kKeepSamples) {
+  if (use_dvl) localization_.emplace(config, rig);
+}
+
+Navigator::Output Navigator::process(const SensorEvent& event) {
+  Output output;
+  if (const auto* image = std::get_if<ImageFrame>(&event)) {
+    if (cameras_ > 0) take(*image);
+  } else {
+    take(event);
+    if (localization_) output.pings = localization_->process(event);
+    note_pings(output.pings);
+  }
+  const Stamp now = stamp_of(event);
+  while (!waiting_.empty() && is_ready(waiting_.front(), now)) {
+    complete(waiting_.front());
+    output.frames.push_back(std::move(waiting_.front()));
+    waiting_.pop_front();
+  }
+  return output;
+}
+
+void Navigator::take(const ImageFrame& image) {
+  if (static_cast<std::size_t>(image.camera) >= cameras_) return;
+  const Stamp stamp = true_stamp(image, rig_);
+  for (FrameJob& job : waiting_) {
+    if (std::abs((job.stamp - stamp).ns) > kSameFrame.ns) continue;
+    job.images[static_cast<std::size_t>(image.camera)] = image;
+    return;
+  }
+  if (image.camera != 0) return;  // its partner was lost
+  FrameJob job;
+  job.stamp = stamp;
+  job.images.resize(cameras_);
+  job.images[0] = image;
+  waiting_.push_back(std::move(job));
+  if (waiting_.size() <= kMostWaiting) return;
+  if (abandoned_frames_++ == 0) log::warning("camera: frames are given up: no inertial data");
+  waiting_.pop_front();
+}
+
+void Navigator::take(const SensorEvent& event) {
+  if (const auto* sample = std::get_if<ImuSample>(&event)) {
+    if (imu_.add(*sample)) fresh_imu_.push_back(*sample);
+  } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
+    raw_pings_[ping->stamp] = *ping;
+    constexpr std::size_t kMostPings = 64;
+    while (raw_pings_.size() > kMostPings) raw_pings_.erase(raw_pings_.begin());
+  }
+  const auto add_depth = [this](Stamp stamp, double depth, double sigma) {
+    double bias = 0.0;
+    if (localization_ && localization_->dipo().initialized()) {
+      bias = localization_->dipo().latest()->state.depth_bias_m;
+    }
+    fresh_depths_.push_back({stamp, depth - bias, sigma});
+  };
+  if (const auto* p = std::get_if<PressureSample>(&event); p && rig_.pressure) {
+    add_depth(p->stamp, rig_.pressure->depth(p->pressure_pa), rig_.pressure->noise_m);
+  } else if (const auto* d = std::get_if<DepthSample>(&event); d && rig_.depth) {
+    add_depth(d->stamp, d->depth_m, rig_.depth->noise_m);
+  }
+}
+
+void Navigator::note_pings(const std::vector<LocalizationOutput>& outputs) {
+  for (const LocalizationOutput& output : outputs) {
+    const dipo::Verdict verdict = output.ping.verdict;
+    if (verdict != dipo::Verdict::accepted && verdict != dipo::Verdict::weakened) continue;
+    last_ping_ = output.ping.stamp;
+    last_nis_ = output.ping.rows > 0 ? output.ping.nis / output.ping.rows : 0.0;
+    const auto raw = raw_pings_.find(output.ping.stamp);
+    if (raw == raw_pings_.end() || !raw->second.valid) continue;
+    const imu::NavState& nav = output.estimate.state.nav;
+    Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
+    if (const auto sample = imu_.at(output.estimate.stamp)) {
+      acceleration = sample->accel - nav.accel_bias +
+                     nav.R_world_body.conjugate() * rig_.gravity(9.81) -
+                     (sample->gyro - nav.gyro_bias).cross(nav.v_body);
+    }
+    fresh_pings_.push_back(corrected(raw->second, output.estimate, rig_, acceleration));
+  }
+}
+
+bool Navigator::is_ready(const FrameJob& job, Stamp now) const {
+  const auto newest = imu_.newest();
+  if (!newest || *newest < job.stamp) return false;
+  const bool complete = std::all_of(job.images.begin(), job.images.end(),
+                                    [](const ImageFrame& image) { return bool(image.decode); });
+  return complete || now >= job.stamp + kStereoPatience;
+}
+
+void Navigator::complete(FrameJob& job) {
+  job.imu = std::exchange(fresh_imu_, {});
+  job.pings = std::exchange(fresh_pings_, {});
+  job.depths = std::exchange(fresh_depths_, {});
+  job.last_ping = last_ping_;
+  job.dipo_nis = last_nis_;
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
+  if (localization_) {
+    if (const auto estimate = localization_->dipo().at(job.stamp)) {
+      job.dipo = vio::Aid{estimate->state.nav,
+                          estimate->covariance.topLeftCorner<imu::kNavSize, imu::kNavSize>()};
+      gyro_bias = estimate->state.nav.gyro_bias;
+    }
+  }
+  if (last_frame_) {
+    const auto samples = imu_.between(*last_frame_, job.stamp);
+    if (!samples.empty()) job.R_before_now = integrate_gyro(samples, gyro_bias);
+  }
+  last_frame_ = job.stamp;
+}
+
+}  // namespace apvi::pipeline

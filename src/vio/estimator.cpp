@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/vio/estimator.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "apvi/core/stopwatch.hpp"
+#include "graph.hpp"
+#include "window_edges.hpp"
+
+namespace apvi::vio {
+namespace {
+
+// Spans of samples kept for windows that stand still or are blind for a while.
+constexpr double kKeepSamplesS = 30.0;
+
+// A preintegration is summed up anew when its biases have moved by more.
+constexpr double kStaleGyroBias = 0.005;  // [rad/s]
+constexpr double kStaleAccelBias = 0.05;  // [m/s²]
+
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+
+bool is_finite(const FrameState& state) {
+  return Eigen::Map<const Eigen::Matrix<double, 7, 1>>(state.pose.data()).allFinite() &&
+         Eigen::Map<const Eigen::Matrix<double, 9, 1>>(state.motion.data()).allFinite();
+}
+
+}  // namespace
+
+std::string_view to_string(Status status) {
+  switch (status) {
+    case Status::waiting:
+      return "waiting";
+    case Status::started:
+      return "started";
+    case Status::tracking:
+      return "tracking";
+    case Status::blind:
+      return "blind";
+    case Status::lost:
+      return "lost";
+  }
+  return "unknown";
+}
+
+Estimator::Estimator(const Config& config, const Rig& rig)
+    : config_(config), rig_(rig), imu_(Duration::from_seconds(kKeepSamplesS)) {
+  const ImuCalibration imu = rig.imu.value_or(ImuCalibration{});
+  noise_ = {.gyro = imu.gyro_noise_density * config.gyro_noise_factor,
+            .accel = imu.accel_noise_density * config.accel_noise_factor,
+            .gyro_walk = imu.gyro_random_walk,
+            .accel_walk = imu.accel_random_walk};
+  reset();
+}
+
+void Estimator::reset() {
+  window_ = Window{};
+  for (const CameraCalibration& camera : rig_.cameras) {
+    window_.T_body_camera.push_back(to_block(camera.T_body_camera));
+  }
+  waiting_.clear();
+  newest_is_keyframe_ = false;
+  bad_frames_ = 0;
+}
+
+void Estimator::add(const ImuSample& sample) {
+  imu_.add(sample);
+}
+
+void Estimator::add(const DvlMeasurement& measurement) {
+  pings_.push_back(measurement);
+}
+
+void Estimator::add(const DepthMeasurement& measurement) {
+  depths_.push_back(measurement);
+}
+
+Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
+  const auto newest = imu_.newest();
+  Result result;
+  if (!newest || *newest < tracked.stamp) {
+    result = {.stamp = tracked.stamp, .detail = "inertial data"};
+  } else if (started() && tracked.stamp <= window_.newest().stamp) {
+    result = {.stamp = tracked.stamp, .status = Status::blind, .detail = "stamp goes backward"};
+    result.state = to_nav_state(window_.newest().state);
+  } else {
+    result = started() ? track(tracked) : start(tracked, aid);
+  }
+  if (result.status == Status::lost) reset();
+  return result;
+}
+
+Result Estimator::track(const TrackedFrame& tracked) {
+  Result result{.stamp = tracked.stamp, .status = Status::tracking};
+  if (!append(tracked)) {
+    return {.stamp = tracked.stamp, .status = Status::lost, .detail = "gap in the inertial data"};
+  }
+  estimate(result);
+  result.detail = why_diverged(result);
+  if (!result.detail.empty()) {
+    result.status = Status::lost;
+    return result;
+  }
+  if (result.landmarks == 0) result.status = Status::blind;
+  return result;
+}
+
+// Solve, tidy up, measure the information, let the window move on.
+void Estimator::estimate(Result& result) {
+  triangulate(window_, config_.vision.min_parallax_deg * kDegree);
+  attach_measurements();
+  const Graph graph(window_, config_, rig_);
+  const SolveReport report = solve(graph, window_, config_);
+  result.solve_s = report.seconds;
+  result.landmarks = graph.landmarks();
+  result.sightings = graph.sightings();
+  give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
+  result.reprojection_rms_px = newest_rms_px(window_, rig_);
+  Frame& newest = window_.newest();
+  result.state = to_nav_state(newest.state);
+  Stopwatch watch;
+  result.information = newest_information(graph, window_, config_);
+  result.information_s = watch.seconds();
+  newest_is_keyframe_ = window_.frames.size() == 1 || is_keyframe(window_, config_, rig_);
+  result.keyframe = newest_is_keyframe_;
+  watch.reset();
+  if (newest_is_keyframe_ && static_cast<int>(window_.frames.size()) > config_.window.keyframes) {
+    marginalize_oldest(graph, window_, config_);
+  }
+  result.marginalize_s = watch.seconds();
+  forget_given_up(window_);
+  refresh_preintegrations();
+}
+
+std::string Estimator::why_diverged(const Result& result) {
+  const HealthConfig& limits = config_.health;
+  const imu::NavState& s = result.state;
+  if (!is_finite(window_.newest().state)) return "the solution is not finite";
+  if (s.gyro_bias.norm() > limits.max_gyro_bias) {
+    return fmt::format("gyro bias of {:.2f} rad/s", s.gyro_bias.norm());
+  }
+  if (s.accel_bias.norm() > limits.max_accel_bias) {
+    return fmt::format("accelerometer bias of {:.2f} m/s2", s.accel_bias.norm());
+  }
+  if (s.v_body.norm() > limits.max_speed) return fmt::format("{:.1f} m/s", s.v_body.norm());
+  bad_frames_ = result.reprojection_rms_px > limits.max_reprojection_px ? bad_frames_ + 1 : 0;
+  if (bad_frames_ < limits.max_bad_frames) return {};
+  return fmt::format("reprojection error of {:.1f} px in {} frames", result.reprojection_rms_px,
+                     bad_frames_);
+}
+
+Frame& Estimator::push_frame(Stamp stamp, const FrameState& state) {
+  auto frame = std::make_unique<Frame>();
+  frame->stamp = stamp;
+  frame->state = state;
+  if (!window_.frames.empty()) {
+    const Frame& before = window_.newest();
+    frame->from_previous = preintegrate(before.stamp, stamp, before.state);
+  }
+  window_.frames.push_back(std::move(frame));
+  return window_.newest();
+}
+
+bool Estimator::append(const TrackedFrame& tracked) {
+  const Frame& before = window_.newest();
+  const auto motion = preintegrate(before.stamp, tracked.stamp, before.state);
+  if (!motion) return false;
+  const FrameState predicted = predict(before.state, *motion, rig_.gravity(config_.gravity));
+  if (!newest_is_keyframe_) drop_newest();
+  Frame& frame = push_frame(tracked.stamp, predicted);
+  if (!frame.from_previous) return false;
+  add_sightings(window_, frame, tracked);
+  return true;
+}
+
+void Estimator::drop_newest() {
+  remove_sightings(window_, window_.newest());
+  window_.frames.pop_back();
+}
+
+std::shared_ptr<imu::Preintegration> Estimator::preintegrate(Stamp from, Stamp to,
+                                                             const FrameState& state) const {
+  const std::vector<ImuSample> samples = imu_.between(from, to);
+  if (samples.empty()) return nullptr;
+  const Eigen::Map<const Eigen::Vector3d> gyro_bias(state.motion.data() + 3);
+  const Eigen::Map<const Eigen::Vector3d> accel_bias(state.motion.data() + 6);
+  auto sum = std::make_shared<imu::Preintegration>(noise_, gyro_bias, accel_bias);
+  for (std::size_t k = 1; k < samples.size(); ++k) sum->integrate(samples[k - 1], samples[k]);
+  return sum;
+}
+
+// First-order bias correction holds for small changes only.
+void Estimator::refresh_preintegrations() {
+  for (std::size_t k = 1; k < window_.frames.size(); ++k) {
+    const Frame& before = *window_.frames[k - 1];
+    Frame& frame = *window_.frames[k];
+    const Eigen::Map<const Eigen::Vector3d> gyro_bias(before.state.motion.data() + 3);
+    const Eigen::Map<const Eigen::Vector3d> accel_bias(before.state.motion.data() + 6);
+    const imu::Preintegration& sum = *frame.from_previous;
+    if ((sum.gyro_bias() - gyro_bias).norm() < kStaleGyroBias &&
+        (sum.accel_bias() - accel_bias).norm() < kStaleAccelBias) {
+      continue;
+    }
+    if (auto anew = preintegrate(before.stamp, frame.stamp, before.state)) {
+      frame.from_previous = std::move(anew);
+    }
+  }
+}
+
+void Estimator::attach_measurements() {
+  if (config_.graph != GraphKind::tight) return;
+  const Stamp oldest = window_.frames.front()->stamp;
+  while (!pings_.empty() && pings_.front().stamp < oldest) pings_.pop_front();
+  while (depths_.size() > 1 && depths_[1].stamp < oldest) depths_.pop_front();
+  for (const DvlMeasurement& ping : pings_) {
+    const auto after =
+        std::upper_bound(window_.frames.begin(), window_.frames.end(), ping.stamp,
+                         [](Stamp stamp, const auto& frame) { return stamp < frame->stamp; });
+    attach(**std::prev(after), ping);
+  }
+  if (!config_.tight.depth) return;
+  for (const auto& frame : window_.frames) attach_depth(*frame, depths_, rig_.depth_sign());
+}
+
+void Estimator::attach(Frame& frame, const DvlMeasurement& measured) const {
+  const auto same = [&](const Frame::Ping& p) { return p.measured.stamp == measured.stamp; };
+  if (std::any_of(frame.pings.begin(), frame.pings.end(), same)) return;
+  const auto motion = preintegrate(frame.stamp, measured.stamp, frame.state);
+  const auto sample = imu_.at(measured.stamp);
+  if (!motion || !sample) return;
+  frame.pings.push_back({measured, ping_factor(measured, motion, sample->gyro, rig_)});
+}
+
+}  // namespace apvi::vio

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+
+#include "apvi/geometry/so3.hpp"
+#include "apvi/vio/estimator.hpp"
+#include "graph.hpp"
+#include "window_edges.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using Matrix15 = Eigen::Matrix<double, 15, 15>;
+
+// The aid's covariance, whose velocity is in the body frame, by the frame's tangent, whose is not.
+Matrix15 to_frame_covariance(const Aid& aid, double least_sigma) {
+  const Eigen::Matrix3d R = aid.state.R_world_body.toRotationMatrix();
+  Matrix15 T = Matrix15::Identity();
+  T.block<3, 3>(imu::kVelocity, imu::kTheta) = -R * so3::hat(aid.state.v_body);
+  T.block<3, 3>(imu::kVelocity, imu::kVelocity) = R;
+  Matrix15 covariance = T * aid.covariance * T.transpose();
+  covariance.diagonal().head<6>().array() += least_sigma * least_sigma;
+  covariance.diagonal().tail<9>().array() += 1e-10;
+  return covariance;
+}
+
+}  // namespace
+
+Result Estimator::start(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
+  if (aid) return start_with_aid(tracked, *aid);
+  return start_alone(tracked);
+}
+
+// Attitude, velocity and biases are known with a covariance: the window starts with one frame and
+// grows, landmarks join as their rays open. Nothing is waited for.
+Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
+  Frame& frame = push_frame(tracked.stamp, to_frame_state(aid.state));
+  const Matrix15 covariance = to_frame_covariance(aid, config_.start.yaw_position_sigma);
+  const Matrix15 information = covariance.inverse();
+  window_.prior = make_prior(frame, Eigen::LLT<Matrix15>(information).matrixU());
+  add_sightings(window_, frame, tracked);
+  Result result{.stamp = tracked.stamp, .status = Status::started, .detail = "DVL-aided"};
+  estimate(result);
+  return result;
+}
+
+Result Estimator::start_alone(const TrackedFrame& tracked) {
+  Result result{.stamp = tracked.stamp};
+  waiting_.push_back(tracked);
+  const Duration span = Duration::from_seconds(config_.start.max_wait_s);
+  std::erase_if(waiting_, [&](const TrackedFrame& f) { return f.stamp < tracked.stamp - span; });
+  std::vector<InitFrame> frames;
+  for (std::size_t k = 0; k < waiting_.size(); ++k) {
+    frames.push_back({.tracked = waiting_[k], .imu = {}});
+    if (k == 0) continue;
+    frames.back().imu = imu_.between(waiting_[k - 1].stamp, waiting_[k].stamp);
+    if (!frames.back().imu.empty()) continue;
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(k));
+    result.detail = "inertial data without gaps";
+    return result;
+  }
+  const InitResult found = initialize(frames, rig_.cameras.front().T_body_camera, noise_,
+                                      config_.gravity, config_.initializer);
+  if (found.status != InitStatus::success) {
+    result.detail = fmt::format("{} ({})", to_string(found.status), found.detail);
+    return result;
+  }
+  adopt(waiting_, found.states);
+  waiting_.clear();
+  result.status = Status::started;
+  result.detail = fmt::format("visual-inertial ({})", found.detail);
+  estimate(result);
+  return result;
+}
+
+// The frames of a start become keyframes, thinned out evenly to what the window holds.
+void Estimator::adopt(const std::vector<TrackedFrame>& frames,
+                      const std::vector<imu::NavState>& states) {
+  const std::size_t room = static_cast<std::size_t>(config_.window.keyframes);
+  const std::size_t count = std::min(frames.size(), room);
+  for (std::size_t n = 0; n < count; ++n) {
+    const std::size_t k = count == 1 ? 0 : n * (frames.size() - 1) / (count - 1);
+    add_sightings(window_, push_frame(frames[k].stamp, to_frame_state(states[k])), frames[k]);
+  }
+  const Frame& first = *window_.frames.front();
+  const StartConfig& c = config_.start;
+  const SE3 pose = to_se3(first.state.pose.data());
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(10, 15);
+  rows.block<1, 3>(0, 0) =
+      (pose.rotation.conjugate() * Eigen::Vector3d::UnitZ()).transpose() / c.yaw_position_sigma;
+  rows.block<3, 3>(1, 3).diagonal().setConstant(1.0 / c.yaw_position_sigma);
+  rows.block<3, 3>(4, 9).diagonal().setConstant(1.0 / c.gyro_bias_sigma);
+  rows.block<3, 3>(7, 12).diagonal().setConstant(1.0 / c.accel_bias_sigma);
+  auto prior = make_prior(first, rows);
+  // What is known of the accelerometer's bias is that it is small, not what the start made of it.
+  const Eigen::Map<const Eigen::Vector3d> accel_bias(first.state.motion.data() + 6);
+  prior->r.segment<3>(7) = accel_bias / c.accel_bias_sigma;
+  window_.prior = std::move(prior);
+}
+
+}  // namespace apvi::vio

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "graph.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace apvi::vio {
+namespace {
+
+Block pose_block(Frame& frame) {
+  return {frame.state.pose.data(), kPoseSize};
+}
+Block motion_block(Frame& frame) {
+  return {frame.state.motion.data(), kMotionSize};
+}
+
+}  // namespace
+
+Graph::Graph(Window& window, const Config& config, const Rig& rig)
+    : window_(window),
+      config_(config),
+      rig_(rig),
+      vision_loss_(config.vision.huber_px / config.vision.pixel_sigma),
+      sensor_loss_(config.tight.huber_sigmas) {
+  terms_.reserve(2048);
+  add_prior();
+  add_inertial();
+  for (const auto& frame : window.frames) {
+    add_dvl(*frame);
+    add_depth(*frame);
+  }
+  for (auto& [id, landmark] : window.landmarks) add_landmark(landmark);
+}
+
+const FirstEstimate* Graph::first(const Frame& frame) const {
+  return config_.window.first_estimates ? &frame.first : nullptr;
+}
+
+void Graph::add_prior() {
+  if (!window_.prior) return;
+  prior_ = std::make_unique<PriorFactor>(window_.prior);
+  Term term{.cost = prior_.get(), .blocks = {}};
+  for (const Prior::Kept& kept : window_.prior->kept) term.blocks.push_back(kept.block);
+  terms_.push_back(std::move(term));
+}
+
+void Graph::add_inertial() {
+  const Eigen::Vector3d gravity = rig_.gravity(config_.gravity);
+  for (std::size_t k = 1; k < window_.frames.size(); ++k) {
+    Frame& i = *window_.frames[k - 1];
+    Frame& j = *window_.frames[k];
+    inertial_.emplace_back(j.from_previous, gravity, first(i), first(j));
+    terms_.push_back({.cost = &inertial_.back(),
+                      .blocks = {pose_block(i), motion_block(i), pose_block(j), motion_block(j)},
+                      .frame = &i});
+  }
+}
+
+void Graph::add_dvl(Frame& frame) {
+  if (config_.graph != GraphKind::tight || !config_.tight.velocity || !rig_.dvl) return;
+  for (const Frame::Ping& ping : frame.pings) {
+    velocities_.emplace_back(ping.factor, rig_.dvl->T_body_dvl, rig_.gravity(config_.gravity),
+                             first(frame));
+    terms_.push_back({.cost = &velocities_.back(),
+                      .loss = &sensor_loss_,
+                      .blocks = {pose_block(frame), motion_block(frame)},
+                      .frame = &frame});
+  }
+}
+
+void Graph::add_depth(Frame& frame) {
+  if (!frame.depth) return;
+  const Eigen::Vector3d lever = rig_.pressure ? rig_.pressure->p_body_sensor
+                                : rig_.depth  ? rig_.depth->p_body_sensor
+                                              : Eigen::Vector3d::Zero();
+  depths_.emplace_back(frame.depth->depth_m, frame.depth->sigma_m, lever, rig_.depth_sign(),
+                       first(frame));
+  terms_.push_back({.cost = &depths_.back(),
+                    .loss = &sensor_loss_,
+                    .blocks = {pose_block(frame)},
+                    .frame = &frame});
+}
+
+void Graph::add_landmark(Landmark& landmark) {
+  if (!landmark.triangulated()) return;
+  if (static_cast<int>(landmark.sightings.size()) < config_.vision.min_sightings) return;
+  ++landmarks_;
+  for (std::size_t k = 1; k < landmark.sightings.size(); ++k) {
+    add_sighting(landmark, landmark.sightings[k]);
+  }
+}
+
+// The information of a sighting grows with how long its track has been followed (the paper's
+// visual covariance, with beta = information_short and alpha = information_long - beta).
+double Graph::weight(const Landmark::Sighting& sighting) const {
+  const VisionConfig& c = config_.vision;
+  const double span = static_cast<double>(c.track_long - c.track_short);
+  const double u =
+      std::clamp((sighting.track_length - c.track_short) / std::max(span, 1.0), 0.0, 1.0);
+  const double information = c.information_short + u * (c.information_long - c.information_short);
+  const auto camera = static_cast<std::size_t>(sighting.camera);
+  return std::sqrt(information) * rig_.cameras[camera].model.parameters().fx / c.pixel_sigma;
+}
+
+void Graph::add_sighting(Landmark& landmark, const Landmark::Sighting& seen) {
+  const Landmark::Sighting& anchor = landmark.sightings.front();
+  Frame& i = *anchor.frame;
+  Frame& j = *seen.frame;
+  const auto camera = [this](int index) -> Block {
+    return {window_.T_body_camera[static_cast<std::size_t>(index)].data(), kPoseSize};
+  };
+  const Block depth{&landmark.inverse_depth, 1};
+  const Block offset{&window_.time_offset_s, 1};
+  Term term{.loss = &vision_loss_, .blocks = {}, .landmark = &landmark};
+  if (&i == &j) {
+    stereos_.emplace_back(anchor.view.point, seen.view.point, weight(seen));
+    term.cost = &stereos_.back();
+    term.blocks = {camera(anchor.camera), camera(seen.camera), depth};
+  } else if (anchor.camera == seen.camera) {
+    reprojections_.emplace_back(anchor.view, seen.view, weight(seen), 0.0, first(i), first(j));
+    term.cost = &reprojections_.back();
+    term.blocks = {pose_block(i), pose_block(j), camera(seen.camera), depth, offset};
+  } else {
+    crosses_.emplace_back(anchor.view, seen.view, weight(seen), 0.0, first(i), first(j));
+    term.cost = &crosses_.back();
+    term.blocks = {pose_block(i),       pose_block(j), camera(anchor.camera),
+                   camera(seen.camera), depth,         offset};
+  }
+  terms_.push_back(std::move(term));
+}
+
+}  // namespace apvi::vio

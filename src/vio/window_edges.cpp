@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "window_edges.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+namespace apvi::vio {
+namespace {
+
+constexpr Duration kDepthReach{60'000'000};
+
+double focal(const Rig& rig, int camera) {
+  return rig.cameras[static_cast<std::size_t>(camera)].model.parameters().fx;
+}
+
+bool in_graph(const Landmark& landmark, const Config& config) {
+  return landmark.triangulated() &&
+         static_cast<int>(landmark.sightings.size()) >= config.vision.min_sightings;
+}
+
+void hold_calibration(Linearizer& linearizer, const Window& window, const Config& config) {
+  if (!config.vision.estimate_extrinsics) {
+    for (const PoseBlock& block : window.T_body_camera) linearizer.hold_constant(block.data());
+  }
+  if (!config.vision.estimate_time_offset) linearizer.hold_constant(&window.time_offset_s);
+}
+
+// Landmarks that leave together with the frame they are anchored in.
+std::set<const Landmark*> leaving(const Window& window, const Config& config) {
+  const Frame* oldest = window.frames.front().get();
+  std::set<const Landmark*> found;
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (landmark.sightings.empty() || landmark.sightings.front().frame != oldest) continue;
+    if (!in_graph(landmark, config)) continue;
+    const bool continues = landmark.sightings.back().frame == &window.newest();
+    if (continues && config.window.continuing_tracks == ContinuingTracks::reanchor) continue;
+    found.insert(&landmark);
+  }
+  return found;
+}
+
+bool concerns(const Term& term, const Frame* oldest, const std::set<const Landmark*>& landmarks) {
+  if (term.landmark != nullptr) return landmarks.contains(term.landmark);
+  return term.frame == oldest || (term.frame == nullptr);  // the prior belongs to no frame
+}
+
+// From now on the derivatives by what the prior knows stay as they are.
+void fix_first_estimates(Window& window) {
+  std::map<const double*, Frame*> owners;
+  for (const auto& frame : window.frames) {
+    owners[frame->state.pose.data()] = frame.get();
+    owners[frame->state.motion.data()] = frame.get();
+  }
+  for (const Prior::Kept& kept : window.prior->kept) {
+    const auto owner = owners.find(kept.block.data);
+    if (owner == owners.end()) continue;
+    Frame& frame = *owner->second;
+    if (kept.block.size == kPoseSize) {
+      if (!frame.first.pose) frame.first.pose = frame.state.pose;
+    } else if (!frame.first.motion) {
+      frame.first.motion = frame.state.motion;
+    }
+  }
+}
+
+}  // namespace
+
+FrameState predict(const FrameState& from, const imu::Preintegration& motion,
+                   const Eigen::Vector3d& gravity) {
+  const SE3 pose = to_se3(from.pose.data());
+  const Eigen::Map<const Eigen::Vector3d> velocity(from.motion.data());
+  const double T = motion.duration_s();
+  const imu::Preintegration::Delta& delta = motion.delta();
+  FrameState to = from;
+  to.pose = to_block(
+      {(pose.rotation * delta.rotation).normalized(),
+       pose.translation + velocity * T + 0.5 * T * T * gravity + pose.rotation * delta.position});
+  Eigen::Map<Eigen::Vector3d>(to.motion.data()) =
+      velocity + T * gravity + pose.rotation * delta.velocity;
+  return to;
+}
+
+DvlPing ping_factor(const DvlMeasurement& measured,
+                    std::shared_ptr<const imu::Preintegration> since_frame,
+                    const Eigen::Vector3d& gyro, const Rig& rig) {
+  // The prediction's own noise counts too: it grows with the time since the frame.
+  const Eigen::Matrix3d R_dvl_body = rig.dvl->T_body_dvl.rotation.conjugate().toRotationMatrix() *
+                                     since_frame->delta().rotation.conjugate().toRotationMatrix();
+  const Eigen::Matrix3d predicted = since_frame->covariance().block<3, 3>(
+      imu::Preintegration::kVelocity, imu::Preintegration::kVelocity);
+  const Eigen::Matrix3d covariance =
+      measured.covariance + R_dvl_body * predicted * R_dvl_body.transpose();
+  const Eigen::Matrix3d information = covariance.inverse();
+  return {.since_frame = std::move(since_frame),
+          .gyro = gyro,
+          .velocity = measured.velocity,
+          .sqrt_information = Eigen::LLT<Eigen::Matrix3d>(information).matrixU()};
+}
+
+void attach_depth(Frame& frame, const std::deque<DepthMeasurement>& depths, double depth_sign) {
+  const DepthMeasurement* nearest = nullptr;
+  Duration best = kDepthReach;
+  for (const DepthMeasurement& depth : depths) {
+    const Duration apart{std::abs((depth.stamp - frame.stamp).ns)};
+    if (apart >= best) continue;
+    best = apart;
+    nearest = &depth;
+  }
+  if (nearest == nullptr || (frame.depth && frame.depth->stamp == nearest->stamp)) return;
+  const double rate = depth_sign * frame.state.motion[2];
+  frame.depth = *nearest;
+  frame.depth->depth_m -= rate * seconds_between(frame.stamp, nearest->stamp);
+}
+
+std::shared_ptr<Prior> make_prior(const Frame& frame, const Eigen::MatrixXd& J) {
+  auto prior = std::make_shared<Prior>();
+  auto* pose = const_cast<double*>(frame.state.pose.data());
+  auto* motion = const_cast<double*>(frame.state.motion.data());
+  prior->kept.push_back({{pose, kPoseSize}, {pose, pose + kPoseSize}});
+  prior->kept.push_back({{motion, kMotionSize}, {motion, motion + kMotionSize}});
+  prior->J = J;
+  prior->r = Eigen::VectorXd::Zero(J.rows());
+  return prior;
+}
+
+double reprojection_error_px(const Landmark& landmark, const Landmark::Sighting& sighting,
+                             const Window& window, const Rig& rig) {
+  const auto camera = static_cast<std::size_t>(sighting.camera);
+  const SE3 T_world_camera =
+      to_se3(sighting.frame->state.pose.data()) * to_se3(window.T_body_camera[camera].data());
+  const Eigen::Vector3d p = T_world_camera.inverse() * position(landmark, window);
+  if (p.z() < 0.01) return std::numeric_limits<double>::infinity();
+  return (p.head<2>() / p.z() - sighting.view.point).norm() * focal(rig, sighting.camera);
+}
+
+void give_up_outliers(Window& window, const Rig& rig, double max_error_px) {
+  for (auto& [id, landmark] : window.landmarks) {
+    if (!landmark.triangulated()) {
+      landmark.inverse_depth = 0.0;
+      continue;
+    }
+    double sum = 0.0;
+    for (std::size_t k = 1; k < landmark.sightings.size(); ++k) {
+      sum += reprojection_error_px(landmark, landmark.sightings[k], window, rig);
+    }
+    const auto count = static_cast<double>(landmark.sightings.size() - 1);
+    if (count == 0.0 || sum / count <= max_error_px) continue;
+    landmark.inverse_depth = 0.0;
+    window.given_up.insert(id);
+  }
+}
+
+void forget_given_up(Window& window) {
+  for (const std::int64_t id : window.given_up) window.landmarks.erase(id);
+}
+
+double newest_rms_px(const Window& window, const Rig& rig) {
+  double sum = 0.0;
+  int count = 0;
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (!landmark.triangulated() || landmark.sightings.size() < 2) continue;
+    const Landmark::Sighting& last = landmark.sightings.back();
+    if (last.frame != &window.newest()) continue;
+    const double error = reprojection_error_px(landmark, last, window, rig);
+    sum += error * error;
+    ++count;
+  }
+  return count == 0 ? 0.0 : std::sqrt(sum / count);
+}
+
+bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
+  const Frame& newest = window.newest();
+  const Frame& last = *window.frames[window.frames.size() - 2];
+  const WindowConfig& c = config.window;
+  if (seconds_between(last.stamp, newest.stamp) >= c.keyframe_interval_s) return true;
+  double parallax = 0.0;
+  int common = 0;
+  for (const auto& [id, landmark] : window.landmarks) {
+    const auto seen_by = [&](const Frame& frame) {
+      return std::find_if(landmark.sightings.begin(), landmark.sightings.end(),
+                          [&](const auto& s) { return s.frame == &frame && s.camera == 0; });
+    };
+    const auto now = seen_by(newest);
+    const auto before = seen_by(last);
+    if (now == landmark.sightings.end() || before == landmark.sightings.end()) continue;
+    parallax += (now->view.point - before->view.point).norm();
+    ++common;
+  }
+  if (common == 0) return newest.tracks > 0;
+  if (common < c.keyframe_survival * last.tracks) return true;
+  return parallax / common * focal(rig, 0) >= c.keyframe_parallax_px;
+}
+
+Eigen::Matrix<double, 6, 6> newest_information(const Graph& graph, Window& window,
+                                               const Config& config) {
+  Linearizer linearizer;
+  hold_calibration(linearizer, window, config);
+  for (const Term& term : graph.terms()) {
+    if (term.landmark != nullptr && !term.landmark->triangulated()) continue;
+    linearizer.add(*term.cost, term.loss, term.blocks);
+  }
+  return linearizer.marginal_information(window.newest().state.pose.data());
+}
+
+void marginalize_oldest(const Graph& graph, Window& window, const Config& config) {
+  Frame* oldest = window.frames.front().get();
+  const std::set<const Landmark*> landmarks = leaving(window, config);
+  Linearizer linearizer;
+  hold_calibration(linearizer, window, config);
+  for (const Term& term : graph.terms()) {
+    if (concerns(term, oldest, landmarks)) linearizer.add(*term.cost, term.loss, term.blocks);
+  }
+  std::vector<double*> drop{oldest->state.pose.data(), oldest->state.motion.data()};
+  for (auto& [id, landmark] : window.landmarks) {
+    if (landmarks.contains(&landmark)) drop.push_back(&landmark.inverse_depth);
+  }
+  window.prior = std::make_shared<Prior>(
+      linearizer.marginalize(drop, config.window.square_root ? Linearizer::Method::square_root
+                                                             : Linearizer::Method::schur));
+  fix_first_estimates(window);
+  for (auto& [id, landmark] : window.landmarks) {
+    if (!landmarks.contains(&landmark)) continue;
+    const bool reuse = config.window.continuing_tracks == ContinuingTracks::reuse;
+    if (!reuse || landmark.sightings.back().frame != &window.newest()) landmark.sightings.clear();
+  }
+  remove_sightings(window, *oldest);
+  window.frames.erase(window.frames.begin());
+  window.frames.front()->from_previous.reset();
+}
+
+}  // namespace apvi::vio
