@@ -1,0 +1,338 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vio/start_refinement.hpp"
+
+#include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using imu::Preintegration;
+using Matrix23 = Eigen::Matrix<double, 2, 3>;
+using Matrix11 = Eigen::Matrix<double, 11, 11>;
+using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+
+constexpr int kPasses = 2;
+constexpr int kIterations = 12;
+constexpr double kHuber = 1.5;        // [sigma]
+constexpr double kOutlier = 4.0;      // [sigma]
+constexpr double kMinDepth = 0.02;    // of the anchor's depth
+constexpr double kBehind_px = 100.0;  // residual of a point that is behind the camera
+
+// The numbers that are solved for.
+struct Unknowns {
+  Vector3d gravity, velocity, gyro_bias, accel_bias;
+  std::vector<double> inverse_depth;
+};
+
+// A keyframe at the present unknowns, and how it moves with them.
+struct Placed {
+  Matrix3d R;        // body
+  Matrix3d turn;     // by gyro bias, right perturbation
+  Vector3d camera;   // position
+  Matrix3d by_gyro;  // of the camera's position
+  Matrix3d by_accel;
+  double t = 0.0;
+};
+
+std::vector<Preintegration> integrate(const StartProblem& problem, const Vector3d& gyro_bias,
+                                      const Vector3d& accel_bias) {
+  std::vector<Preintegration> motion;
+  Preintegration now(problem.noise, gyro_bias, accel_bias);
+  for (const auto& samples : problem.imu) {
+    for (std::size_t i = 1; i < samples.size(); ++i) now.integrate(samples[i - 1], samples[i]);
+    motion.push_back(now);
+  }
+  return motion;
+}
+
+Matrix3d block(const Preintegration& motion, int row, int column) {
+  return motion.bias_jacobian().block<3, 3>(row, column - Preintegration::kGyroBias);
+}
+
+Placed place(const Preintegration& motion, const Unknowns& x, const Vector3d& lever) {
+  const Vector3d d_gyro = x.gyro_bias - motion.gyro_bias();
+  const Vector3d turned =
+      block(motion, Preintegration::kRotation, Preintegration::kGyroBias) * d_gyro;
+  const Preintegration::Delta delta = motion.corrected(x.gyro_bias, x.accel_bias);
+  Placed placed;
+  placed.t = motion.duration_s();
+  placed.R = delta.rotation.toRotationMatrix();
+  placed.turn = so3::right_jacobian(turned) *
+                block(motion, Preintegration::kRotation, Preintegration::kGyroBias);
+  placed.camera = x.velocity * placed.t + 0.5 * placed.t * placed.t * x.gravity + delta.position +
+                  placed.R * lever;
+  placed.by_gyro = block(motion, Preintegration::kPosition, Preintegration::kGyroBias) -
+                   placed.R * so3::hat(lever) * placed.turn;
+  placed.by_accel = block(motion, Preintegration::kPosition, Preintegration::kAccelBias);
+  return placed;
+}
+
+// All keyframes, placed once per evaluation and not once per residual.
+class Path final : public ceres::EvaluationCallback {
+ public:
+  Path(const StartProblem& problem, const Unknowns& x, const std::vector<Preintegration>& motion)
+      : T_body_camera_(problem.T_body_camera), x_(x), motion_(motion) {
+    update();
+  }
+  void PrepareForEvaluation(bool, bool new_point) override {
+    if (new_point) update();
+  }
+  const Placed& at(int keyframe) const { return placed_[static_cast<std::size_t>(keyframe)]; }
+  Matrix3d R_body_camera() const { return T_body_camera_.rotation.toRotationMatrix(); }
+
+ private:
+  void update() {
+    placed_.clear();
+    for (const Preintegration& motion : motion_) {
+      placed_.push_back(place(motion, x_, T_body_camera_.translation));
+    }
+  }
+
+  SE3 T_body_camera_;
+  const Unknowns& x_;
+  const std::vector<Preintegration>& motion_;
+  std::vector<Placed> placed_;
+};
+
+// A point seen by keyframe j, anchored in keyframe i. Blocks: gravity, velocity, gyro bias,
+// accelerometer bias, inverse depth. The residual is in sigmas.
+class SightingCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3, 1> {
+ public:
+  SightingCost(const Path& path, const StartProblem::View& i, const StartProblem::View& j,
+               double weight)
+      : path_(path), i_(i), j_(j), weight_(weight) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const Placed& a = path_.at(i_.keyframe);
+    const Placed& b = path_.at(j_.keyframe);
+    const Matrix3d R_body_camera = path_.R_body_camera();
+    const double inverse_depth = *parameters[4];
+    const Vector3d ray = R_body_camera * i_.point.homogeneous();  // in body i
+    const Vector3d apart = a.camera - b.camera;
+    // The point times its inverse depth, in body j, then in camera j.
+    const Vector3d in_body = b.R.transpose() * (a.R * ray + inverse_depth * apart);
+    const Vector3d y = R_body_camera.transpose() * in_body;
+    const bool visible = y.z() > kMinDepth;
+    Eigen::Map<Vector2d> residual(residuals);
+    residual = visible ? Vector2d(weight_ * (y.head<2>() / y.z() - j_.point))
+                       : Vector2d::Constant(kBehind_px);
+    if (jacobians == nullptr) return true;
+
+    Matrix23 by_y = Matrix23::Zero();
+    if (visible) by_y << 1.0, 0.0, -y.x() / y.z(), 0.0, 1.0, -y.y() / y.z();
+    const Matrix23 by_body = weight_ / y.z() * by_y * R_body_camera.transpose();
+    const Matrix23 by_world = by_body * b.R.transpose();
+    const auto set = [&](int block, const Matrix23& value) {
+      if (jacobians[block] != nullptr) Eigen::Map<RowMajor23>{jacobians[block]} = value;
+    };
+    set(0, 0.5 * inverse_depth * (a.t * a.t - b.t * b.t) * by_world);
+    set(1, inverse_depth * (a.t - b.t) * by_world);
+    set(2, by_world * (inverse_depth * (a.by_gyro - b.by_gyro) - a.R * so3::hat(ray) * a.turn) +
+               by_body * so3::hat(in_body) * b.turn);
+    set(3, inverse_depth * by_world * (a.by_accel - b.by_accel));
+    if (jacobians[4] != nullptr) Eigen::Map<Vector2d>{jacobians[4]} = by_world * apart;
+    return true;
+  }
+
+ private:
+  const Path& path_;
+  StartProblem::View i_, j_;
+  double weight_;
+};
+
+// A bias is near zero.
+ceres::CostFunction* bias_prior(double sigma) {
+  return new ceres::NormalPrior(Matrix3d::Identity() / sigma, Vector3d::Zero());
+}
+
+struct Sighting {
+  std::size_t track;
+  StartProblem::View anchor, view;
+  bool believed = true;
+};
+
+// One solve after the other; between them the IMU is integrated anew at the biases found, and
+// sightings that do not fit are left out.
+class Refinement {
+ public:
+  Refinement(const StartProblem& problem, const StartGuess& guess, const StartSigmas& sigmas)
+      : problem_(problem),
+        sigmas_(sigmas),
+        x_{guess.gravity, guess.velocity, guess.gyro_bias, guess.accel_bias, guess.inverse_depth} {
+    for (std::size_t t = 0; t < problem.tracks.size(); ++t) {
+      if (!(x_.inverse_depth[t] > 0.0)) continue;
+      const auto& views = problem.tracks[t].views;
+      for (std::size_t v = 1; v < views.size(); ++v) {
+        sightings_.push_back({t, views.front(), views[v]});
+      }
+    }
+  }
+
+  RefinedStart run() {
+    RefinedStart out;
+    for (int pass = 0; pass < kPasses && !sightings_.empty(); ++pass) {
+      motion_ = integrate(problem_, x_.gyro_bias, x_.accel_bias);
+      out.converged = solve();
+      judge(out);
+    }
+    if (sightings_.empty()) return out;
+    motion_ = integrate(problem_, x_.gyro_bias, x_.accel_bias);
+    out.covariance = covariance();
+    out.guess = {x_.gravity, x_.velocity, x_.gyro_bias, x_.accel_bias, x_.inverse_depth};
+    out.motion = motion_;
+    return out;
+  }
+
+ private:
+  double weight() const { return sigmas_.focal_px / sigmas_.pixel; }
+
+  bool solve() {
+    Path path(problem_, x_, motion_);
+    ceres::Problem::Options options;
+    options.evaluation_callback = &path;
+    options.enable_fast_removal = false;
+    ceres::Problem ceres_problem(options);
+    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (const Sighting& s : sightings_) {
+      if (!s.believed) continue;
+      double* depth = &x_.inverse_depth[s.track];
+      ceres_problem.AddResidualBlock(
+          new SightingCost(path, s.anchor, s.view, weight()), new ceres::HuberLoss(kHuber),
+          x_.gravity.data(), x_.velocity.data(), x_.gyro_bias.data(), x_.accel_bias.data(), depth);
+      ordering->AddElementToGroup(depth, 0);
+    }
+    for (Vector3d* block : {&x_.gravity, &x_.velocity, &x_.gyro_bias, &x_.accel_bias}) {
+      ceres_problem.AddParameterBlock(block->data(), 3);
+      ordering->AddElementToGroup(block->data(), 1);
+    }
+    ceres_problem.SetManifold(x_.gravity.data(), new ceres::SphereManifold<3>());
+    ceres_problem.AddResidualBlock(bias_prior(sigmas_.gyro_bias), nullptr, x_.gyro_bias.data());
+    ceres_problem.AddResidualBlock(bias_prior(sigmas_.accel_bias), nullptr, x_.accel_bias.data());
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::DENSE_SCHUR;
+    solver.linear_solver_ordering = ordering;
+    solver.max_num_iterations = kIterations;
+    solver.function_tolerance = 1e-5;
+    solver.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &ceres_problem, &summary);
+    return summary.termination_type == ceres::CONVERGENCE;
+  }
+
+  // The residuals at the solution, and which sightings to believe from now on.
+  void judge(RefinedStart& out) {
+    const Path path(problem_, x_, motion_);
+    double sum = 0.0;
+    int believed = 0;
+    for (Sighting& s : sightings_) {
+      const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
+                                      &x_.inverse_depth[s.track]};
+      Vector2d r;
+      SightingCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), nullptr);
+      s.believed = r.norm() < kOutlier && x_.inverse_depth[s.track] > 0.0;
+      if (!s.believed) continue;
+      sum += r.squaredNorm();
+      ++believed;
+    }
+    out.rms_px = believed > 0 ? sigmas_.pixel * std::sqrt(sum / believed) : 1e9;
+    out.inlier_share = static_cast<double>(believed) / static_cast<double>(sightings_.size());
+  }
+
+  // Inverse of the information with the depths eliminated.
+  RefinedStart::Matrix12 covariance() const {
+    using Matrix12 = RefinedStart::Matrix12;
+    using Vector12 = Eigen::Matrix<double, 12, 1>;
+    const Path path(problem_, x_, motion_);
+    Matrix12 H = Matrix12::Zero();
+    std::vector<Vector12> shared(problem_.tracks.size(), Vector12::Zero());
+    std::vector<double> depth(problem_.tracks.size(), 0.0);
+    for (const Sighting& s : sightings_) {
+      if (!s.believed) continue;
+      const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
+                                      &x_.inverse_depth[s.track]};
+      Vector2d r, by_depth;
+      std::array<RowMajor23, 4> by;
+      double* jacobians[] = {by[0].data(), by[1].data(), by[2].data(), by[3].data(),
+                             by_depth.data()};
+      SightingCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), jacobians);
+      Eigen::Matrix<double, 2, 12> J;
+      J << by[0], by[1], by[2], by[3];
+      H += J.transpose() * J;
+      shared[s.track] += J.transpose() * by_depth;
+      depth[s.track] += by_depth.squaredNorm();
+    }
+    for (std::size_t t = 0; t < depth.size(); ++t) {
+      if (depth[t] > 0.0) H -= shared[t] * shared[t].transpose() / depth[t];
+    }
+    H.diagonal().segment<3>(6).array() += 1.0 / (sigmas_.gyro_bias * sigmas_.gyro_bias);
+    H.diagonal().segment<3>(9).array() += 1.0 / (sigmas_.accel_bias * sigmas_.accel_bias);
+    return invert_on_sphere(H);
+  }
+
+  // Gravity moves across itself only.
+  RefinedStart::Matrix12 invert_on_sphere(const RefinedStart::Matrix12& H) const {
+    Eigen::Matrix<double, 12, 11> N = Eigen::Matrix<double, 12, 11>::Zero();
+    const Vector3d down = x_.gravity.normalized();
+    N.block<3, 1>(0, 0) = down.unitOrthogonal();
+    N.block<3, 1>(0, 1) = down.cross(down.unitOrthogonal());
+    N.bottomRightCorner<9, 9>().setIdentity();
+    const Matrix11 information = N.transpose() * H * N;
+    return N * information.ldlt().solve(Matrix11::Identity()) * N.transpose();
+  }
+
+  const StartProblem& problem_;
+  const StartSigmas& sigmas_;
+  Unknowns x_;
+  std::vector<Sighting> sightings_;
+  std::vector<Preintegration> motion_;
+};
+
+}  // namespace
+
+RefinedStart refine_start(const StartProblem& problem, const StartGuess& guess,
+                          const StartSigmas& sigmas) {
+  return Refinement(problem, guess, sigmas).run();
+}
+
+double relative_scale_sigma(const RefinedStart& start) {
+  using Matrix312 = Eigen::Matrix<double, 3, 12>;
+  const auto n = static_cast<double>(start.motion.size());
+  std::vector<Vector3d> p;
+  std::vector<Matrix312> by;
+  Vector3d centre = Vector3d::Zero();
+  for (const Preintegration& motion : start.motion) {
+    const double t = motion.duration_s();
+    p.emplace_back(start.guess.velocity * t + 0.5 * t * t * start.guess.gravity +
+                   motion.delta().position);
+    centre += p.back() / n;
+    Matrix312 J;
+    J << 0.5 * t * t * Matrix3d::Identity(), t * Matrix3d::Identity(),
+        block(motion, Preintegration::kPosition, Preintegration::kGyroBias),
+        block(motion, Preintegration::kPosition, Preintegration::kAccelBias);
+    by.push_back(J);
+  }
+  // L = log(Σ |p - centre|²) / 2; the centre's own derivative cancels.
+  double size2 = 0.0;
+  Eigen::Matrix<double, 1, 12> gradient = Eigen::Matrix<double, 1, 12>::Zero();
+  for (std::size_t k = 0; k < p.size(); ++k) {
+    size2 += (p[k] - centre).squaredNorm();
+    gradient += (p[k] - centre).transpose() * by[k];
+  }
+  if (!(size2 > 0.0)) return 1e9;
+  gradient /= size2;
+  return std::sqrt((gradient * start.covariance * gradient.transpose())(0, 0));
+}
+
+}  // namespace apvi::vio
