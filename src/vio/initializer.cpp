@@ -17,8 +17,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMinBelief = 0.5;      // of a track in the rotation, to be used further
-constexpr double kMaxGyroSigma = 0.02;  // [rad/s]
+constexpr double kMinInliers = 0.5;     // of all sightings
 constexpr double kMaxBiasSigmas = 3.0;  // of the prior, for the accelerometer bias
 
 InitResult refuse(InitStatus status, std::string detail) {
