@@ -2,8 +2,10 @@
 // The one place that knows which backends this build has.
 #include <torch/torch.h>
 
+#include "apvi/splat/adam_backend.hpp"
 #include "apvi/splat/loss_backend.hpp"
 #include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/raster_backend.hpp"
 
 namespace apvi::splat {
 
@@ -18,6 +20,16 @@ const MediumBackend& medium_backend(const torch::Device& device) {
 const LossBackend& loss_backend(const torch::Device& device) {
   if (device.is_cpu()) return cpu_loss_backend();
   TORCH_CHECK(false, "this build has no photometric loss for ", device);
+}
+
+const RasterBackend& raster_backend(const torch::Device& device) {
+  if (device.is_cpu()) return *cpu_raster_backends().front();
+  TORCH_CHECK(false, "this build has no rasterizer for ", device);
+}
+
+const AdamBackend& adam_backend(const torch::Device& device) {
+  if (device.is_cpu()) return cpu_adam_backend();
+  TORCH_CHECK(false, "this build has no optimiser for ", device);
 }
 
 torch::Device active_device() {

@@ -12,6 +12,31 @@
 
 namespace apvi::splat {
 
+/// What both rasterizers agree on. A splat is drawn where its opacity reaches kMinAlpha, opacity is
+/// cut at kMaxAlpha, and a pixel is finished before the splat that would take its transmittance to
+/// kMinTransmittance. Splats are drawn by depth, those of equal depth by index.
+inline constexpr double kMinAlpha = 1.0 / 255.0;
+inline constexpr double kLog2MinAlpha = -7.994353436858858;
+inline constexpr double kMaxAlpha = 0.999;
+inline constexpr double kMinTransmittance = 1e-4;
+/// The projection is linearised at most so far outside the image, in parts of half its size.
+inline constexpr double kFieldMargin = 0.3;
+inline constexpr int kTileSize = 16;  ///< [px]
+
+template <typename T>
+APVI_HD inline T at_least(T x, T low) {
+  return x < low ? low : x;
+}
+template <typename T>
+APVI_HD inline T at_most(T x, T high) {
+  return x > high ? high : x;
+}
+/// `value` where low <= x <= high, else 0.
+template <typename T>
+APVI_HD inline T where_between(T x, T low, T high, T value) {
+  return x >= low && x <= high ? value : T(0);
+}
+
 /// Water seen through one colour channel.
 template <typename T>
 struct ChannelMedium {

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "apvi/splat/sh_math.hpp"
+#include "raster_kernels.hpp"
+
+/// Projection of Gaussians and its derivative, kWidth Gaussians at a time. V is a vector of simd_*.
+namespace apvi::splat {
+
+inline constexpr double kLog2E = 1.4426950408889634;
+inline constexpr double kLn2 = 0.6931471805599453;
+
+/// A camera with every number in all lanes.
+template <typename V>
+Camera<V> in_all_lanes(const Camera<typename V::Scalar>& camera) {
+  static_assert(sizeof(Camera<V>) == sizeof(camera) / sizeof(typename V::Scalar) * sizeof(V));
+  Camera<V> out;
+  const auto all = [](const auto& from, auto& to) {
+    for (int i = 0; i < static_cast<int>(sizeof(to) / sizeof(to[0])); ++i) to[i] = V(from[i]);
+  };
+  all(camera.R, out.R);
+  all(camera.t, out.t);
+  all(camera.center, out.center);
+  out.fx = V(camera.fx);
+  out.fy = V(camera.fy);
+  out.cx = V(camera.cx);
+  out.cy = V(camera.cy);
+  out.x_min = V(camera.x_min);
+  out.x_max = V(camera.x_max);
+  out.y_min = V(camera.y_min);
+  out.y_max = V(camera.y_max);
+  out.near_m = V(camera.near_m);
+  out.low_pass = V(camera.low_pass);
+  return out;
+}
+
+/// Which Gaussians a batch holds: [first, first + count), count <= kWidth.
+struct Batch {
+  std::int64_t first;
+  int count;
+};
+
+/// Rows of N scalars as N vectors; lanes beyond the batch repeat its last row.
+template <int N, typename V>
+void load_rows(const typename V::Scalar* rows, Batch batch, V* out) {
+  constexpr int kWidth = V::kWidth;
+  alignas(64) typename V::Scalar columns[N][kWidth];
+  for (int lane = 0; lane < kWidth; ++lane) {
+    const auto* const row =
+        rows + (batch.first + (lane < batch.count ? lane : batch.count - 1)) * N;
+    for (int k = 0; k < N; ++k) columns[k][lane] = row[k];
+  }
+  for (int k = 0; k < N; ++k) out[k] = V::load(columns[k]);
+}
+
+/// The opposite; lanes beyond the batch are dropped.
+template <int N, typename V>
+void store_rows(const V* values, Batch batch, typename V::Scalar* rows) {
+  alignas(64) typename V::Scalar columns[N][V::kWidth];
+  for (int k = 0; k < N; ++k) values[k].store(columns[k]);
+  for (int lane = 0; lane < batch.count; ++lane) {
+    for (int k = 0; k < N; ++k) rows[(batch.first + lane) * N + k] = columns[k][lane];
+  }
+}
+
+/// e^x, cut where a float ends; NaN stays.
+template <typename V>
+V exponential(V x) {
+  return exp2(at_most(V(127), at_least(V(-126), x * V(kLog2E))));
+}
+
+/// Everything about a batch that both passes need.
+template <typename V>
+struct Shape {
+  V mean[3];
+  Projection<V> f;
+  V opacity;  // as the parameter says
+  V fade;     // what the anti-aliasing leaves of it
+};
+
+template <typename V>
+Shape<V> load_shape(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera,
+                    Batch batch) {
+  Shape<V> out;
+  V deviations[3];
+  V quaternion[4];
+  V logit;
+  load_rows<3>(a.means, batch, out.mean);
+  load_rows<3>(a.log_scales, batch, deviations);
+  load_rows<4>(a.quaternions, batch, quaternion);
+  load_rows<1>(a.logit_opacities, batch, &logit);
+  for (V& s : deviations) s = exponential(s);
+  out.f = project(camera, out.mean, deviations, quaternion);
+  out.opacity = V(1) / (V(1) + exponential(V(0) - logit));
+  out.fade = a.antialiased ? sqrt(out.f.det_sharp / out.f.det) : V(1);
+  return out;
+}
+
+/// Unit vector from the camera to the Gaussian, in the world, and the distance's inverse.
+template <typename V>
+V view_direction(const Camera<V>& camera, const V* mean, V* direction) {
+  V norm2(0);
+  for (int i = 0; i < 3; ++i) {
+    direction[i] = mean[i] - camera.center[i];
+    norm2 = fma(direction[i], direction[i], norm2);
+  }
+  const V inverse = V(1) / sqrt(norm2);
+  for (int i = 0; i < 3; ++i) direction[i] = direction[i] * inverse;
+  return inverse;
+}
+
+/// Calls f(k, coefficients of the three channels) for the spherical harmonics beyond the constant.
+/// Rows of Gaussians whose bit in `lanes` is not set are not read.
+template <typename V, typename F>
+void for_each_sh(const ProjectArgs<typename V::Scalar>& a, Batch batch, unsigned lanes, F&& f) {
+  const int used = (a.sh_degree + 1) * (a.sh_degree + 1) - 1;
+  alignas(64) typename V::Scalar columns[3 * kMaxShRest][V::kWidth];
+  for (int lane = 0; lane < V::kWidth; ++lane) {
+    const bool wanted = (lanes >> static_cast<unsigned>(lane) & 1U) != 0;
+    const auto* const row = a.sh_rest + (batch.first + lane) * 3 * a.sh_rest_count;
+    for (int k = 0; k < 3 * used; ++k) columns[k][lane] = wanted ? row[k] : 0;
+  }
+  for (int k = 0; k < used; ++k) {
+    V coefficients[3];
+    for (int c = 0; c < 3; ++c) coefficients[c] = V::load(columns[3 * k + c]);
+    f(k, coefficients);
+  }
+}
+
+/// Colour before it is cut at 0.
+template <typename V>
+void evaluate_sh(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera, const V* mean,
+                 Batch batch, unsigned lanes, V* color) {
+  load_rows<3>(a.sh_dc, batch, color);
+  for (int c = 0; c < 3; ++c) color[c] = fma(color[c], V(kSh0), V(0.5));
+  if (a.sh_degree == 0) return;
+  V direction[3];
+  view_direction(camera, mean, direction);
+  V basis[kMaxShRest];
+  sh_basis(a.sh_degree, direction[0], direction[1], direction[2], basis);
+  for_each_sh<V>(a, batch, lanes, [&](int k, const V* coefficients) {
+    for (int c = 0; c < 3; ++c) color[c] = fma(basis[k], coefficients[c], color[c]);
+  });
+}
+
+/// The footprint's fields of `Splat`, in the order in which they stand there.
+template <typename V>
+typename V::Mask describe(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera,
+                          const Shape<V>& shape, V* out) {
+  const Projection<V>& f = shape.f;
+  const V opacity = shape.opacity * shape.fade;
+  const V log2_opacity = log2(opacity);
+  const V inv_det = V(1) / f.det;
+  // A hair more than where alpha reaches kMinAlpha: the blending decides, this may not lose any.
+  const V reach2 = fma(log2_opacity - V(kLog2MinAlpha), V(2 * kLn2), V(1e-3));
+  const V reach_x = sqrt(reach2 * f.a);
+  const V reach_y2 = reach2 * f.c;
+  const V reach_y = sqrt(reach_y2);
+  const V middle = V(0.5) * (f.a + f.c);
+  const V spread = V(0.5) * (f.a - f.c);
+  out[0] = f.u;
+  out[1] = f.v;
+  out[2] = log2_opacity;
+  out[3] = V(-0.5 * kLog2E) * f.c * inv_det;
+  out[4] = V(kLog2E) * f.b * inv_det;
+  out[5] = V(-0.5 * kLog2E) * f.a * inv_det;
+  out[9] = f.p[2];
+  out[10] = f.b / f.c;
+  out[11] = sqrt(f.det) / f.c;
+  out[12] = reach_y2;
+  out[13] = reach_x;
+  out[14] = reach_x * f.b / f.a;
+  out[15] = sqrt(reach2 * (middle + sqrt(fma(spread, spread, f.b * f.b))));
+  // False for NaN throughout.
+  const V infinity_(1e30);
+  return (f.p[2] >= camera.near_m) & (opacity >= V(kMinAlpha)) & (f.det > V(0)) &
+         (out[15] < infinity_) & (inv_det < infinity_) & (f.u + reach_x > V(0)) &
+         (f.u - reach_x < V(a.width)) & (f.v + reach_y > V(0)) & (f.v - reach_y < V(a.height));
+}
+
+template <typename V>
+void project_batch(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera, Batch batch) {
+  const Shape<V> shape = load_shape(a, camera, batch);
+  V out[16];
+  for (int c = 0; c < 3; ++c) out[6 + c] = V(0);
+  auto visible = describe(a, camera, shape, out);
+  if (any(visible)) {
+    const unsigned lanes = bits(visible) & ((1U << static_cast<unsigned>(batch.count)) - 1U);
+    evaluate_sh(a, camera, shape.mean, batch, lanes, out + 6);
+    for (int c = 0; c < 3; ++c) {
+      visible = visible & (out[6 + c] < V(1e30)) & (out[6 + c] > V(-1e30));
+      out[6 + c] = at_least(out[6 + c], V(0));
+    }
+  }
+  out[15] = keep(visible, out[15]);
+  store_rows<16>(out, batch, &a.splats[0].u);
+}
+
+template <typename V>
+void project_range(const ProjectArgs<typename V::Scalar>& a, std::int64_t begin, std::int64_t end) {
+  const Camera<V> camera = in_all_lanes<V>(a.camera);
+  for (std::int64_t i = begin; i < end; i += V::kWidth) {
+    project_batch(a, camera, {i, static_cast<int>(end - i < V::kWidth ? end - i : V::kWidth)});
+  }
+}
+
+}  // namespace apvi::splat

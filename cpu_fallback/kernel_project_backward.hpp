@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "kernel_project.hpp"
+
+/// From the sums over pixels back to the parameters of kWidth Gaussians at a time.
+namespace apvi::splat {
+
+/// A Gaussian's slots added up, one vector a kind of derivative; bits of the lanes that have any.
+template <typename V>
+unsigned add_slots(const ProjectBackwardArgs<typename V::Scalar>& a, Batch batch, V* sums) {
+  using S = typename V::Scalar;
+  alignas(64) S columns[kSlotUsed][V::kWidth] = {};
+  unsigned lanes = 0;
+  for (int lane = 0; lane < batch.count; ++lane) {
+    S total[kSlotUsed] = {};
+    const std::uint32_t end = a.slot_begin[batch.first + lane + 1];
+    for (std::uint32_t slot = a.slot_begin[batch.first + lane]; slot < end; ++slot) {
+      if (!(a.slot_weight[slot] > S(0))) continue;
+      lanes |= 1U << static_cast<unsigned>(lane);
+      const S* const gradient = a.slot_gradient + std::int64_t(slot) * kSlotSize;
+      for (int k = 0; k < kSlotUsed; ++k) total[k] += gradient[k];
+    }
+    for (int k = 0; k < kSlotUsed; ++k) columns[k][lane] = total[k];
+  }
+  for (int k = 0; k < kSlotUsed; ++k) sums[k] = V::load(columns[k]);
+  return lanes;
+}
+
+/// By the footprint, from the sums over its pixels (see kSlotSize).
+template <typename V>
+FootprintGradient<V> footprint_gradient(const Camera<V>& camera, const Projection<V>& f,
+                                        const V* sums, bool antialiased) {
+  const V inv_det = V(1) / f.det;
+  const V A = f.c * inv_det;
+  const V B = V(0) - f.b * inv_det;
+  const V C = f.a * inv_det;
+  const V xx = V(0.5) * sums[6];  // minus the derivatives by the conic [[A, B], [B, C]]
+  const V yy = V(0.5) * sums[8];
+  const V xy = sums[9];
+  FootprintGradient<V> g;
+  g.u = A * sums[5] + B * sums[7];
+  g.v = B * sums[5] + C * sums[7];
+  g.z = sums[3];
+  g.a = A * A * xx + A * B * xy + B * B * yy;
+  g.b = V(2) * (A * B * xx + B * C * yy) + (A * C + B * B) * xy;
+  g.c = B * B * xx + B * C * xy + C * C * yy;
+  if (antialiased) {  // ln(opacity) + ln(det_sharp / det) / 2
+    const V half = V(0.5) * sums[4];
+    const V sharp = half / f.det_sharp;
+    const V blunt = half * inv_det;
+    g.a = g.a + sharp * (f.c - camera.low_pass) - blunt * f.c;
+    g.b = g.b - V(2) * f.b * (sharp - blunt);
+    g.c = g.c + sharp * (f.a - camera.low_pass) - blunt * f.a;
+  }
+  return g;
+}
+
+/// Zeros for the Gaussians of a batch that touch no pixel.
+template <typename V>
+void clear_rows(typename V::Scalar* rows, Batch batch, int size) {
+  for (std::int64_t i = batch.first * size; i < (batch.first + batch.count) * size; ++i) {
+    rows[i] = typename V::Scalar(0);
+  }
+}
+
+/// By the coefficients of colour, from the derivative by the colour; returns that by the direction
+/// of view into `direction_gradient`.
+template <typename V>
+void color_backward(const ProjectBackwardArgs<typename V::Scalar>& a, const V* direction,
+                    Batch batch, unsigned lanes, const V* color, V* direction_gradient) {
+  using S = typename V::Scalar;
+  const ProjectArgs<S>& f = a.forward;
+  V basis[kMaxShRest];
+  V weights[kMaxShRest];
+  sh_basis(f.sh_degree, direction[0], direction[1], direction[2], basis);
+  for_each_sh<V>(f, batch, lanes, [&](int k, const V* coefficients) {
+    weights[k] =
+        coefficients[0] * color[0] + coefficients[1] * color[1] + coefficients[2] * color[2];
+  });
+  sh_basis_backward(f.sh_degree, direction[0], direction[1], direction[2], weights,
+                    direction_gradient);
+  const int used = (f.sh_degree + 1) * (f.sh_degree + 1) - 1;
+  alignas(64) S columns[kMaxShRest][V::kWidth];
+  alignas(64) S colors[3][V::kWidth];
+  for (int k = 0; k < used; ++k) basis[k].store(columns[k]);
+  for (int c = 0; c < 3; ++c) color[c].store(colors[c]);
+  for (int lane = 0; lane < batch.count; ++lane) {
+    S* const row = a.sh_rest + (batch.first + lane) * 3 * f.sh_rest_count;
+    for (int k = 0; k < f.sh_rest_count; ++k) {
+      for (int c = 0; c < 3; ++c)
+        row[3 * k + c] = k < used ? columns[k][lane] * colors[c][lane] : S(0);
+    }
+  }
+}
+
+/// By the colours, and through the direction of view by mean and camera.
+template <typename V>
+void view_backward(const ProjectBackwardArgs<typename V::Scalar>& a, const Camera<V>& camera,
+                   const Shape<V>& shape, Batch batch, unsigned lanes, const V* sums,
+                   ProjectionGradient<V>& g) {
+  using S = typename V::Scalar;
+  const auto touched = V::mask_of(lanes);
+  V color[3];
+  V row[3];
+  alignas(64) S drawn[3][V::kWidth];
+  for (int lane = 0; lane < V::kWidth; ++lane) {
+    const int i = lane < batch.count ? lane : 0;
+    for (int c = 0; c < 3; ++c) drawn[c][lane] = a.forward.splats[batch.first + i].color[c];
+  }
+  for (int c = 0; c < 3; ++c) {
+    color[c] = keep(touched & (V::load(drawn[c]) > V(0)), sums[c]);
+    row[c] = color[c] * V(kSh0);
+  }
+  store_rows<3>(row, batch, a.sh_dc);
+  if (a.forward.sh_rest_count == 0) return;
+  V direction[3];
+  const V inverse = view_direction(camera, shape.mean, direction);
+  for (V& x : direction) x = keep(touched, x);
+  V by_direction[3];
+  color_backward(a, direction, batch, lanes, color, by_direction);
+  const V along = by_direction[0] * direction[0] + by_direction[1] * direction[1] +
+                  by_direction[2] * direction[2];
+  for (int i = 0; i < 3; ++i) {
+    by_direction[i] = keep(touched, (by_direction[i] - along * direction[i]) * inverse);
+    g.mean[i] = g.mean[i] + by_direction[i];
+  }
+  // A shift of the camera by its own axes moves its centre the other way.
+  V shift[3];
+  rotate(camera.R, by_direction, shift);
+  for (int i = 0; i < 3; ++i) g.pose[i] = g.pose[i] + shift[i];
+}
+
+template <typename V>
+void clear_batch(const ProjectBackwardArgs<typename V::Scalar>& a, Batch batch) {
+  clear_rows<V>(a.means, batch, 3);
+  clear_rows<V>(a.log_scales, batch, 3);
+  clear_rows<V>(a.quaternions, batch, 4);
+  clear_rows<V>(a.logit_opacities, batch, 1);
+  clear_rows<V>(a.sh_dc, batch, 3);
+  clear_rows<V>(a.sh_rest, batch, 3 * a.forward.sh_rest_count);
+  clear_rows<V>(a.mean2d, batch, 1);
+}
+
+template <typename V>
+void project_batch_backward(const ProjectBackwardArgs<typename V::Scalar>& a,
+                            const Camera<V>& camera, Batch batch, double* pose) {
+  V sums[kSlotUsed];
+  const unsigned lanes = add_slots(a, batch, sums);
+  if (lanes == 0) return clear_batch<V>(a, batch);
+  const auto touched = V::mask_of(lanes);
+  const Shape<V> shape = load_shape(a.forward, camera, batch);
+  const FootprintGradient<V> by_footprint =
+      footprint_gradient(camera, shape.f, sums, a.forward.antialiased);
+  ProjectionGradient<V> g = project_backward(camera, shape.f, by_footprint);
+  for (V& x : g.mean) x = keep(touched, x);
+  for (V& x : g.pose) x = keep(touched, x);
+  for (V& x : g.log_scale) x = keep(touched, x);
+  for (V& x : g.quaternion) x = keep(touched, x);
+  view_backward(a, camera, shape, batch, lanes, sums, g);
+  const V logit = keep(touched, sums[4] * (V(1) - shape.opacity));
+  const V du = by_footprint.u * V(0.5 * a.forward.width);
+  const V dv = by_footprint.v * V(0.5 * a.forward.height);
+  const V mean2d = keep(touched, sqrt(du * du + dv * dv));
+  store_rows<3>(g.mean, batch, a.means);
+  store_rows<3>(g.log_scale, batch, a.log_scales);
+  store_rows<4>(g.quaternion, batch, a.quaternions);
+  store_rows<1>(&logit, batch, a.logit_opacities);
+  store_rows<1>(&mean2d, batch, a.mean2d);
+  for (int i = 0; i < 6; ++i) {
+    alignas(64) typename V::Scalar lane_values[V::kWidth];
+    g.pose[i].store(lane_values);
+    for (int lane = 0; lane < batch.count; ++lane) pose[i] += double(lane_values[lane]);
+  }
+}
+
+template <typename V>
+void project_range_backward(const ProjectBackwardArgs<typename V::Scalar>& a, std::int64_t begin,
+                            std::int64_t end, double* pose) {
+  const Camera<V> camera = in_all_lanes<V>(a.forward.camera);
+  for (std::int64_t i = begin; i < end; i += V::kWidth) {
+    const int count = static_cast<int>(end - i < V::kWidth ? end - i : V::kWidth);
+    project_batch_backward(a, camera, {i, count}, pose);
+  }
+}
+
+}  // namespace apvi::splat

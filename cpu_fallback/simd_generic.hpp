@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cmath>
+
+/// A vector of W scalars without any instruction of its own: what the rasterizer's inner loops run
+/// on in double, and in float on a machine without AVX2. The other simd_*.hpp have the same names.
+namespace apvi::splat::simd {
+
+template <int W>
+struct PackMask {
+  bool m[W];
+
+  friend PackMask operator&(PackMask a, PackMask b) {
+    for (int i = 0; i < W; ++i) a.m[i] = a.m[i] && b.m[i];
+    return a;
+  }
+  friend PackMask operator|(PackMask a, PackMask b) {
+    for (int i = 0; i < W; ++i) a.m[i] = a.m[i] || b.m[i];
+    return a;
+  }
+};
+
+/// One bit a lane, that of lane 0 lowest.
+template <int W>
+unsigned bits(PackMask<W> mask) {
+  unsigned out = 0;
+  for (int i = 0; i < W; ++i) out |= static_cast<unsigned>(mask.m[i]) << static_cast<unsigned>(i);
+  return out;
+}
+template <int W>
+bool any(PackMask<W> mask) {
+  return bits(mask) != 0;
+}
+/// a without b.
+template <int W>
+PackMask<W> and_not(PackMask<W> a, PackMask<W> b) {
+  for (int i = 0; i < W; ++i) a.m[i] = a.m[i] && !b.m[i];
+  return a;
+}
+
+template <typename T, int W>
+struct Pack {
+  using Scalar = T;
+  using Mask = PackMask<W>;
+  static constexpr int kWidth = W;
+  T v[W];
+
+  Pack() = default;
+  explicit Pack(double s) {
+    for (T& x : v) x = static_cast<T>(s);
+  }
+  template <typename F>
+  static Pack from(F&& f) {
+    Pack out;
+    for (int i = 0; i < W; ++i) out.v[i] = f(i);
+    return out;
+  }
+  static Pack load(const T* p) {
+    return from([p](int i) { return p[i]; });
+  }
+  void store(T* p) const {
+    for (int i = 0; i < W; ++i) p[i] = v[i];
+  }
+  /// The opposite of `bits`.
+  static Mask mask_of(unsigned bits) {
+    Mask out;
+    for (int i = 0; i < W; ++i) out.m[i] = (bits >> static_cast<unsigned>(i) & 1U) != 0;
+    return out;
+  }
+  /// 0, 1, 2, ...
+  static Pack ramp() {
+    return from([](int i) { return static_cast<T>(i); });
+  }
+
+  friend Pack operator+(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] + b.v[i]; });
+  }
+  friend Pack operator-(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] - b.v[i]; });
+  }
+  friend Pack operator*(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] * b.v[i]; });
+  }
+  friend Pack operator/(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] / b.v[i]; });
+  }
+  friend Mask operator>=(Pack a, Pack b) { return b <= a; }
+  friend Mask operator>(Pack a, Pack b) { return b < a; }
+  friend Mask operator<=(Pack a, Pack b) {
+    Mask out;
+    for (int i = 0; i < W; ++i) out.m[i] = a.v[i] <= b.v[i];
+    return out;
+  }
+  friend Mask operator<(Pack a, Pack b) {
+    Mask out;
+    for (int i = 0; i < W; ++i) out.m[i] = a.v[i] < b.v[i];
+    return out;
+  }
+  /// a b + c
+  friend Pack fma(Pack a, Pack b, Pack c) { return a * b + c; }
+  friend Pack sqrt(Pack a) {
+    return from([&](int i) { return std::sqrt(a.v[i]); });
+  }
+  friend Pack exp2(Pack a) {
+    return from([&](int i) { return std::exp2(a.v[i]); });
+  }
+  friend Pack log2(Pack a) {
+    return from([&](int i) { return std::log2(a.v[i]); });
+  }
+  friend Pack floor(Pack a) {
+    return from([&](int i) { return std::floor(a.v[i]); });
+  }
+  /// 1 / a
+  friend Pack reciprocal(Pack a) {
+    return from([&](int i) { return 1 / a.v[i]; });
+  }
+  /// The lesser, the greater; `b` when one is NaN.
+  friend Pack at_most(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] < b.v[i] ? a.v[i] : b.v[i]; });
+  }
+  friend Pack at_least(Pack a, Pack b) {
+    return from([&](int i) { return a.v[i] > b.v[i] ? a.v[i] : b.v[i]; });
+  }
+  /// `a` where the mask is set, else `b`.
+  friend Pack select(Mask mask, Pack a, Pack b) {
+    return from([&](int i) { return mask.m[i] ? a.v[i] : b.v[i]; });
+  }
+  /// `a` where the mask is set, else 0.
+  friend Pack keep(Mask mask, Pack a) { return select(mask, a, Pack(0)); }
+  friend Pack where_between(Pack x, Pack low, Pack high, Pack value) {
+    return keep((low <= x) & (x <= high), value);
+  }
+  friend T largest(Pack a) {
+    T out = a.v[0];
+    for (const T x : a.v) out = x > out ? x : out;
+    return out;
+  }
+  /// Sums of the lanes of twelve vectors.
+  static void sums(const Pack* a, T* out) {
+    for (int n = 0; n < 12; ++n) {
+      out[n] = 0;
+      for (const T x : a[n].v) out[n] += x;
+    }
+  }
+};
+
+}  // namespace apvi::splat::simd

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/render.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "apvi/splat/raster_backend.hpp"
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+using torch::autograd::AutogradContext;
+using torch::autograd::variable_list;
+
+constexpr int kMaxSide = 1 << 15;  // [px]
+constexpr std::size_t kInputs = 8;
+
+Tensor cross_matrix(const Tensor& v) {
+  const Tensor out = torch::zeros({3, 3}, v.options());
+  const auto x = v.accessor<double, 1>();
+  auto m = out.accessor<double, 2>();
+  m[0][1] = -x[2];
+  m[0][2] = x[1];
+  m[1][0] = x[2];
+  m[1][2] = -x[0];
+  m[2][0] = -x[1];
+  m[2][1] = x[0];
+  return out;
+}
+
+/// Exp(delta) of SE(3) as a matrix [4,4].
+Tensor se3_exp(const Tensor& delta) {
+  const Tensor twist = torch::zeros({4, 4}, delta.options());
+  twist.slice(0, 0, 3).slice(1, 0, 3).copy_(cross_matrix(delta.slice(0, 3)));
+  twist.slice(0, 0, 3).select(1, 3).copy_(delta.slice(0, 0, 3));
+  return torch::matrix_exp(twist);
+}
+
+/// Left Jacobian of SE(3): Exp(delta + d) = Exp(J d) Exp(delta) to first order. It is the integral
+/// of Exp(s ad(delta)) over s from 0 to 1, which a matrix exponential of twice the size holds.
+Tensor se3_left_jacobian(const Tensor& delta) {
+  const Tensor block = torch::zeros({12, 12}, delta.options());
+  const Tensor turn = cross_matrix(delta.slice(0, 3));
+  block.slice(0, 0, 3).slice(1, 0, 3).copy_(turn);
+  block.slice(0, 3, 6).slice(1, 3, 6).copy_(turn);
+  block.slice(0, 0, 3).slice(1, 3, 6).copy_(cross_matrix(delta.slice(0, 0, 3)));
+  block.slice(0, 0, 6).slice(1, 6, 12).copy_(torch::eye(6, delta.options()));
+  return torch::matrix_exp(block).slice(0, 0, 6).slice(1, 6, 12);
+}
+
+Tensor on_host(const Tensor& tensor) {
+  return tensor.detach().to(torch::kCPU, torch::kFloat64);
+}
+
+/// A rasterizer's input out of the eight tensors that are differentiated.
+RasterInput to_input(const variable_list& tensors, const View& view, const RenderOptions& options) {
+  RasterInput input = {
+      .gaussians = {},
+      .background = tensors[7].contiguous(),
+      .T_camera_world =
+          se3_exp(on_host(tensors[6])).matmul(on_host(view.T_camera_world)).contiguous(),
+      .intrinsics = view.intrinsics,
+      .sh_degree = 0,
+      .near_m = options.near_m,
+      .low_pass_px2 = options.low_pass_px2,
+      .antialiased = options.antialiased};
+  const auto members = input.gaussians.tensors();
+  for (std::size_t i = 0; i < members.size(); ++i) *members[i] = tensors[i].contiguous();
+  input.sh_degree = std::min(options.sh_degree, input.gaussians.sh_degree());
+  return input;
+}
+
+/// What the backward pass needs and autograd does not keep.
+struct RenderPass : torch::CustomClassHolder {
+  View view;
+  RenderOptions options;
+  RenderStatistics statistics;
+};
+
+struct Rasterize : torch::autograd::Function<Rasterize> {
+  static variable_list forward(AutogradContext* context, const Tensor& means,
+                               const Tensor& log_scales, const Tensor& quaternions,
+                               const Tensor& logit_opacities, const Tensor& sh_dc,
+                               const Tensor& sh_rest, const Tensor& pose_delta,
+                               const Tensor& background,
+                               const c10::intrusive_ptr<RenderPass>& pass) {
+    variable_list kept = {means, log_scales, quaternions, logit_opacities,
+                          sh_dc, sh_rest,    pose_delta,  background};
+    const RasterInput input = to_input(kept, pass->view, pass->options);
+    RasterOutput out = raster_backend(means.device()).forward(input);
+    pass->statistics = {.visible = out.visible,
+                        .radii_px = out.radii_px,
+                        .max_weight = out.max_weight,
+                        .mean2d_gradient = torch::zeros({means.size(0)}, means.options())};
+    kept.insert(kept.end(), {out.color, out.depth, out.alpha});
+    kept.insert(kept.end(), out.state.begin(), out.state.end());
+    context->save_for_backward(kept);
+    context->saved_data["pass"] = c10::IValue::make_capsule(pass);
+    return {out.color, out.depth, out.alpha};
+  }
+
+  static variable_list backward(AutogradContext* context, const variable_list& grads) {
+    const variable_list kept = context->get_saved_variables();
+    const auto pass = context->saved_data["pass"].toCapsule();
+    const auto& render = static_cast<const RenderPass&>(*pass);
+    const RasterInput input = to_input(kept, render.view, render.options);
+    const RasterOutput output = {.color = kept[kInputs],
+                                 .depth = kept[kInputs + 1],
+                                 .alpha = kept[kInputs + 2],
+                                 .visible = render.statistics.visible,
+                                 .radii_px = render.statistics.radii_px,
+                                 .max_weight = render.statistics.max_weight,
+                                 .state = {kept.begin() + kInputs + 3, kept.end()}};
+    RasterInputGradient g = raster_backend(input.background.device())
+                                .backward(input, output,
+                                          {.color = grads[0].contiguous(),
+                                           .depth = grads[1].contiguous(),
+                                           .alpha = grads[2].contiguous()});
+    const Tensor& delta = kept[6];
+    const Tensor jacobian = se3_left_jacobian(on_host(delta)).to(g.pose.options());
+    Tensor statistic = render.statistics.mean2d_gradient;
+    statistic.copy_(g.mean2d);
+    return {g.gaussians.means,
+            g.gaussians.log_scales,
+            g.gaussians.quaternions,
+            g.gaussians.logit_opacities,
+            g.gaussians.sh_dc,
+            g.gaussians.sh_rest,
+            jacobian.t().matmul(g.pose).to(delta.options()),
+            g.background,
+            Tensor()};
+  }
+};
+
+void check_view(const View& view) {
+  const Intrinsics& k = view.intrinsics;
+  TORCH_CHECK(k.width > 0 && k.height > 0 && k.width <= kMaxSide && k.height <= kMaxSide,
+              "render: an image of ", k.width, "x", k.height, " px; both must be 1 to ", kMaxSide);
+  TORCH_CHECK(k.fx > 0 && k.fy > 0 && std::isfinite(k.fx + k.fy + k.cx + k.cy),
+              "render: focal lengths ", k.fx, ", ", k.fy, " with centre ", k.cx, ", ", k.cy);
+  const Tensor& T = view.T_camera_world;
+  TORCH_CHECK(T.defined() && T.sizes() == at::IntArrayRef({4, 4}) && T.device().is_cpu() &&
+                  T.scalar_type() == torch::kFloat64,
+              "render: T_camera_world must be [4,4] float64 on the CPU");
+  TORCH_CHECK(torch::isfinite(T).all().item<bool>(), "render: T_camera_world is not finite");
+  const Tensor& delta = view.pose_delta;
+  if (!delta.defined()) return;
+  TORCH_CHECK(delta.sizes() == at::IntArrayRef({6}) && delta.is_floating_point(),
+              "render: pose_delta must be [6] and floating, not ", delta.sizes());
+  TORCH_CHECK(torch::isfinite(delta).all().item<bool>(), "render: pose_delta is not finite");
+}
+
+void check_options(const RenderOptions& options, const Gaussians& gaussians) {
+  TORCH_CHECK(options.sh_degree >= 0, "render: sh_degree ", options.sh_degree, " is negative");
+  TORCH_CHECK(options.near_m > 0 && std::isfinite(options.near_m),
+              "render: near_m must be positive, not ", options.near_m);
+  TORCH_CHECK(options.low_pass_px2 > 0 && std::isfinite(options.low_pass_px2),
+              "render: low_pass_px2 must be positive, not ", options.low_pass_px2);
+  const Tensor& background = options.background;
+  if (!background.defined()) return;
+  TORCH_CHECK(background.sizes() == at::IntArrayRef({3}) &&
+                  background.scalar_type() == gaussians.means.scalar_type() &&
+                  background.device() == gaussians.means.device(),
+              "render: the background must be [3] of the type and on the device of the Gaussians");
+}
+
+}  // namespace
+
+RenderOutput render(const Gaussians& gaussians, const View& view, const RenderOptions& options) {
+  check(gaussians);
+  check_view(view);
+  check_options(options, gaussians);
+  auto pass = c10::make_intrusive<RenderPass>();
+  pass->view = view;
+  pass->options = options;
+  const Tensor delta = view.pose_delta.defined() ? view.pose_delta : torch::zeros({6});
+  const Tensor background = options.background.defined()
+                                ? options.background
+                                : torch::zeros({3}, gaussians.means.options().requires_grad(false));
+  const variable_list images = Rasterize::apply(
+      gaussians.means, gaussians.log_scales, gaussians.quaternions, gaussians.logit_opacities,
+      gaussians.sh_dc, gaussians.sh_rest, delta, background, pass);
+  return {
+      .color = images[0], .depth = images[1], .alpha = images[2], .statistics = pass->statistics};
+}
+
+Tensor depth_to_range(const Tensor& depth, const Intrinsics& intrinsics) {
+  TORCH_CHECK(depth.sizes() == at::IntArrayRef({intrinsics.height, intrinsics.width}),
+              "depth_to_range: the depth has shape ", depth.sizes(), ", the camera ",
+              intrinsics.height, "x", intrinsics.width);
+  const auto options = depth.options().requires_grad(false);
+  const Tensor x = (torch::arange(intrinsics.width, options) + 0.5 - intrinsics.cx) / intrinsics.fx;
+  const Tensor y =
+      (torch::arange(intrinsics.height, options) + 0.5 - intrinsics.cy) / intrinsics.fy;
+  return depth * torch::sqrt(x.square() + y.square().unsqueeze(1) + 1.0);
+}
+
+}  // namespace apvi::splat
