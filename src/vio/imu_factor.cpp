@@ -20,8 +20,9 @@ using Matrix15 = imu::Preintegration::Matrix;
 // covariance. As a standard deviation 1e-9 rad, m/s, m, rad/s, m/s²: below what any sensor sees.
 constexpr double kVarianceFloor = 1e-18;
 
-Matrix15 sqrt_information_of(const Matrix15& covariance) {
-  const Matrix15 regular = covariance + kVarianceFloor * Matrix15::Identity();
+Matrix15 sqrt_information_of(const imu::Preintegration& sum) {
+  APVI_CHECK(sum.duration_s() > 0.0);
+  const Matrix15 regular = sum.covariance() + kVarianceFloor * Matrix15::Identity();
   const Eigen::LLT<Matrix15> llt(regular);
   APVI_CHECK(llt.info() == Eigen::Success);
   return llt.matrixL().solve(Matrix15::Identity());
@@ -141,7 +142,7 @@ ImuFactor::ImuFactor(std::shared_ptr<const imu::Preintegration> preintegration,
                      const FirstEstimate* first_j)
     : delta_(std::move(preintegration)),
       gravity_(gravity),
-      sqrt_information_(sqrt_information_of(delta_->covariance())),
+      sqrt_information_(sqrt_information_of(*delta_)),
       first_i_(first_i),
       first_j_(first_j) {}
 

@@ -1,0 +1,441 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/vio/factors.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+
+#include "factor_check.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using apvi::test::random_vector;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using test::as_motion;
+using test::as_pose;
+using test::as_vector;
+using test::expect_jacobians;
+using test::nudged;
+using test::residual;
+using test::Values;
+using View = ReprojectionFactor::View;
+const Vector3d kGravity(0.0, 0.0, -9.80665);
+
+const SE3 kBodyCamera{so3::exp({-1.2, 1.1, -1.3}), {0.1, -0.05, 0.2}};
+const SE3 kBodyOther{so3::exp({-1.22, 1.13, -1.25}), {0.12, 0.1, 0.18}};
+
+/// Two poses, and a point at known depth in the first camera.
+struct Scene {
+  Random random;
+  SE3 pose_i, pose_j;
+  Vector2d point_i;
+  double depth;
+
+  explicit Scene(std::uint64_t seed) : random(seed) {
+    pose_i = test::random_pose(random, 2.0, 20.0);
+    pose_j = pose_i * test::random_pose(random, 0.15, 0.4);
+    point_i = {random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5)};
+    depth = random.uniform(1.5, 8.0);
+  }
+  Vector2d seen(const SE3& T_body_camera) const {
+    const Vector3d world = pose_i * (kBodyCamera * (depth * point_i.homogeneous()));
+    return (T_body_camera.inverse() * (pose_j.inverse() * world)).hnormalized();
+  }
+  Vector2d velocity() { return {random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)}; }
+};
+
+TEST(ReprojectionFactor, IsZeroForAPointSeenWhereItIs) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Scene s(seed);
+    const ReprojectionFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyCamera), {3.0, 4.0}},
+                                    400.0, 0.02, nullptr, nullptr);
+    const Values x{as_vector(to_block(s.pose_i)),
+                   as_vector(to_block(s.pose_j)),
+                   as_vector(to_block(kBodyCamera)),
+                   {1.0 / s.depth},
+                   {0.02}};
+    EXPECT_LT(residual(factor, x).norm(), 1e-9);
+  }
+}
+
+// Values of a term with everything somewhat off.
+Values visual_values(Scene& s, bool two_cameras) {
+  Values x{as_vector(to_block(s.pose_i)), as_vector(to_block(s.pose_j)),
+           as_vector(to_block(kBodyCamera))};
+  if (two_cameras) x.push_back(as_vector(to_block(kBodyOther)));
+  x.push_back({1.1 / s.depth});
+  x.push_back({0.013});
+  x[1] = nudged(x[1], s.random, 0.02);
+  return x;
+}
+
+TEST(ReprojectionFactor, JacobiansEqualNumericDifferences) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    Scene s(seed);
+    const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
+                                    300.0, -0.004, nullptr, nullptr);
+    expect_jacobians(factor, visual_values(s, false));
+  }
+}
+
+TEST(ReprojectionFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheState) {
+  Scene s(31);
+  const View i{s.point_i, s.velocity()};
+  const View j{s.seen(kBodyCamera), s.velocity()};
+  const Values x = visual_values(s, false);
+  Values first_values = x;
+  first_values[0] = nudged(x[0], s.random, 0.05);
+  first_values[1] = nudged(x[1], s.random, 0.05);
+  const FirstEstimate first_i{.pose = as_pose(first_values[0]), .motion = {}};
+  const FirstEstimate first_j{.pose = as_pose(first_values[1]), .motion = {}};
+  const ReprojectionFactor plain(i, j, 300.0, 0.0, nullptr, nullptr);
+  const ReprojectionFactor both(i, j, 300.0, 0.0, &first_i, &first_j);
+  expect_jacobians(both, x, plain, first_values);
+  EXPECT_EQ(residual(both, x), residual(plain, x));
+  const ReprojectionFactor one(i, j, 300.0, 0.0, nullptr, &first_j);
+  first_values[0] = x[0];
+  expect_jacobians(one, x, plain, first_values);
+}
+
+TEST(ReprojectionFactor, MovesPointsByTheTimeOffsetThatIsNotTakenOffYet) {
+  // A camera stamp 0.03 s late where 0.01 s were taken off: the picture is 0.02 s older than the
+  // frame's pose, and the point has moved on since.
+  Scene s(5);
+  const Vector2d flow(0.4, -0.2);
+  const double late = 0.02;
+  const View i{s.point_i, Vector2d::Zero()};
+  const View j{s.seen(kBodyCamera) - late * flow, flow};
+  const ReprojectionFactor factor(i, j, 300.0, 0.01, nullptr, nullptr);
+  Values x = visual_values(s, false);
+  x[1] = as_vector(to_block(s.pose_j));
+  x[3] = {1.0 / s.depth};
+  x[4] = {0.03};
+  EXPECT_LT(residual(factor, x).norm(), 1e-9);
+}
+
+TEST(ReprojectionFactor, IsFiniteForPointsAtInfinityAndBehindTheCamera) {
+  Scene s(8);
+  const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
+                                  300.0, 0.0, nullptr, nullptr);
+  Values x = visual_values(s, false);
+  for (const double lambda : {0.0, -0.3, 1e-12, 50.0}) {
+    SCOPED_TRACE(lambda);
+    x[3] = {lambda};
+    EXPECT_TRUE(residual(factor, x).allFinite());
+    expect_jacobians(factor, x);
+  }
+  x[3] = {0.5};
+  x[1] = as_vector(to_block(s.pose_i * kBodyCamera * SE3{so3::exp({0.0, 3.1, 0.0}), {0, 0, 9.0}} *
+                            kBodyCamera.inverse()));
+  EXPECT_TRUE(residual(factor, x).allFinite());
+  EXPECT_GT(residual(factor, x).norm(), 100.0) << "a point behind the camera fits badly";
+  expect_jacobians(factor, x);
+}
+
+TEST(CrossCameraFactor, IsZeroForAPointSeenWhereItIsByTheOtherCamera) {
+  const Scene s(3);
+  const CrossCameraFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyOther), {3.0, 4.0}}, 400.0,
+                                 0.0, nullptr, nullptr);
+  const Values x{as_vector(to_block(s.pose_i)),
+                 as_vector(to_block(s.pose_j)),
+                 as_vector(to_block(kBodyCamera)),
+                 as_vector(to_block(kBodyOther)),
+                 {1.0 / s.depth},
+                 {0.0}};
+  EXPECT_LT(residual(factor, x).norm(), 1e-9);
+}
+
+TEST(CrossCameraFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+  for (std::uint64_t seed = 40; seed < 50; ++seed) {
+    Scene s(seed);
+    const View i{s.point_i, s.velocity()};
+    const View j{s.seen(kBodyOther), s.velocity()};
+    const CrossCameraFactor plain(i, j, 300.0, 0.0, nullptr, nullptr);
+    const Values x = visual_values(s, true);
+    expect_jacobians(plain, x);
+    Values first_values = x;
+    first_values[0] = nudged(x[0], s.random, 0.05);
+    const FirstEstimate first{.pose = as_pose(first_values[0]), .motion = {}};
+    const CrossCameraFactor fixed(i, j, 300.0, 0.0, &first, nullptr);
+    expect_jacobians(fixed, x, plain, first_values);
+    EXPECT_EQ(residual(fixed, x), residual(plain, x));
+  }
+}
+
+TEST(StereoFactor, IsZeroForAPointSeenByBothAndItsJacobiansEqualNumericDifferences) {
+  Random random(6);
+  for (int n = 0; n < 10; ++n) {
+    const Vector2d a(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5));
+    const double depth = random.uniform(0.5, 5.0);
+    const Vector2d b =
+        (kBodyOther.inverse() * (kBodyCamera * (depth * a.homogeneous()))).hnormalized();
+    const StereoFactor factor(a, b, 250.0);
+    Values x{as_vector(to_block(kBodyCamera)), as_vector(to_block(kBodyOther)), {1.0 / depth}};
+    EXPECT_LT(residual(factor, x).norm(), 1e-9);
+    x[2] = {1.2 / depth};
+    expect_jacobians(factor, x);
+  }
+}
+
+/// Inertial samples along a curve and what they sum up to, with biases the integration does not
+/// know of exactly.
+struct Inertial {
+  Se3Spline spline = apvi::test::wavy_spline(11, 4.0);
+  std::vector<ImuSample> samples = apvi::test::imu_along(spline, kGravity, 200.0);
+  Vector3d bias_gyro{0.01, -0.02, 0.03};
+  Vector3d bias_accel{0.1, 0.2, -0.1};
+
+  std::shared_ptr<const imu::Preintegration> sum(std::size_t from, std::size_t to) const {
+    auto result = std::make_shared<imu::Preintegration>(imu::Noise{}, bias_gyro, bias_accel);
+    for (std::size_t i = from; i < to; ++i) {
+      ImuSample a = samples[i];
+      ImuSample b = samples[i + 1];
+      for (ImuSample* s : {&a, &b}) {
+        s->gyro += bias_gyro;
+        s->accel += bias_accel;
+      }
+      result->integrate(a, b);
+    }
+    return result;
+  }
+  FrameState state(std::size_t at) const {
+    const Motion m = spline.at(samples[at].stamp);
+    FrameState state{.pose = to_block(m.T_world_body), .motion = {}};
+    Eigen::Map<Vector3d>(state.motion.data()) = m.velocity_world;
+    Eigen::Map<Vector3d>(state.motion.data() + 3) = bias_gyro;
+    Eigen::Map<Vector3d>(state.motion.data() + 6) = bias_accel;
+    return state;
+  }
+  Values values(std::size_t i, std::size_t j) const {
+    return {as_vector(state(i).pose), as_vector(state(i).motion), as_vector(state(j).pose),
+            as_vector(state(j).motion)};
+  }
+};
+
+Values all_nudged(const Values& x, Random& random, double size) {
+  Values result;
+  for (const auto& block : x) result.push_back(nudged(block, random, size));
+  return result;
+}
+
+TEST(ImuFactor, IsSmallAlongTheTrueMotion) {
+  const Inertial inertial;
+  const ImuFactor factor(inertial.sum(50, 130), kGravity, nullptr, nullptr);
+  // In standard deviations: only the error of the midpoint rule is left.
+  EXPECT_LT(residual(factor, inertial.values(50, 130)).norm(), 0.2);
+}
+
+TEST(ImuFactor, WeighsByTheCovarianceOfThePreintegration) {
+  const Inertial inertial;
+  const auto sum = inertial.sum(50, 70);
+  const ImuFactor factor(sum, kGravity, nullptr, nullptr);
+  Random random(4);
+  Values x = inertial.values(50, 70);
+  const Eigen::VectorXd at_truth = residual(factor, x);
+  // A motion that differs by a known error of the preintegration.
+  Eigen::Matrix<double, 15, 1> error;
+  for (double& e : error) e = random.uniform(-1e-6, 1e-6);
+  const SE3 i = to_se3(x[0].data());
+  Eigen::Matrix<double, 6, 1> pose_change;
+  pose_change << error.head<3>(), i.rotation * error.segment<3>(6);
+  x[2] = test::plus(x[2], pose_change);
+  Eigen::Map<Vector3d>(x[3].data()) += i.rotation * error.segment<3>(3);
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(x[3].data() + 3) += error.tail<6>();
+  const Eigen::VectorXd change = residual(factor, x) - at_truth;
+  const double expected = error.dot(sum->covariance().ldlt().solve(error));
+  EXPECT_NEAR(change.squaredNorm() / expected, 1.0, 1e-3);
+}
+
+TEST(ImuFactor, JacobiansEqualNumericDifferences) {
+  const Inertial inertial;
+  Random random(7);
+  for (const std::size_t to : {60U, 90U, 250U}) {
+    const ImuFactor factor(inertial.sum(50, to), kGravity, nullptr, nullptr);
+    expect_jacobians(factor, all_nudged(inertial.values(50, to), random, 0.03));
+    expect_jacobians(factor, all_nudged(inertial.values(50, to), random, 0.5), 1e-6);
+  }
+}
+
+TEST(ImuFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheState) {
+  const Inertial inertial;
+  Random random(8);
+  const auto sum = inertial.sum(50, 70);
+  const Values x = all_nudged(inertial.values(50, 70), random, 0.02);
+  Values first = all_nudged(x, random, 0.02);
+  const FirstEstimate first_i{.pose = as_pose(first[0]), .motion = as_motion(first[1])};
+  FirstEstimate first_j{.pose = as_pose(first[2]), .motion = as_motion(first[3])};
+  const ImuFactor plain(sum, kGravity, nullptr, nullptr);
+  expect_jacobians(ImuFactor(sum, kGravity, &first_i, &first_j), x, plain, first);
+  first_j.motion.reset();
+  first[3] = x[3];
+  const ImuFactor fixed(sum, kGravity, &first_i, &first_j);
+  expect_jacobians(fixed, x, plain, first);
+  EXPECT_EQ(residual(fixed, x), residual(plain, x));
+}
+
+TEST(ImuFactor, IsFiniteForASingleStepWhoseCovarianceIsSingular) {
+  const Inertial inertial;
+  const ImuFactor factor(inertial.sum(50, 51), kGravity, nullptr, nullptr);
+  Random random(9);
+  const Values x = all_nudged(inertial.values(50, 51), random, 1e-3);
+  EXPECT_TRUE(residual(factor, x).allFinite());
+  expect_jacobians(factor, x, 1e-6);
+}
+
+TEST(ImuFactor, IsRefusedWithoutASpan) {
+  const auto empty =
+      std::make_shared<const imu::Preintegration>(imu::Noise{}, Vector3d::Zero(), Vector3d::Zero());
+  EXPECT_THROW(ImuFactor(empty, kGravity, nullptr, nullptr), std::logic_error);
+}
+
+DvlPing ping_at(const Inertial& inertial, std::size_t frame, std::size_t at,
+                const SE3& T_body_dvl) {
+  DvlPing ping;
+  ping.since_frame = inertial.sum(frame, at);
+  const Motion m = inertial.spline.at(inertial.samples[at].stamp);
+  ping.gyro = inertial.samples[at].gyro + inertial.bias_gyro;
+  const Vector3d v_body = m.T_world_body.rotation.conjugate() * m.velocity_world;
+  ping.velocity = T_body_dvl.rotation.conjugate() *
+                  (v_body + m.angular_velocity_body.cross(T_body_dvl.translation));
+  ping.sqrt_information << 200.0, 3.0, -4.0, 0.0, 150.0, 7.0, 0.0, 0.0, 300.0;
+  return ping;
+}
+
+const SE3 kBodyDvl{so3::exp({0.4, -0.6, 2.0}), {0.3, -0.2, 0.5}};
+
+TEST(DvlVelocityFactor, IsSmallAlongTheTrueMotion) {
+  const Inertial inertial;
+  const DvlPing ping = ping_at(inertial, 50, 73, kBodyDvl);
+  const DvlVelocityFactor factor(ping, kBodyDvl, kGravity, nullptr);
+  const FrameState state = inertial.state(50);
+  EXPECT_LT(residual(factor, {as_vector(state.pose), as_vector(state.motion)}).norm(), 0.02);
+}
+
+TEST(DvlVelocityFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+  const Inertial inertial;
+  Random random(12);
+  for (const std::size_t at : {50U, 52U, 90U}) {
+    const DvlPing ping = ping_at(inertial, 50, at, kBodyDvl);
+    const DvlVelocityFactor plain(ping, kBodyDvl, kGravity, nullptr);
+    const FrameState state = inertial.state(50);
+    const Values x = all_nudged({as_vector(state.pose), as_vector(state.motion)}, random, 0.05);
+    expect_jacobians(plain, x);
+    const Values first_values = all_nudged(x, random, 0.05);
+    const FirstEstimate first{.pose = as_pose(first_values[0]),
+                              .motion = as_motion(first_values[1])};
+    const DvlVelocityFactor fixed(ping, kBodyDvl, kGravity, &first);
+    expect_jacobians(fixed, x, plain, first_values);
+    EXPECT_EQ(residual(fixed, x), residual(plain, x));
+  }
+}
+
+TEST(DvlVelocityFactor, SeesNeitherYawNorPosition) {
+  const Inertial inertial;
+  const DvlVelocityFactor factor(ping_at(inertial, 50, 73, kBodyDvl), kBodyDvl, kGravity, nullptr);
+  const FrameState state = inertial.state(50);
+  const Values x{as_vector(state.pose), as_vector(state.motion)};
+  const Eigen::MatrixXd by_pose = test::analytic_jacobian(factor, x, 0);
+  const Eigen::MatrixXd by_motion = test::analytic_jacobian(factor, x, 1);
+  // The whole vehicle with its velocity turns about the vertical.
+  const Vector3d up = Vector3d::UnitZ();
+  const Vector3d velocity(state.motion.data());
+  const Vector3d yaw = by_pose.leftCols<3>() * (to_se3(x[0].data()).rotation.conjugate() * up) +
+                       by_motion.leftCols<3>() * up.cross(velocity);
+  EXPECT_LT(yaw.norm(), 1e-10 * by_pose.norm());
+  EXPECT_TRUE(by_pose.rightCols<3>().isZero(0.0));
+  EXPECT_GT(by_pose.leftCols<3>().norm(), 1.0) << "tilt is seen";
+}
+
+TEST(DvlDisplacementFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+  Random random(13);
+  const SE3 pose_i = test::random_pose(random, 2.0, 10.0);
+  const SE3 pose_j = pose_i * test::random_pose(random, 0.3, 1.0);
+  DvlDisplacement measured;
+  measured.displacement = (pose_i.inverse() * pose_j).translation;
+  measured.gyro_bias_jacobian = so3::hat(random_vector(random, 1.0)) + Matrix3d::Identity();
+  measured.gyro_bias = random_vector(random, 0.01);
+  measured.covariance = Vector3d(1e-4, 4e-4, 9e-4).asDiagonal();
+  measured.covariance(0, 1) = measured.covariance(1, 0) = 5e-5;
+  const DvlDisplacementFactor plain(measured, nullptr, nullptr);
+  MotionBlock motion = test::random_motion(random);
+  Eigen::Map<Vector3d>(motion.data() + 3) = measured.gyro_bias;
+  Values x{as_vector(to_block(pose_i)), as_vector(motion), as_vector(to_block(pose_j))};
+  EXPECT_LT(residual(plain, x).norm(), 1e-9);
+  x = all_nudged(x, random, 0.05);
+  expect_jacobians(plain, x);
+  const Values first_values = all_nudged(x, random, 0.05);
+  const FirstEstimate first_i{.pose = as_pose(first_values[0]), .motion = {}};
+  const FirstEstimate first_j{.pose = as_pose(first_values[2]), .motion = {}};
+  const DvlDisplacementFactor fixed(measured, &first_i, &first_j);
+  expect_jacobians(fixed, x, plain, first_values);
+  EXPECT_EQ(residual(fixed, x), residual(plain, x));
+}
+
+TEST(DvlDisplacementFactor, WeighsByTheCovariance) {
+  DvlDisplacement measured;
+  measured.covariance << 4e-4, 1e-4, 0.0, 1e-4, 9e-4, 2e-4, 0.0, 2e-4, 1e-4;
+  const DvlDisplacementFactor factor(measured, nullptr, nullptr);
+  const Vector3d off(0.01, -0.02, 0.005);
+  const Values x{as_vector(to_block(SE3::identity())), as_vector(MotionBlock{}),
+                 as_vector(to_block({Eigen::Quaterniond::Identity(), off}))};
+  EXPECT_NEAR(residual(factor, x).squaredNorm() / off.dot(measured.covariance.ldlt().solve(off)),
+              1.0, 1e-6);
+}
+
+TEST(DepthFactor, CountsTheLeverArmAndItsJacobianEqualsNumericDifferences) {
+  Random random(14);
+  const Vector3d lever(0.2, -0.3, 0.4);
+  for (const double sign : {1.0, -1.0}) {
+    const SE3 pose = test::random_pose(random, 1.0, 5.0);
+    const double depth = sign * (pose * lever).z();
+    const DepthFactor plain(depth, 0.02, lever, sign, nullptr);
+    Values x{as_vector(to_block(pose))};
+    EXPECT_LT(residual(plain, x).norm(), 1e-10);
+    x = all_nudged(x, random, 0.2);
+    expect_jacobians(plain, x);
+    const Values first_values = all_nudged(x, random, 0.1);
+    const FirstEstimate first{.pose = as_pose(first_values[0]), .motion = {}};
+    expect_jacobians(DepthFactor(depth, 0.02, lever, sign, &first), x, plain, first_values);
+  }
+}
+
+TEST(DepthFactor, IsOneStandardDeviationOffWhereTheDepthIs) {
+  const DepthFactor factor(5.0, 0.02, Vector3d::Zero(), -1.0, nullptr);
+  const Values x{as_vector(to_block({Eigen::Quaterniond::Identity(), {1.0, 2.0, -5.02}}))};
+  EXPECT_NEAR(residual(factor, x)(0), 1.0, 1e-9);
+}
+
+TEST(PosePriorFactor, IsTheWeightedTangentAndItsJacobianEqualsNumericDifferences) {
+  Random random(15);
+  Eigen::Matrix<double, 6, 6> S = Eigen::Matrix<double, 6, 6>::Identity() * 30.0;
+  S(0, 4) = 5.0;
+  S(2, 3) = -7.0;
+  const SE3 pose = test::random_pose(random, 2.0, 5.0);
+  const PosePriorFactor factor(pose, S);
+  Eigen::VectorXd delta(6);
+  delta << 0.3, -0.2, 0.5, 1.0, -2.0, 0.7;
+  const Values x{test::plus(as_vector(to_block(pose)), delta)};
+  EXPECT_TRUE(residual(factor, x).isApprox(S * delta, 1e-10));
+  expect_jacobians(factor, x);
+}
+
+TEST(MotionPriorFactor, IsTheWeightedDifferenceAndItsJacobianEqualsNumericDifferences) {
+  Random random(16);
+  Eigen::Matrix<double, 9, 9> S = Eigen::Matrix<double, 9, 9>::Identity() * 30.0;
+  S(0, 4) = 5.0;
+  S(8, 3) = -7.0;
+  const MotionBlock motion = test::random_motion(random);
+  const MotionPriorFactor factor(motion, S);
+  const Values x{nudged(as_vector(motion), random, 0.5)};
+  const Eigen::Map<const Eigen::Matrix<double, 9, 1>> now(x[0].data());
+  const Eigen::Map<const Eigen::Matrix<double, 9, 1>> then(motion.data());
+  EXPECT_TRUE(residual(factor, x).isApprox(S * (now - then), 1e-12));
+  expect_jacobians(factor, x);
+}
+
+}  // namespace
+}  // namespace apvi::vio
