@@ -2,24 +2,44 @@
 #include "vio/corner_grid.hpp"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <set>
 
 namespace apvi::vio {
 namespace {
 
 using Points = std::vector<cv::Point2f>;
 
-constexpr int kBorder = 8;          // corners at the rim leave at once [px]
+constexpr int kBorder = 5;          // corners at the rim leave at once [px at half the size]
 constexpr int kCornersPerCell = 3;  // what a cell is filled up to
-constexpr double kMinStrength =
-    4e-4;  // smaller eigenvalue, about an edge of 2.5 grey values a pixel
+constexpr double kQuality = 0.01;   // of the strongest corner in the image
+constexpr double kNoise = 1e-4;     // smaller eigenvalue of an edge of about 1 grey value a pixel
 
 struct Corner {
-  cv::Point2f pixel;
+  cv::Point2f pixel;  // in the image at its full size
   float strength = 0.0F;
 };
+
+// A pixel of the smaller image, in the larger one: OpenCV's pyramid keeps every second pixel.
+cv::Point2f full_size(const cv::Point2f& half) {
+  return 2.0F * half;
+}
+
+// Shi and Tomasi's measure. By stripes, so that OpenCV's threads share it; the filters read across
+// the seams.
+cv::Mat corner_strength(const cv::Mat& image) {
+  constexpr int kStripes = 4;
+  constexpr int kBlock = 3;
+  cv::Mat strength(image.size(), CV_32F);
+  cv::parallel_for_(cv::Range(0, kStripes), [&](const cv::Range& range) {
+    const cv::Range rows(range.start * image.rows / kStripes, range.end * image.rows / kStripes);
+    if (rows.empty()) return;
+    cv::Mat stripe = strength.rowRange(rows);
+    cv::cornerMinEigenVal(image.rowRange(rows), stripe, kBlock);
+  });
+  return strength;
+}
 
 // The maximum of a parabola through three values, from the middle one.
 float peak(float left, float middle, float right) {
@@ -28,40 +48,26 @@ float peak(float left, float middle, float right) {
   return std::clamp(0.5F * (left - right) / curvature, -0.5F, 0.5F);
 }
 
+// Never at the rim of the image: cells keep their distance from it.
 cv::Point2f refine(const cv::Mat& strength, cv::Point p) {
-  cv::Point2f sub(p);
-  if (p.x > 0 && p.x + 1 < strength.cols) {
-    sub.x += peak(strength.at<float>(p.y, p.x - 1), strength.at<float>(p),
-                  strength.at<float>(p.y, p.x + 1));
-  }
-  if (p.y > 0 && p.y + 1 < strength.rows) {
-    sub.y += peak(strength.at<float>(p.y - 1, p.x), strength.at<float>(p),
-                  strength.at<float>(p.y + 1, p.x));
-  }
-  return sub;
+  const float middle = strength.at<float>(p);
+  const float dx = peak(strength.at<float>(p.y, p.x - 1), middle, strength.at<float>(p.y, p.x + 1));
+  const float dy = peak(strength.at<float>(p.y - 1, p.x), middle, strength.at<float>(p.y + 1, p.x));
+  return cv::Point2f(p) + cv::Point2f(dx, dy);
 }
 
-// The strongest corners of a cell that keep their distance from `taken` and each other.
-std::vector<Corner> corners_in(const cv::Mat& image, cv::Rect cell, const Points& taken, int wanted,
-                               double min_distance) {
-  cv::Mat strength;
-  cv::cornerMinEigenVal(image(cell), strength, 3);
-  cv::Mat free = cv::Mat(strength.size(), CV_8U, cv::Scalar(255));
-  const cv::Point2f origin(cell.tl());
-  const int radius = static_cast<int>(std::ceil(min_distance));
-  for (const cv::Point2f& p : taken) {
-    cv::circle(free, cv::Point(p - origin), radius, 0, cv::FILLED);
-  }
-  std::vector<Corner> corners;
-  while (static_cast<int>(corners.size()) < wanted) {
+// The strongest corners of a cell that are `free`, which they then take.
+void corners_in(const cv::Mat& strength, cv::Rect cell, int wanted, double weakest, int radius,
+                cv::Mat& free, std::vector<Corner>& corners) {
+  for (int k = 0; k < wanted; ++k) {
     double best = 0.0;
     cv::Point where;
-    cv::minMaxLoc(strength, nullptr, &best, nullptr, &where, free);
-    if (best < kMinStrength) break;
-    corners.push_back({refine(strength, where) + origin, static_cast<float>(best)});
+    cv::minMaxLoc(strength(cell), nullptr, &best, nullptr, &where, free(cell));
+    if (best < weakest) return;
+    where += cell.tl();
+    corners.push_back({full_size(refine(strength, where)), static_cast<float>(best)});
     cv::circle(free, where, radius, 0, cv::FILLED);
   }
-  return corners;
 }
 
 bool near_any(const cv::Point2f& p, const Points& others, double distance) {
@@ -76,17 +82,19 @@ int cells_along(int length, double cell) {
 }  // namespace
 
 CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px)
-    : image_(image), max_corners_(max_corners), min_distance_px_(min_distance_px) {
+    : half_((image.width + 1) / 2, (image.height + 1) / 2),
+      max_corners_(max_corners),
+      min_distance_px_(min_distance_px) {
   // Twice as many places as corners: not every cell has texture.
-  const double area = static_cast<double>(image.area()) * kCornersPerCell / (2.0 * max_corners);
-  const double side = std::max(std::sqrt(area), min_distance_px);
-  columns_ = cells_along(image.width, side);
-  rows_ = cells_along(image.height, side);
+  const double area = static_cast<double>(half_.area()) * kCornersPerCell / (2.0 * max_corners);
+  const double side = std::max(std::sqrt(area), 0.5 * min_distance_px);
+  columns_ = cells_along(half_.width, side);
+  rows_ = cells_along(half_.height, side);
 }
 
 cv::Rect CornerGrid::cell(int index) const {
-  const int width = image_.width - 2 * kBorder;
-  const int height = image_.height - 2 * kBorder;
+  const int width = half_.width - 2 * kBorder;
+  const int height = half_.height - 2 * kBorder;
   const int column = index % columns_;
   const int row = index / columns_;
   const cv::Point from(kBorder + column * width / columns_, kBorder + row * height / rows_);
@@ -95,37 +103,42 @@ cv::Rect CornerGrid::cell(int index) const {
   return {from, to};
 }
 
-std::vector<int> CornerGrid::count_per_cell(const Points& points) const {
-  std::vector<int> counts(static_cast<std::size_t>(columns_ * rows_), 0);
-  for (std::size_t i = 0; i < counts.size(); ++i) {
+std::vector<int> CornerGrid::missing_per_cell(const Points& taken) const {
+  std::vector<int> missing(static_cast<std::size_t>(columns_ * rows_), kCornersPerCell);
+  for (std::size_t i = 0; i < missing.size(); ++i) {
     const cv::Rect2f area(cell(static_cast<int>(i)));
-    counts[i] = static_cast<int>(std::count_if(
-        points.begin(), points.end(), [&](const cv::Point2f& p) { return area.contains(p); }));
+    for (const cv::Point2f& p : taken) missing[i] -= area.contains(0.5F * p) ? 1 : 0;
   }
-  return counts;
+  return missing;
 }
 
-Points CornerGrid::find(const cv::Mat& image, const Points& taken) const {
-  if (image.cols <= 2 * kBorder + columns_ || image.rows <= 2 * kBorder + rows_) return {};
+Points CornerGrid::find(const cv::Mat& half, const Points& taken) const {
   const int room = max_corners_ - static_cast<int>(taken.size());
-  if (room <= 0) return {};
-  const std::vector<int> counts = count_per_cell(taken);
-  std::vector<std::vector<Corner>> found(counts.size());
-  cv::parallel_for_(cv::Range(0, static_cast<int>(counts.size())), [&](const cv::Range& range) {
-    for (int i = range.start; i < range.end; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const int wanted = kCornersPerCell - counts[k];
-      if (wanted > 0) found[k] = corners_in(image, cell(i), taken, wanted, min_distance_px_);
-    }
-  });
+  if (room <= 0 || half.size() != half_ || half.cols < 4 * kBorder || half.rows < 4 * kBorder) {
+    return {};
+  }
+  const cv::Mat strength = corner_strength(half);
+  double strongest = 0.0;
+  cv::minMaxLoc(strength, nullptr, &strongest);
+  const double weakest = std::max(kNoise, kQuality * strongest);
+  const int radius = static_cast<int>(std::ceil(0.5 * min_distance_px_));
+  cv::Mat free(half.size(), CV_8U, cv::Scalar(255));
+  for (const cv::Point2f& p : taken) {
+    cv::circle(free, cv::Point(0.5F * p), radius, 0, cv::FILLED);
+  }
   std::vector<Corner> corners;
-  for (const auto& in_cell : found) corners.insert(corners.end(), in_cell.begin(), in_cell.end());
+  const std::vector<int> missing = missing_per_cell(taken);
+  for (std::size_t i = 0; i < missing.size(); ++i) {
+    corners_in(strength, cell(static_cast<int>(i)), missing[i], weakest, radius, free, corners);
+  }
   std::stable_sort(corners.begin(), corners.end(),
                    [](const Corner& a, const Corner& b) { return a.strength > b.strength; });
   Points chosen;
   for (const Corner& corner : corners) {
     if (static_cast<int>(chosen.size()) == room) break;
-    if (!near_any(corner.pixel, chosen, min_distance_px_)) chosen.push_back(corner.pixel);
+    const cv::Point2f& p = corner.pixel;
+    if (near_any(p, chosen, min_distance_px_) || near_any(p, taken, min_distance_px_)) continue;
+    chosen.push_back(p);
   }
   return chosen;
 }
@@ -133,12 +146,13 @@ Points CornerGrid::find(const cv::Mat& image, const Points& taken) const {
 double spread(const Points& points, cv::Size image) {
   constexpr int kColumns = 8;
   constexpr int kRows = 6;
-  std::set<std::pair<int, int>> held;
+  std::bitset<kColumns * kRows> held;
   for (const cv::Point2f& p : points) {
-    held.emplace(static_cast<int>(p.x) * kColumns / image.width,
-                 static_cast<int>(p.y) * kRows / image.height);
+    const int column = std::clamp(static_cast<int>(p.x) * kColumns / image.width, 0, kColumns - 1);
+    const int row = std::clamp(static_cast<int>(p.y) * kRows / image.height, 0, kRows - 1);
+    held.set(static_cast<std::size_t>(row * kColumns + column));
   }
-  return static_cast<double>(held.size()) / (kColumns * kRows);
+  return static_cast<double>(held.count()) / (kColumns * kRows);
 }
 
 }  // namespace apvi::vio

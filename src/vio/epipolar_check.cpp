@@ -22,15 +22,8 @@ using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
 
 constexpr std::size_t kFewestPairs = 8;  // five fit any motion; so few more prove little
-
-struct Motion {
-  Quaterniond R_now_before = Quaterniond::Identity();
-  Vector3d direction = Vector3d::UnitZ();  // of the translation, unit
-};
-
-Matrix3d essential_of(const Motion& motion) {
-  return essential_matrix(motion.R_now_before, motion.direction);
-}
+constexpr int kFewestSamples = 10;
+constexpr int kMostSamples = 200;
 
 // Sum of squared distances, each no more than the threshold's.
 double truncated_cost(const Matrix3d& essential, const Pairs& pairs, double threshold) {
@@ -42,27 +35,60 @@ double truncated_cost(const Matrix3d& essential, const Pairs& pairs, double thre
   return cost;
 }
 
+// What a known rotation leaves of a pair: the point turned, and the normal of the plane in which
+// the translation must lie.
+struct TurnedPair {
+  Vector3d turned;
+  Vector3d normal;
+};
+
+// As `truncated_cost`, but for the distance in the second frame only, which takes no root.
+double turned_cost(const Vector3d& direction, const std::vector<TurnedPair>& pairs,
+                   double threshold, double enough) {
+  const double most = threshold * threshold;
+  double cost = 0.0;
+  for (const TurnedPair& pair : pairs) {
+    const double residual = direction.dot(pair.normal);
+    const double line2 = direction.cross(pair.turned).head<2>().squaredNorm();
+    cost += residual * residual < most * line2 ? residual * residual / line2 : most;
+    if (cost > enough) break;
+  }
+  return cost;
+}
+
+// Samples after which two pairs without an outlier were drawn with 99.9 % certainty, when `cost`
+// is the truncated cost of the best so far.
+int samples_needed(double cost, std::size_t pairs, double threshold) {
+  const double outliers = cost / (threshold * threshold * static_cast<double>(pairs));
+  const double both_good = (1.0 - outliers) * (1.0 - outliers);
+  if (both_good > 0.999) return 1;
+  if (both_good < 1e-3) return kMostSamples;
+  return std::min(kMostSamples, static_cast<int>(std::log(1e-3) / std::log(1.0 - both_good)) + 1);
+}
+
 // With a known rotation every pair confines the translation to a plane; two give its direction.
-Motion best_direction(const Pairs& pairs, const Quaterniond& R_now_before, double threshold) {
-  constexpr int kSamples = 60;
-  std::vector<Vector3d> normals;
+CameraMotion best_direction(const Pairs& pairs, const Quaterniond& R_now_before, double threshold) {
+  const Matrix3d R = R_now_before.toRotationMatrix();
+  std::vector<TurnedPair> turned;
+  turned.reserve(pairs.size());
   for (const PointPair& pair : pairs) {
-    normals.push_back((R_now_before * pair.before.homogeneous()).cross(pair.now.homogeneous()));
+    const Vector3d g = R * pair.before.homogeneous();
+    turned.push_back({g, g.cross(pair.now.homogeneous())});
   }
   Random random(1);
-  Motion best{R_now_before, Vector3d::UnitZ()};
+  CameraMotion best{R_now_before, Vector3d::UnitZ()};
   double best_cost = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kSamples; ++k) {
-    const auto i = static_cast<std::size_t>(random.next() % normals.size());
-    const auto j = static_cast<std::size_t>(random.next() % normals.size());
-    const Vector3d direction = normals[i].cross(normals[j]);
+  int needed = kMostSamples;
+  for (int k = 0; k < needed; ++k) {
+    const auto& one = turned[static_cast<std::size_t>(random.next() % turned.size())];
+    const auto& other = turned[static_cast<std::size_t>(random.next() % turned.size())];
+    const Vector3d direction = one.normal.cross(other.normal);
     if (direction.norm() < 1e-14) continue;
-    const Motion motion{R_now_before, direction.normalized()};
-    const double cost = truncated_cost(essential_of(motion), pairs, threshold);
-    if (cost < best_cost) {
-      best_cost = cost;
-      best = motion;
-    }
+    const double cost = turned_cost(direction.normalized(), turned, threshold, best_cost);
+    if (cost >= best_cost) continue;
+    best_cost = cost;
+    best.direction = direction.normalized();
+    needed = std::max(kFewestSamples, samples_needed(cost, turned.size(), threshold));
   }
   return best;
 }
@@ -75,53 +101,67 @@ Eigen::Matrix<double, 3, 2> tangent_basis(const Vector3d& unit) {
   return basis;
 }
 
-// Gauss-Newton on rotation and direction, Cauchy weights. The prior keeps the rotation near the
-// gyro's where the pairs cannot tell it from the translation.
-Motion refined(Motion motion, const Pairs& pairs, double threshold) {
+// Adds a pair to the normal equations of a small turn and a shift of the direction; Cauchy's
+// weight at half the threshold.
+void add_pair(const CameraMotion& motion, const Matrix3d& R, const Matrix3d& essential,
+              const Eigen::Matrix<double, 3, 2>& basis, const PointPair& pair, double threshold,
+              Matrix5d& H, Vector5d& b) {
+  const Vector3d before = pair.before.homogeneous();
+  const Vector3d now = pair.now.homogeneous();
+  const Vector3d line_now = essential * before;
+  const double scale2 =
+      line_now.head<2>().squaredNorm() + (essential.transpose() * now).head<2>().squaredNorm();
+  if (scale2 < 1e-24) return;
+  const Vector3d g = R * before;
+  const double residual = now.dot(line_now);
+  const double weight = 1.0 / (threshold * threshold * scale2 + 4.0 * residual * residual);
+  Vector5d J;
+  J.head<3>() = motion.direction.dot(g) * now - g.dot(now) * motion.direction;
+  J.tail<2>() = basis.transpose() * g.cross(now);
+  H.noalias() += (weight * J) * J.transpose();
+  b -= (weight * residual) * J;
+}
+
+// Gauss-Newton on rotation and direction. The prior keeps the rotation near the gyro's where the
+// pairs cannot tell it from the translation.
+CameraMotion refined(CameraMotion motion, const Pairs& pairs, double threshold) {
   constexpr int kIterations = 4;
   constexpr double kRotationSigma = 0.01;  // [rad]
-  Vector3d turned = Vector3d::Zero();
+  constexpr double kRotationWeight = 1.0 / (kRotationSigma * kRotationSigma);
+  Vector3d turn = Vector3d::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const Matrix3d essential = essential_of(motion);
+    const Matrix3d essential = motion.essential();
+    const Matrix3d R = motion.R_now_before.toRotationMatrix();
     const auto basis = tangent_basis(motion.direction);
     Matrix5d H = 1e-6 * Matrix5d::Identity() / (threshold * threshold);
     Vector5d b = Vector5d::Zero();
-    H.topLeftCorner<3, 3>() += Matrix3d::Identity() / (kRotationSigma * kRotationSigma);
-    b.head<3>() -= turned / (kRotationSigma * kRotationSigma);
+    H.topLeftCorner<3, 3>() += kRotationWeight * Matrix3d::Identity();
+    b.head<3>() -= kRotationWeight * turn;
     for (const PointPair& pair : pairs) {
-      const Vector3d before = pair.before.homogeneous();
-      const Vector3d now = pair.now.homogeneous();
-      const Vector3d g = motion.R_now_before * before;
-      const double scale = std::hypot((essential * before).head<2>().norm(),
-                                      (essential.transpose() * now).head<2>().norm());
-      if (scale < 1e-12) continue;
-      const double residual = now.dot(essential * before) / scale;
-      const double weight =
-          1.0 / (threshold * threshold + 4.0 * residual * residual);  // Cauchy, half a threshold
-      Vector5d J;
-      J.head<3>() = (motion.direction.dot(g) * now - g.dot(now) * motion.direction) / scale;
-      J.tail<2>() = basis.transpose() * g.cross(now) / scale;
-      H += weight * J * J.transpose();
-      b -= weight * J * residual;
+      add_pair(motion, R, essential, basis, pair, threshold, H, b);
     }
     const Vector5d step = H.ldlt().solve(b);
     if (!step.allFinite()) break;
-    turned += step.head<3>();
+    turn += step.head<3>();
     motion.R_now_before = (so3::exp(step.head<3>()) * motion.R_now_before).normalized();
     motion.direction = (motion.direction + basis * step.tail<2>()).normalized();
   }
   return motion;
 }
 
-Matrix3d with_rotation(const Pairs& pairs, const Quaterniond& R_now_before, double threshold) {
-  const Motion coarse = best_direction(pairs, R_now_before, 3.0 * threshold);
-  const Motion fine = refined(coarse, pairs, threshold);
-  const Matrix3d a = essential_of(coarse);
-  const Matrix3d b = essential_of(fine);
-  return truncated_cost(b, pairs, threshold) <= truncated_cost(a, pairs, threshold) ? b : a;
+// Of the two rotations that an essential matrix allows, the smaller: the other one turns the camera
+// about its translation by 180 degrees more.
+CameraMotion motion_of(const cv::Mat& essential) {
+  cv::Mat rotations[2];
+  cv::Mat direction;
+  cv::decomposeEssentialMat(essential, rotations[0], rotations[1], direction);
+  const bool first = cv::trace(rotations[0])[0] >= cv::trace(rotations[1])[0];
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const Matrix3d R = Eigen::Map<const RowMajor>(rotations[first ? 0 : 1].ptr<double>());
+  return {Quaterniond(R), Vector3d(direction.ptr<double>()).normalized()};
 }
 
-std::optional<Matrix3d> without_rotation(const Pairs& pairs, double threshold) {
+std::optional<CameraMotion> five_point(const Pairs& pairs, double threshold) {
   std::vector<cv::Point2d> before;
   std::vector<cv::Point2d> now;
   for (const PointPair& pair : pairs) {
@@ -134,8 +174,7 @@ std::optional<Matrix3d> without_rotation(const Pairs& pairs, double threshold) {
   const cv::Mat found = cv::findEssentialMat(before, now, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC,
                                              kConfidence, threshold, kMaxSamples);
   if (found.rows != 3 || found.cols != 3) return std::nullopt;
-  return Matrix3d(
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(found.ptr<double>()));
+  return motion_of(found);
 }
 
 }  // namespace
@@ -152,12 +191,18 @@ Matrix3d essential_matrix(const Quaterniond& R_now_before, const Vector3d& t_now
   return so3::hat(t_now_before) * R_now_before.toRotationMatrix();
 }
 
-std::optional<Matrix3d> best_essential(const Pairs& pairs,
-                                       const std::optional<Quaterniond>& R_now_before,
-                                       double threshold) {
+std::optional<CameraMotion> best_motion(const Pairs& pairs,
+                                        const std::optional<Quaterniond>& R_now_before,
+                                        double threshold) {
   if (pairs.size() < kFewestPairs) return std::nullopt;
-  if (!R_now_before) return without_rotation(pairs, threshold);
-  return with_rotation(pairs, *R_now_before, threshold);
+  const std::optional<CameraMotion> coarse =
+      R_now_before ? best_direction(pairs, *R_now_before, 3.0 * threshold)
+                   : five_point(pairs, threshold);
+  if (!coarse) return std::nullopt;
+  const CameraMotion fine = refined(*coarse, pairs, threshold);
+  const bool better = truncated_cost(fine.essential(), pairs, threshold) <=
+                      truncated_cost(coarse->essential(), pairs, threshold);
+  return better ? fine : coarse;
 }
 
 }  // namespace apvi::vio

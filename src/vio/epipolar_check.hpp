@@ -21,14 +21,23 @@ double epipolar_distance(const Eigen::Matrix3d& essential, const PointPair& pair
 Eigen::Matrix3d essential_matrix(const Eigen::Quaterniond& R_now_before,
                                  const Eigen::Vector3d& t_now_before);
 
-/// The essential matrix that suits most pairs, where a pair suits one that it is nearer to than
-/// `threshold`; nothing when there are too few pairs to tell.
+/// How the camera moved between two frames, up to the length of the way.
+struct CameraMotion {
+  Eigen::Quaterniond R_now_before = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< of the translation t_now_before, unit
+
+  Eigen::Matrix3d essential() const { return essential_matrix(R_now_before, direction); }
+};
+
+/// The motion that suits most pairs, where a pair suits one whose epipolar line it is nearer to
+/// than `threshold`; nothing when there are too few pairs to tell.
 ///
 /// With a rotation from the gyro: two pairs give a direction of translation, and the best one is
 /// refined together with the rotation, which may be a little off (gyro bias, camera time offset).
-/// Without: the five-point method. Both draw the same samples every time.
-std::optional<Eigen::Matrix3d> best_essential(const std::vector<PointPair>& pairs,
-                                              const std::optional<Eigen::Quaterniond>& R_now_before,
-                                              double threshold);
+/// Without: the five-point method finds where to refine from. Both draw the same samples every
+/// time.
+std::optional<CameraMotion> best_motion(const std::vector<PointPair>& pairs,
+                                        const std::optional<Eigen::Quaterniond>& R_now_before,
+                                        double threshold);
 
 }  // namespace apvi::vio

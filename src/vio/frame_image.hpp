@@ -19,6 +19,8 @@ struct FrameImage {
   std::vector<cv::Mat> pyramid;  ///< of `even`: images and their derivatives
   double brightness = 0.0;       ///< mean of `grey`
   double contrast = 0.0;         ///< standard deviation of `grey`
+
+  const cv::Mat& half() const { return pyramid[2]; }  ///< `even` at half its size
 };
 
 /// 8-bit grey of an image of 8 or 16 bits or of floats in [0, 1], grey, BGR or BGRA. False for

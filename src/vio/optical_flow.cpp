@@ -42,19 +42,17 @@ Flow forth_and_back(const FrameImage& before, const FrameImage& now, const Point
 }  // namespace
 
 Flow follow(const FrameImage& before, const FrameImage& now, const Points& from,
-            const Points& guess, bool trust_guess, double max_backward_px) {
+            const Points& guess, const Points& second_guess, double max_backward_px) {
   if (from.empty()) return {};
-  const int levels = trust_guess ? kFineLevels : kFlowLevels;
-  Flow flow = forth_and_back(before, now, from, guess, levels, max_backward_px);
-  if (!trust_guess) return flow;
+  Flow flow = forth_and_back(before, now, from, guess, kFineLevels, max_backward_px);
   std::vector<std::size_t> failed;
   Points again_from;
   Points again_guess;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    if (flow.found[i] || !inside(guess[i], now.grey)) continue;
+    if (flow.found[i] || !inside(second_guess[i], now.grey)) continue;
     failed.push_back(i);
     again_from.push_back(from[i]);
-    again_guess.push_back(guess[i]);
+    again_guess.push_back(second_guess[i]);
   }
   if (failed.empty()) return flow;
   const Flow again =

@@ -14,11 +14,12 @@ struct Flow {
   std::vector<char> found;      ///< 0: no match, or it does not lead back
 };
 
-/// Pyramidal Lucas-Kanade from `from` in one image to another, started at `guess`, first on the
-/// fine levels alone, then on all of them for those that this does not find. A match counts when
-/// the flow back ends within `max_backward_px` of where it began, and inside of the image.
-/// `trust_guess`: false to start on all levels at once.
+/// Pyramidal Lucas-Kanade from `from` in one image to another: first from `guess` on the fine
+/// levels alone, then from `second_guess` on all levels for those that this does not find. A match
+/// counts when the flow back ends within `max_backward_px` of where it began, and inside of the
+/// image.
 Flow follow(const FrameImage& before, const FrameImage& now, const std::vector<cv::Point2f>& from,
-            const std::vector<cv::Point2f>& guess, bool trust_guess, double max_backward_px);
+            const std::vector<cv::Point2f>& guess, const std::vector<cv::Point2f>& second_guess,
+            double max_backward_px);
 
 }  // namespace apvi::vio

@@ -62,7 +62,7 @@ std::vector<std::optional<StereoMatch>> StereoSearch::find(
     from.push_back(query.pixel);
     guesses.push_back(guess(query));
   }
-  const Flow flow = follow(first, second, from, guesses, true, max_backward_px_);
+  const Flow flow = follow(first, second, from, guesses, guesses, max_backward_px_);
   std::vector<std::optional<StereoMatch>> matches(queries.size());
   std::vector<double> inverse_depths;
   for (std::size_t i = 0; i < queries.size(); ++i) {

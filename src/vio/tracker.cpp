@@ -6,10 +6,10 @@
 
 #include "apvi/core/error.hpp"
 #include "vio/corner_grid.hpp"
-#include "vio/epipolar_check.hpp"
 #include "vio/frame_image.hpp"
 #include "vio/optical_flow.hpp"
 #include "vio/projection.hpp"
+#include "vio/rigidity_check.hpp"
 #include "vio/stereo_search.hpp"
 
 namespace apvi::vio {
@@ -21,6 +21,8 @@ using Eigen::Vector2d;
 constexpr double kMinContrast = 1.0;  // below, an image shows nothing [grey values]
 constexpr double kMemory_s = 0.3;     // so long after the last good frame its tracks are looked for
 constexpr int kMemoryFrames = 2;      // or so many bad frames after it, if that is longer
+constexpr int kGlitchTracks = 20;     // of so many tracks
+constexpr double kGlitchShare = 0.1;  // less than this found again: something covers the view
 
 struct StereoView {
   StereoMatch match;
@@ -45,8 +47,16 @@ cv::Size size_of(const CameraModel& camera) {
 
 std::vector<cv::Point2f> pixels_of(const std::vector<Track>& tracks) {
   std::vector<cv::Point2f> pixels;
+  pixels.reserve(tracks.size());
   for (const Track& track : tracks) pixels.push_back(track.pixel);
   return pixels;
+}
+
+std::vector<TrackPoint> points_of(const std::vector<Track>& tracks) {
+  std::vector<TrackPoint> points;
+  points.reserve(tracks.size());
+  for (const Track& track : tracks) points.push_back({track.id, track.point});
+  return points;
 }
 
 Observation observe(const Track& track) {
@@ -67,7 +77,8 @@ struct Tracker::Impl {
       : config(tracker_config),
         camera(cameras.front()),
         preparer(config.equalize),
-        grid(size_of(camera.model), config.max_tracks, config.min_distance_px) {
+        grid(size_of(camera.model), config.max_tracks, config.min_distance_px),
+        rigidity(config.max_epipolar_px / focal_length(camera.model)) {
     if (cameras.size() < 2) return;
     right_size = size_of(cameras[1].model);
     stereo.emplace(camera, cameras[1], config.max_backward_px, config.max_epipolar_px);
@@ -77,11 +88,15 @@ struct Tracker::Impl {
                        const std::optional<Quaterniond>& R_before_now);
   FrameQuality take_image(const std::vector<cv::Mat>& images, Stamp stamp);
   void add_rotation(const std::optional<Quaterniond>& R_before_now);
-  void forget_old(Stamp stamp);
+  bool remembers(Stamp stamp) const;
+  TrackedFrame bad(TrackedFrame frame);
+  void forget();
+  bool glitch(std::size_t found, Stamp stamp) const;
+  void keep(Stamp stamp);
   std::optional<Quaterniond> R_now_last() const;
   std::vector<cv::Point2f> turned_pixels() const;
   std::vector<Track> followed(double dt, FrameStatistics& statistics) const;
-  void drop_outliers(std::vector<Track>& now, FrameStatistics& statistics) const;
+  std::vector<Track> rigid(const std::vector<Track>& now, FrameStatistics& statistics);
   void detect(FrameStatistics& statistics);
   void look_right(const std::vector<cv::Mat>& images, Stamp stamp);
   void report(TrackedFrame& frame) const;
@@ -90,6 +105,7 @@ struct Tracker::Impl {
   CameraCalibration camera;
   FramePreparer preparer;
   CornerGrid grid;
+  RigidityCheck rigidity;
   std::optional<StereoSearch> stereo;
   cv::Size right_size;
 
@@ -124,10 +140,9 @@ void Tracker::Impl::add_rotation(const std::optional<Quaterniond>& R_before_now)
   }
 }
 
-void Tracker::Impl::forget_old(Stamp stamp) {
-  if (last_stamp && bad_frames > kMemoryFrames && seconds_between(*last_stamp, stamp) > kMemory_s) {
-    tracks.clear();
-  }
+// Whether tracks of the last good frame may still be found in this one.
+bool Tracker::Impl::remembers(Stamp stamp) const {
+  return bad_frames <= kMemoryFrames || seconds_between(*last_stamp, stamp) <= kMemory_s;
 }
 
 // Of the camera since the last good frame.
@@ -155,8 +170,7 @@ std::vector<Track> Tracker::Impl::followed(double dt, FrameStatistics& statistic
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     guess[i] += static_cast<float>(dt) * tracks[i].drift;
   }
-  const Flow flow = follow(last, current, pixels_of(tracks), guess, R_last_now.has_value(),
-                           config.max_backward_px);
+  const Flow flow = follow(last, current, pixels_of(tracks), guess, turned, config.max_backward_px);
   std::vector<Track> now;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (!flow.found[i]) continue;
@@ -174,26 +188,19 @@ std::vector<Track> Tracker::Impl::followed(double dt, FrameStatistics& statistic
   return now;
 }
 
-void Tracker::Impl::drop_outliers(std::vector<Track>& now, FrameStatistics& statistics) const {
-  std::vector<PointPair> pairs;
-  std::size_t k = 0;
-  for (const Track& track : now) {
-    while (tracks[k].id != track.id) ++k;
-    pairs.push_back({tracks[k].point, track.point});
-  }
-  const double threshold = config.max_epipolar_px / focal_length(camera.model);
-  const auto essential = best_essential(pairs, R_now_last(), threshold);
-  if (!essential) return;
+std::vector<Track> Tracker::Impl::rigid(const std::vector<Track>& now,
+                                        FrameStatistics& statistics) {
+  const std::vector<char> stays = rigidity.check(points_of(now), R_now_last());
   std::vector<Track> kept;
   for (std::size_t i = 0; i < now.size(); ++i) {
-    if (epipolar_distance(*essential, pairs[i]) <= threshold) kept.push_back(now[i]);
+    if (stays[i] != 0) kept.push_back(now[i]);
   }
   statistics.lost_epipolar = static_cast<int>(now.size() - kept.size());
-  now = std::move(kept);
+  return kept;
 }
 
 void Tracker::Impl::detect(FrameStatistics& statistics) {
-  for (const cv::Point2f& pixel : grid.find(current.even, pixels_of(tracks))) {
+  for (const cv::Point2f& pixel : grid.find(current.half(), pixels_of(tracks))) {
     const auto point = plane_point(camera.model, pixel);
     if (!point) continue;
     Track track;
@@ -241,34 +248,60 @@ void Tracker::Impl::report(TrackedFrame& frame) const {
   frame.statistics.spread = spread(pixels_of(tracks), size_of(camera.model));
 }
 
+// A frame that cannot be used: the last good one stays what the next is compared with.
+TrackedFrame Tracker::Impl::bad(TrackedFrame frame) {
+  const FrameQuality quality = frame.statistics.quality;
+  if (quality == FrameQuality::wrong_size || quality == FrameQuality::featureless) ++bad_frames;
+  if (last_stamp && !remembers(frame.stamp)) forget();
+  return frame;
+}
+
+void Tracker::Impl::forget() {
+  tracks.clear();
+  rigidity.clear();
+  last_stamp.reset();
+}
+
+// Whether hardly anything was found again, though the frame before is recent enough.
+bool Tracker::Impl::glitch(std::size_t found, Stamp stamp) const {
+  const auto tracked = static_cast<double>(tracks.size());
+  return tracks.size() >= kGlitchTracks && static_cast<double>(found) < kGlitchShare * tracked &&
+         bad_frames < kMemoryFrames && remembers(stamp);
+}
+
 TrackedFrame Tracker::Impl::process(const std::vector<cv::Mat>& images, Stamp stamp,
                                     const std::optional<Quaterniond>& R_before_now) {
   TrackedFrame frame{stamp, {}, {}};
   FrameStatistics& statistics = frame.statistics;
-  const std::optional<Stamp> before = newest;
+  if (!newest || *newest < stamp) add_rotation(R_before_now);
   statistics.quality = take_image(images, stamp);
-  if (!before || *before < stamp) add_rotation(R_before_now);
   statistics.brightness = current.brightness;
-  if (statistics.quality != FrameQuality::good) {
-    if (statistics.quality != FrameQuality::repeated) ++bad_frames;
-    forget_old(stamp);
-    return frame;
-  }
+  if (statistics.quality != FrameQuality::good) return bad(std::move(frame));
   preparer.build_pyramid(current);
   if (last_stamp && !tracks.empty()) {
-    std::vector<Track> now = followed(seconds_between(*last_stamp, stamp), statistics);
-    drop_outliers(now, statistics);
+    const double dt = seconds_between(*last_stamp, stamp);
+    std::vector<Track> now = rigid(followed(dt, statistics), statistics);
+    if (glitch(now.size(), stamp)) {
+      statistics.quality = FrameQuality::featureless;
+      return bad(std::move(frame));
+    }
     statistics.tracked = static_cast<int>(now.size());
     tracks = std::move(now);
   }
   detect(statistics);
   look_right(images, stamp);
   report(frame);
+  keep(stamp);
+  return frame;
+}
+
+// The present frame becomes the last good one.
+void Tracker::Impl::keep(Stamp stamp) {
+  rigidity.add(points_of(tracks));
   std::swap(last, current);
   last_stamp = stamp;
   bad_frames = 0;
   R_last_now = Quaterniond::Identity();
-  return frame;
 }
 
 Tracker::Tracker(const TrackerConfig& config, const std::vector<CameraCalibration>& cameras) {
@@ -286,8 +319,7 @@ TrackedFrame Tracker::process(const std::vector<cv::Mat>& images, Stamp stamp,
 }
 
 void Tracker::reset() {
-  impl_->tracks.clear();
-  impl_->last_stamp.reset();
+  impl_->forget();
   impl_->newest.reset();
   impl_->bad_frames = 0;
   impl_->R_last_now = Quaterniond::Identity();
