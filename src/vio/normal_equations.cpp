@@ -56,7 +56,7 @@ void NormalEquations::add_term(const LinearTerms::Term& term) {
       if (a.block < b.block) continue;
       link(a.block, b.block);
       double* const corner = &H_(column(a.block), column(b.block));
-      if (term.rows == 2 && a.J.cols() == 6 && b.J.cols() == 6) {
+      if (term.rows == 2 && a.J.outerStride() == 7 && b.J.outerStride() == 7) {
         Block66(corner, Eigen::OuterStride<>(H_.rows())) +=
             CameraJacobian(a.numbers).transpose().lazyProduct(CameraJacobian(b.numbers));
       } else {
