@@ -2,9 +2,11 @@
 #include "vio/corner_grid.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bitset>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
+#include <tuple>
 
 namespace apvi::vio {
 namespace {
@@ -12,33 +14,75 @@ namespace {
 using Points = std::vector<cv::Point2f>;
 
 constexpr int kBorder = 5;          // corners at the rim leave at once [px at half the size]
+constexpr int kBlock = 4;           // peaks are looked for in blocks of so many pixels
 constexpr int kCornersPerCell = 3;  // what a cell is filled up to
-constexpr double kQuality = 0.01;   // of the strongest corner in the image
-constexpr double kNoise = 1e-4;     // smaller eigenvalue of an edge of about 1 grey value a pixel
+constexpr float kQuality = 0.01F;   // of the strongest corner in the image
+constexpr float kNoise = 1.0F;      // mean square of a gradient that shows nothing [grey²/px²]
 
-struct Corner {
-  cv::Point2f pixel;  // in the image at its full size
-  float strength = 0.0F;
+// Products of a row's gradients.
+struct ProductRow {
+  std::vector<float> xx, xy, yy;
+
+  void resize(std::size_t n) {
+    xx.resize(n);
+    xy.resize(n);
+    yy.resize(n);
+  }
 };
 
-// A pixel of the smaller image, in the larger one: OpenCV's pyramid keeps every second pixel.
-cv::Point2f full_size(const cv::Point2f& half) {
-  return 2.0F * half;
+void multiply(const cv::Mat& gradient, int row, ProductRow& out) {
+  constexpr float kScharr = 1.0F / 32.0F;  // sum of the weights of one side of the filter, twice
+  const auto* in = gradient.ptr<short>(row);
+  for (std::size_t i = 0; i < out.xx.size(); ++i) {
+    const float x = kScharr * static_cast<float>(in[2 * i]);
+    const float y = kScharr * static_cast<float>(in[2 * i + 1]);
+    out.xx[i] = x * x;
+    out.xy[i] = x * y;
+    out.yy[i] = y * y;
+  }
 }
 
-// Shi and Tomasi's measure. By stripes, so that OpenCV's threads share it; the filters read across
-// the seams.
-cv::Mat corner_strength(const cv::Mat& image) {
+void add(const ProductRow& a, const ProductRow& b, const ProductRow& c, ProductRow& sum) {
+  for (std::size_t i = 0; i < sum.xx.size(); ++i) {
+    sum.xx[i] = a.xx[i] + b.xx[i] + c.xx[i];
+    sum.xy[i] = a.xy[i] + b.xy[i] + c.xy[i];
+    sum.yy[i] = a.yy[i] + b.yy[i] + c.yy[i];
+  }
+}
+
+// The smaller eigenvalue of the mean of three by three products.
+void smaller_eigenvalues(const ProductRow& sum, float* out) {
+  for (std::size_t i = 1; i + 1 < sum.xx.size(); ++i) {
+    const float a = sum.xx[i - 1] + sum.xx[i] + sum.xx[i + 1];
+    const float b = sum.xy[i - 1] + sum.xy[i] + sum.xy[i + 1];
+    const float c = sum.yy[i - 1] + sum.yy[i] + sum.yy[i + 1];
+    out[i] = (a + c - std::sqrt((a - c) * (a - c) + 4.0F * b * b)) / 18.0F;
+  }
+}
+
+// Shi and Tomasi's measure of the rows but for those at the rim; a third product is kept from row
+// to row.
+void strength_of_rows(const cv::Mat& gradient, cv::Range rows, cv::Mat& strength) {
+  std::array<ProductRow, 3> products;
+  ProductRow sum;
+  for (ProductRow& row : products) row.resize(static_cast<std::size_t>(gradient.cols));
+  sum.resize(static_cast<std::size_t>(gradient.cols));
+  for (int row = rows.start - 1; row <= rows.end; ++row) {
+    multiply(gradient, row, products[static_cast<std::size_t>((row + 3) % 3)]);
+    if (row <= rows.start) continue;
+    add(products[0], products[1], products[2], sum);
+    smaller_eigenvalues(sum, strength.ptr<float>(row - 1));
+  }
+}
+
+void corner_strength(const cv::Mat& gradient, cv::Mat& strength) {
   constexpr int kStripes = 4;
-  constexpr int kBlock = 3;
-  cv::Mat strength(image.size(), CV_32F);
+  strength.create(gradient.size(), CV_32F);
+  const int inner = gradient.rows - 2;
   cv::parallel_for_(cv::Range(0, kStripes), [&](const cv::Range& range) {
-    const cv::Range rows(range.start * image.rows / kStripes, range.end * image.rows / kStripes);
-    if (rows.empty()) return;
-    cv::Mat stripe = strength.rowRange(rows);
-    cv::cornerMinEigenVal(image.rowRange(rows), stripe, kBlock);
+    const cv::Range rows(1 + range.start * inner / kStripes, 1 + range.end * inner / kStripes);
+    if (!rows.empty()) strength_of_rows(gradient, rows, strength);
   });
-  return strength;
 }
 
 // The maximum of a parabola through three values, from the middle one.
@@ -48,31 +92,58 @@ float peak(float left, float middle, float right) {
   return std::clamp(0.5F * (left - right) / curvature, -0.5F, 0.5F);
 }
 
-// Never at the rim of the image: cells keep their distance from it.
+// Where a peak is in the image at its full size; OpenCV's pyramid keeps every second pixel.
 cv::Point2f refine(const cv::Mat& strength, cv::Point p) {
-  const float middle = strength.at<float>(p);
-  const float dx = peak(strength.at<float>(p.y, p.x - 1), middle, strength.at<float>(p.y, p.x + 1));
-  const float dy = peak(strength.at<float>(p.y - 1, p.x), middle, strength.at<float>(p.y + 1, p.x));
-  return cv::Point2f(p) + cv::Point2f(dx, dy);
+  const auto at = [&](int dx, int dy) { return strength.at<float>(p.y + dy, p.x + dx); };
+  const float dx = peak(at(-1, 0), at(0, 0), at(1, 0));
+  const float dy = peak(at(0, -1), at(0, 0), at(0, 1));
+  return 2.0F * (cv::Point2f(p) + cv::Point2f(dx, dy));
 }
 
-// The strongest corners of a cell that are `free`, which they then take.
-void corners_in(const cv::Mat& strength, cv::Rect cell, int wanted, double weakest, int radius,
-                cv::Mat& free, std::vector<Corner>& corners) {
-  for (int k = 0; k < wanted; ++k) {
-    double best = 0.0;
-    cv::Point where;
-    cv::minMaxLoc(strength(cell), nullptr, &best, nullptr, &where, free(cell));
-    if (best < weakest) return;
-    where += cell.tl();
-    corners.push_back({full_size(refine(strength, where)), static_cast<float>(best)});
-    cv::circle(free, where, radius, 0, cv::FILLED);
+// Of blocks of `kBlock` rows, from the border on.
+std::vector<float> largest_of_rows(const cv::Mat& strength) {
+  const int blocks = (strength.rows - 2 * kBorder) / kBlock;
+  const auto columns = static_cast<std::size_t>(strength.cols);
+  std::vector<float> largest(static_cast<std::size_t>(blocks) * columns);
+  for (int block = 0; block < blocks; ++block) {
+    const int y = kBorder + block * kBlock;
+    const auto* a = strength.ptr<float>(y);
+    const auto* b = strength.ptr<float>(y + 1);
+    const auto* c = strength.ptr<float>(y + 2);
+    const auto* d = strength.ptr<float>(y + 3);
+    float* out = &largest[static_cast<std::size_t>(block) * columns];
+    for (std::size_t x = 1; x + 1 < columns; ++x) {  // the rim holds nothing
+      out[x] = std::max(std::max(a[x], b[x]), std::max(c[x], d[x]));
+    }
   }
+  return largest;
+}
+
+cv::Point largest_in_block(const cv::Mat& strength, cv::Point corner) {
+  cv::Point best = corner;
+  for (int y = corner.y; y < corner.y + kBlock; ++y) {
+    for (int x = corner.x; x < corner.x + kBlock; ++x) {
+      if (strength.at<float>(y, x) > strength.at<float>(best)) best = {x, y};
+    }
+  }
+  return best;
+}
+
+// Not smaller than any neighbour.
+bool is_peak(const cv::Mat& strength, cv::Point p) {
+  const float value = strength.at<float>(p);
+  for (int y = p.y - 1; y <= p.y + 1; ++y) {
+    const auto* row = strength.ptr<float>(y) + p.x;
+    if (std::max({row[-1], row[0], row[1]}) > value) return false;
+  }
+  return true;
 }
 
 bool near_any(const cv::Point2f& p, const Points& others, double distance) {
-  return std::any_of(others.begin(), others.end(),
-                     [&](const cv::Point2f& o) { return cv::norm(o - p) < distance; });
+  const auto limit = static_cast<float>(distance * distance);
+  return std::any_of(others.begin(), others.end(), [&](const cv::Point2f& o) {
+    return (o.x - p.x) * (o.x - p.x) + (o.y - p.y) * (o.y - p.y) < limit;
+  });
 }
 
 int cells_along(int length, double cell) {
@@ -92,53 +163,60 @@ CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px)
   rows_ = cells_along(half_.height, side);
 }
 
-cv::Rect CornerGrid::cell(int index) const {
+int CornerGrid::cell_of(cv::Point p) const {
   const int width = half_.width - 2 * kBorder;
   const int height = half_.height - 2 * kBorder;
-  const int column = index % columns_;
-  const int row = index / columns_;
-  const cv::Point from(kBorder + column * width / columns_, kBorder + row * height / rows_);
-  const cv::Point to(kBorder + (column + 1) * width / columns_,
-                     kBorder + (row + 1) * height / rows_);
-  return {from, to};
+  const cv::Point inner = p - cv::Point(kBorder, kBorder);
+  if (inner.x < 0 || inner.y < 0 || inner.x >= width || inner.y >= height) return -1;
+  return inner.y * rows_ / height * columns_ + inner.x * columns_ / width;
 }
 
-std::vector<int> CornerGrid::missing_per_cell(const Points& taken) const {
-  std::vector<int> missing(static_cast<std::size_t>(columns_ * rows_), kCornersPerCell);
-  for (std::size_t i = 0; i < missing.size(); ++i) {
-    const cv::Rect2f area(cell(static_cast<int>(i)));
-    for (const cv::Point2f& p : taken) missing[i] -= area.contains(0.5F * p) ? 1 : 0;
-  }
-  return missing;
-}
-
-Points CornerGrid::find(const cv::Mat& half, const Points& taken) const {
-  const int room = max_corners_ - static_cast<int>(taken.size());
-  if (room <= 0 || half.size() != half_ || half.cols < 4 * kBorder || half.rows < 4 * kBorder) {
-    return {};
-  }
-  const cv::Mat strength = corner_strength(half);
-  double strongest = 0.0;
-  cv::minMaxLoc(strength, nullptr, &strongest);
-  const double weakest = std::max(kNoise, kQuality * strongest);
-  const int radius = static_cast<int>(std::ceil(0.5 * min_distance_px_));
-  cv::Mat free(half.size(), CV_8U, cv::Scalar(255));
-  for (const cv::Point2f& p : taken) {
-    cv::circle(free, cv::Point(0.5F * p), radius, 0, cv::FILLED);
-  }
+// Peaks in the cells that miss some. One in a block of four by four pixels is enough; the largest
+// of four rows comes first, since compilers turn that into vector instructions.
+std::vector<CornerGrid::Corner> CornerGrid::peaks(const std::vector<int>& missing) const {
+  const std::vector<float> largest = largest_of_rows(strength_);
+  const float strongest = *std::max_element(largest.begin(), largest.end());
+  const float weakest = std::max(kNoise, kQuality * strongest);
   std::vector<Corner> corners;
-  const std::vector<int> missing = missing_per_cell(taken);
-  for (std::size_t i = 0; i < missing.size(); ++i) {
-    corners_in(strength, cell(static_cast<int>(i)), missing[i], weakest, radius, free, corners);
+  const int columns = strength_.cols;
+  for (int y = kBorder; y + kBlock <= half_.height - kBorder; y += kBlock) {
+    const float* row = &largest[static_cast<std::size_t>((y - kBorder) / kBlock * columns)];
+    for (int x = kBorder; x + kBlock <= columns - kBorder; x += kBlock) {
+      if (std::max({row[x], row[x + 1], row[x + 2], row[x + 3]}) < weakest) continue;
+      const cv::Point p = largest_in_block(strength_, {x, y});
+      if (missing[static_cast<std::size_t>(cell_of(p))] <= 0 || !is_peak(strength_, p)) continue;
+      corners.push_back({p, strength_.at<float>(p)});
+    }
   }
-  std::stable_sort(corners.begin(), corners.end(),
-                   [](const Corner& a, const Corner& b) { return a.strength > b.strength; });
+  return corners;
+}
+
+Points CornerGrid::find(const cv::Mat& half_gradient, const Points& taken) {
+  const int room = max_corners_ - static_cast<int>(taken.size());
+  if (room <= 0 || half_gradient.size() != half_) return {};
+  if (half_.width < 4 * kBorder || half_.height < 4 * kBorder) return {};
+  corner_strength(half_gradient, strength_);
+  std::vector<int> missing(static_cast<std::size_t>(columns_ * rows_), kCornersPerCell);
+  for (const cv::Point2f& p : taken) {
+    const int index = cell_of(0.5F * p);
+    if (index >= 0) --missing[static_cast<std::size_t>(index)];
+  }
+  std::vector<Corner> heap = peaks(missing);
+  const auto weaker = [](const Corner& a, const Corner& b) {  // no two are at one place
+    return std::tie(a.strength, a.pixel.y, a.pixel.x) < std::tie(b.strength, b.pixel.y, b.pixel.x);
+  };
+  std::make_heap(heap.begin(), heap.end(), weaker);
   Points chosen;
-  for (const Corner& corner : corners) {
-    if (static_cast<int>(chosen.size()) == room) break;
-    const cv::Point2f& p = corner.pixel;
-    if (near_any(p, chosen, min_distance_px_) || near_any(p, taken, min_distance_px_)) continue;
+  while (!heap.empty() && static_cast<int>(chosen.size()) < room) {
+    std::pop_heap(heap.begin(), heap.end(), weaker);
+    const cv::Point pixel = heap.back().pixel;
+    heap.pop_back();
+    int& wanted = missing[static_cast<std::size_t>(cell_of(pixel))];
+    const cv::Point2f p = refine(strength_, pixel);
+    if (wanted <= 0 || near_any(p, chosen, min_distance_px_)) continue;
+    if (near_any(p, taken, min_distance_px_)) continue;
     chosen.push_back(p);
+    --wanted;
   }
   return chosen;
 }

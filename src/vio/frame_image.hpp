@@ -20,7 +20,8 @@ struct FrameImage {
   double brightness = 0.0;       ///< mean of `grey`
   double contrast = 0.0;         ///< standard deviation of `grey`
 
-  const cv::Mat& half() const { return pyramid[2]; }  ///< `even` at half its size
+  /// Of `even` at half its size (CV_16SC2, Scharr). The pyramid holds image, gradient, image, …
+  const cv::Mat& half_gradient() const { return pyramid[3]; }
 };
 
 /// 8-bit grey of an image of 8 or 16 bits or of floats in [0, 1], grey, BGR or BGRA. False for

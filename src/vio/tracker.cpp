@@ -200,7 +200,7 @@ std::vector<Track> Tracker::Impl::rigid(const std::vector<Track>& now,
 }
 
 void Tracker::Impl::detect(FrameStatistics& statistics) {
-  for (const cv::Point2f& pixel : grid.find(current.half(), pixels_of(tracks))) {
+  for (const cv::Point2f& pixel : grid.find(current.half_gradient(), pixels_of(tracks))) {
     const auto point = plane_point(camera.model, pixel);
     if (!point) continue;
     Track track;
