@@ -8,6 +8,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace apvi::splat {
 namespace {
@@ -48,38 +49,28 @@ void for_each_tile(const Splat<T>& s, const TileGrid& grid, F&& f) {
   }
 }
 
-/// Indices of the drawn Gaussians by depth, those of equal depth by index.
-std::vector<std::uint32_t> by_depth(const Splat<double>* splats,
-                                    std::vector<std::uint32_t> indices) {
-  std::stable_sort(indices.begin(), indices.end(),
-                   [splats](auto a, auto b) { return splats[a].z < splats[b].z; });
-  return indices;
+void sort_in_place(std::vector<Ranked<double>>& items) {
+  std::stable_sort(items.begin(), items.end(),
+                   [](const auto& a, const auto& b) { return a.z < b.z; });
 }
 
 /// The bits of a positive float sort as the float does: three stable passes over 11 bits each.
-std::vector<std::uint32_t> by_depth(const Splat<float>* splats,
-                                    std::vector<std::uint32_t> indices) {
+void sort_in_place(std::vector<Ranked<float>>& items) {
   constexpr std::uint32_t kRadix = 1U << 11U;
-  struct Item {
-    std::uint32_t key, index;
+  const auto digit = [](const Ranked<float>& item, std::uint32_t pass) {
+    return (std::bit_cast<std::uint32_t>(item.z) >> 11U * pass) % kRadix;
   };
-  std::vector<Item> items(indices.size());
-  std::vector<Item> sorted(indices.size());
-  std::array<std::vector<std::uint32_t>, 3> starts;
-  starts.fill(std::vector<std::uint32_t>(kRadix + 1, 0));
-  for (std::size_t i = 0; i < indices.size(); ++i) {
-    const auto key = std::bit_cast<std::uint32_t>(splats[indices[i]].z);
-    items[i] = {key, indices[i]};
-    for (std::uint32_t pass = 0; pass < 3; ++pass) ++starts[pass][(key >> 11 * pass) % kRadix + 1];
+  std::array<std::array<std::uint32_t, kRadix + 1>, 3> starts = {};
+  for (const Ranked<float>& item : items) {
+    for (std::uint32_t pass = 0; pass < 3; ++pass) ++starts[pass][digit(item, pass) + 1];
   }
+  std::vector<Ranked<float>> sorted(items.size());
   for (std::uint32_t pass = 0; pass < 3; ++pass) {
-    std::vector<std::uint32_t>& start = starts[pass];
+    auto& start = starts[pass];
     for (std::uint32_t k = 1; k < kRadix; ++k) start[k] += start[k - 1];
-    for (const Item& item : items) sorted[start[(item.key >> 11 * pass) % kRadix]++] = item;
+    for (const Ranked<float>& item : items) sorted[start[digit(item, pass)]++] = item;
     std::swap(items, sorted);
   }
-  for (std::size_t i = 0; i < indices.size(); ++i) indices[i] = items[i].index;
-  return indices;
 }
 
 }  // namespace
@@ -92,49 +83,58 @@ void for_each_task(std::int64_t n, const std::function<void(std::int64_t)>& task
 }
 
 template <typename T>
-ChunkTiles list_tiles(const Splat<T>* splats, std::int64_t begin, std::int64_t end,
-                      const TileGrid& grid, std::uint32_t* slot_count) {
-  ChunkTiles tiles;
-  tiles.reserve(static_cast<std::size_t>(4 * (end - begin)));
+ChunkTiles<T> list_tiles(const Splat<T>* splats, std::int64_t begin, std::int64_t end,
+                         const TileGrid& grid, std::uint32_t* slot_count) {
+  ChunkTiles<T> out;
+  out.tiles.reserve(static_cast<std::size_t>(4 * (end - begin)));
+  out.drawn.reserve(static_cast<std::size_t>(end - begin));
   for (std::int64_t i = begin; i < end; ++i) {
-    const std::size_t before = tiles.size();
+    const std::size_t before = out.tiles.size();
     if (splats[i].radius > T(0)) {
       for_each_tile(splats[i], grid,
-                    [&tiles](int tile) { tiles.push_back(static_cast<std::uint32_t>(tile)); });
+                    [&out](int tile) { out.tiles.push_back(static_cast<std::uint32_t>(tile)); });
     }
-    slot_count[i] = static_cast<std::uint32_t>(tiles.size() - before);
+    slot_count[i] = static_cast<std::uint32_t>(out.tiles.size() - before);
+    if (slot_count[i] > 0) out.drawn.push_back({splats[i].z, static_cast<std::uint32_t>(i)});
   }
-  return tiles;
+  return out;
 }
 
 template <typename T>
-void sort_entries(const Splat<T>* splats, std::int64_t count, const std::vector<ChunkTiles>& chunks,
-                  const std::uint32_t* slot_begin, const TileGrid& grid, std::uint32_t* tile_begin,
-                  Entry* entries) {
-  std::vector<std::uint32_t> drawn;
-  for (std::int64_t i = 0; i < count; ++i) {
-    if (slot_begin[i + 1] > slot_begin[i]) drawn.push_back(static_cast<std::uint32_t>(i));
+std::vector<Ranked<T>> sort_by_depth(const std::vector<ChunkTiles<T>>& chunks) {
+  std::size_t count = 0;
+  for (const ChunkTiles<T>& chunk : chunks) count += chunk.drawn.size();
+  std::vector<Ranked<T>> out;
+  out.reserve(count);
+  for (const ChunkTiles<T>& chunk : chunks) {
+    out.insert(out.end(), chunk.drawn.begin(), chunk.drawn.end());
   }
-  const std::vector<std::uint32_t> order = by_depth(splats, std::move(drawn));
-  // Counting sort by tile in as many parts as there are threads: part by part, the order stays.
+  sort_in_place(out);
+  return out;
+}
+
+template <typename T>
+void sort_by_tile(const std::vector<Ranked<T>>& order, const std::uint32_t* slot_begin,
+                  const std::uint32_t* tile_of_slot, const TileGrid& grid,
+                  std::uint32_t* tile_begin, Entry* entries) {
+  // Counting sort in as many parts as there are threads: part by part, the order stays.
   const auto tiles = static_cast<std::size_t>(grid.count());
-  const std::size_t parts = static_cast<std::size_t>(at::get_num_threads());
+  const auto parts = static_cast<std::size_t>(at::get_num_threads());
   std::vector<std::uint32_t> starts(parts * tiles, 0);
-  const auto for_each_entry = [&](std::size_t part, auto&& f) {
+  const auto for_each_entry = [&](std::int64_t number, auto&& f) {
+    const auto part = static_cast<std::size_t>(number);
     std::uint32_t* const start = starts.data() + part * tiles;
     const std::size_t end = order.size() * (part + 1) / parts;
     for (std::size_t rank = order.size() * part / parts; rank < end; ++rank) {
-      const std::uint32_t i = order[rank];
-      const std::int64_t chunk = i / kChunk;
-      const ChunkTiles& of_chunk = chunks[static_cast<std::size_t>(chunk)];
-      const std::uint32_t first = slot_begin[chunk * kChunk];
+      const std::uint32_t i = order[rank].index;
       for (std::uint32_t slot = slot_begin[i]; slot < slot_begin[i + 1]; ++slot) {
-        f(start[of_chunk[slot - first]], Entry{i, slot});
+        f(start[tile_of_slot[slot]], Entry{i, slot});
       }
     }
   };
-  for_each_task(static_cast<std::int64_t>(parts), [&](std::int64_t part) {
-    for_each_entry(static_cast<std::size_t>(part), [](std::uint32_t& n, Entry) { ++n; });
+  const auto count = static_cast<std::int64_t>(parts);
+  for_each_task(count, [&](std::int64_t part) {
+    for_each_entry(part, [](std::uint32_t& n, Entry) { ++n; });
   });
   std::uint32_t total = 0;
   for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -144,19 +144,20 @@ void sort_entries(const Splat<T>* splats, std::int64_t count, const std::vector<
     }
   }
   tile_begin[tiles] = total;
-  for_each_task(static_cast<std::int64_t>(parts), [&](std::int64_t part) {
-    for_each_entry(static_cast<std::size_t>(part),
-                   [&](std::uint32_t& at, Entry entry) { entries[at++] = entry; });
+  for_each_task(count, [&](std::int64_t part) {
+    for_each_entry(part, [entries](std::uint32_t& at, Entry entry) { entries[at++] = entry; });
   });
 }
 
-template ChunkTiles list_tiles(const Splat<float>*, std::int64_t, std::int64_t, const TileGrid&,
-                               std::uint32_t*);
-template ChunkTiles list_tiles(const Splat<double>*, std::int64_t, std::int64_t, const TileGrid&,
-                               std::uint32_t*);
-template void sort_entries(const Splat<float>*, std::int64_t, const std::vector<ChunkTiles>&,
+template ChunkTiles<float> list_tiles(const Splat<float>*, std::int64_t, std::int64_t,
+                                      const TileGrid&, std::uint32_t*);
+template ChunkTiles<double> list_tiles(const Splat<double>*, std::int64_t, std::int64_t,
+                                       const TileGrid&, std::uint32_t*);
+template std::vector<Ranked<float>> sort_by_depth(const std::vector<ChunkTiles<float>>&);
+template std::vector<Ranked<double>> sort_by_depth(const std::vector<ChunkTiles<double>>&);
+template void sort_by_tile(const std::vector<Ranked<float>>&, const std::uint32_t*,
                            const std::uint32_t*, const TileGrid&, std::uint32_t*, Entry*);
-template void sort_entries(const Splat<double>*, std::int64_t, const std::vector<ChunkTiles>&,
+template void sort_by_tile(const std::vector<Ranked<double>>&, const std::uint32_t*,
                            const std::uint32_t*, const TileGrid&, std::uint32_t*, Entry*);
 
 }  // namespace apvi::splat

@@ -24,18 +24,34 @@ struct TileGrid {
 /// Runs task(0) to task(n - 1), each as soon as a thread is free.
 void for_each_task(std::int64_t n, const std::function<void(std::int64_t)>& task);
 
-/// Tiles of the Gaussians of one chunk, Gaussian by Gaussian.
-using ChunkTiles = std::vector<std::uint32_t>;
+/// A drawn Gaussian, to be sorted by depth.
+template <typename T>
+struct Ranked {
+  T z;
+  std::uint32_t index;
+};
+
+/// What the Gaussians of one chunk touch.
+template <typename T>
+struct ChunkTiles {
+  std::vector<std::uint32_t> tiles;  // Gaussian by Gaussian
+  std::vector<Ranked<T>> drawn;      // those that touch any, by index
+};
 
 /// Lists the tiles of splats [begin, end); writes how many each has to slot_count[begin..end).
 template <typename T>
-ChunkTiles list_tiles(const Splat<T>* splats, std::int64_t begin, std::int64_t end,
-                      const TileGrid& grid, std::uint32_t* slot_count);
+ChunkTiles<T> list_tiles(const Splat<T>* splats, std::int64_t begin, std::int64_t end,
+                         const TileGrid& grid, std::uint32_t* slot_count);
 
-/// Sorts by tile, within a tile by depth, then index. `tile_begin` [tiles + 1], `entries` [slots].
+/// The drawn Gaussians of all chunks by depth, those of equal depth by index.
 template <typename T>
-void sort_entries(const Splat<T>* splats, std::int64_t count, const std::vector<ChunkTiles>& chunks,
-                  const std::uint32_t* slot_begin, const TileGrid& grid, std::uint32_t* tile_begin,
-                  Entry* entries);
+std::vector<Ranked<T>> sort_by_depth(const std::vector<ChunkTiles<T>>& chunks);
+
+/// Sorts by tile, within a tile in the order given. `tile_of_slot` [slots], `tile_begin` [tiles +
+/// 1], `entries` [slots].
+template <typename T>
+void sort_by_tile(const std::vector<Ranked<T>>& order, const std::uint32_t* slot_begin,
+                  const std::uint32_t* tile_of_slot, const TileGrid& grid,
+                  std::uint32_t* tile_begin, Entry* entries);
 
 }  // namespace apvi::splat

@@ -3,95 +3,132 @@
 
 #include "raster_kernels.hpp"
 
-/// Blending of the splats of one tile front to back, a row of kWidth pixels at a time, and its
+/// Blending of the splats of one tile front to back, a block of kWidth pixels at a time, and its
 /// derivative by the same walk again. V is a vector of simd_*.
+///
+/// A tile is cut into strips of kStrip columns, and these into blocks of kWidth pixels. Strips lie
+/// one after the other in memory, so that a block, known by its strip and first row, begins at
+/// (16 strip + row) kStrip; that number before the last factor is its bit in a mask.
 namespace apvi::splat {
 
 inline constexpr int kTilePixels = kTileSize * kTileSize;
+inline constexpr int kStrip = 4;
+inline constexpr int kStrips = kTileSize / kStrip;
+/// Splats whose blocks are found together, before any is drawn: the number of blocks is hard to
+/// predict, and a processor that guessed wrong should not have to wait for it too.
+inline constexpr std::uint32_t kGroup = 16;
 
-/// Blocks of kWidth pixels side by side in a tile.
-template <typename V>
-inline constexpr int kBlocks = kTileSize / V::kWidth;
+using BlockMask = std::uint64_t;
 
-/// Bit r of rows[j] says whether the splat's ellipse holds a pixel of row r in block j.
+/// Offsets of rows from the first one of a tile.
+template <typename S>
+inline constexpr S kRowOffset[kTileSize] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+constexpr int tile_index(int x, int y) {
+  return (x / kStrip * kTileSize + y) * kStrip + x % kStrip;
+}
+
+/// The bits of rows that begin a block.
 template <typename V>
-void find_rows(const Splat<typename V::Scalar>& s, int x0, int y0, unsigned* rows) {
+constexpr BlockMask block_rows() {
+  BlockMask out = 0;
+  for (int bit = 0; bit < kTileSize * kStrips; bit += V::kWidth / kStrip) {
+    out |= BlockMask{1} << static_cast<unsigned>(bit);
+  }
+  return out;
+}
+
+/// Bits of the blocks in which the splat's ellipse holds a pixel.
+template <typename V>
+[[gnu::always_inline]] inline BlockMask find_blocks(const Splat<typename V::Scalar>& s, int x0,
+                                                    int y0) {
   using S = typename V::Scalar;
-  constexpr int kW = V::kWidth;
   const S u = s.u - S(x0) - S(0.5);  // from the centre of the tile's first pixel
   const S v = s.v - S(y0) - S(0.5);
-  for (int j = 0; j < kBlocks<V>; ++j) rows[j] = 0;
-  for (int group = 0; group < kBlocks<V>; ++group) {
-    const V dy = V::ramp() + V(S(group * kW) - v);
+  BlockMask rows = 0;
+  for (int group = 0; group < kTileSize; group += V::kWidth) {
+    const V dy = V::ramp() + V(S(group) - v);
     const V half = V(s.half) * sqrt(V(s.reach_y2) - dy * dy);  // NaN where the ellipse is not
     const V middle = fma(V(s.slope), dy, V(u));
     const V first = V(0) - floor(half - middle);
     const V last = floor(middle + half);
     const auto some = first <= last;
-    for (int j = 0; j < kBlocks<V>; ++j) {
-      const auto hit = some & (last >= V(j * kW)) & (first <= V(j * kW + kW - 1));
-      rows[j] |= bits(hit) << static_cast<unsigned>(group * kW);
+    for (int strip = 0; strip < kStrips; ++strip) {
+      const auto hit =
+          some & (last >= V(strip * kStrip)) & (first <= V(strip * kStrip + kStrip - 1));
+      rows |= BlockMask{bits(hit)} << static_cast<unsigned>(strip * kTileSize + group);
     }
   }
+  for (int height = 1; height < V::kWidth / kStrip; height *= 2) {
+    rows |= rows >> static_cast<unsigned>(height);
+  }
+  return rows & block_rows<V>();
 }
 
-/// A splat's opacity along one block of a tile: everything that does not change from row to row.
+/// A splat's opacity in a tile: what does not change from row to row.
 template <typename V>
-struct Column {
-  V dx, flat, shear, e_yy;
+struct Slopes {
+  using S = typename V::Scalar;
+  V dx[kStrips];
+  V flat[kStrips];
+  V shear[kStrips];
+  V e_yy, dy;
 
-  Column(const Splat<typename V::Scalar>& s, int x)
-      : dx(V::ramp() + V(x + 0.5 - s.u)),
-        flat(fma(V(s.e_xx), dx * dx, V(s.e_0))),
-        shear(V(s.e_xy) * dx),
-        e_yy(s.e_yy) {}
+  [[gnu::always_inline]] Slopes(const Splat<S>& s, int x0, int y0)
+      : e_yy(s.e_yy), dy(V::ramp_down(kStrip) + V(S(y0) + S(0.5) - s.v)) {
+    const V first = V::ramp_across(kStrip) + V(S(x0) + S(0.5) - s.u);
+    for (int strip = 0; strip < kStrips; ++strip) {
+      dx[strip] = first + V(S(strip * kStrip));
+      flat[strip] = fma(V(s.e_xx), dx[strip] * dx[strip], V(s.e_0));
+      shear[strip] = V(s.e_xy) * dx[strip];
+    }
+  }
 
   /// log2(alpha)
-  V exponent(V dy) const { return fma(dy, fma(dy, e_yy, shear), flat); }
+  V exponent(int strip, V height) const {
+    return fma(height, fma(height, e_yy, shear[strip]), flat[strip]);
+  }
 };
 
-/// How much light still comes through at each pixel of a tile, and which rows have any.
+/// How much light still comes through at each pixel of a tile; negative once a pixel is finished.
 template <typename V>
 struct Transmittance {
   using S = typename V::Scalar;
-  alignas(64) S now[kTilePixels];    // 0 once the pixel is finished
-  alignas(64) S final[kTilePixels];  // what it was then
-  unsigned live[kBlocks<V>];         // bit r: row r of the block has unfinished pixels
+  alignas(64) S now[kTilePixels];
+  BlockMask live;  // blocks with unfinished pixels
 
-  Transmittance(int width, int height) {  // of what lies inside the image
+  Transmittance(int width, int height) : live(block_rows<V>()) {  // of what lies inside the image
     for (int y = 0; y < kTileSize; ++y) {
       for (int x = 0; x < kTileSize; ++x) {
-        now[y * kTileSize + x] = x < width && y < height ? S(1) : S(0);
-        final[y * kTileSize + x] = S(1);
+        now[tile_index(x, y)] = x < width && y < height ? S(1) : S(-1);
       }
     }
-    const unsigned rows = (1U << static_cast<unsigned>(height)) - 1U;
-    for (int j = 0; j < kBlocks<V>; ++j) live[j] = j * V::kWidth < width ? rows : 0U;
+    drop_finished();
   }
 
-  bool finished() const {
-    unsigned any_row = 0;
-    for (const unsigned rows : live) any_row |= rows;
-    return any_row == 0;
+  void drop_finished() {
+    for (BlockMask left = live; left != 0; left &= left - 1) {
+      const int bit = __builtin_ctzll(left);
+      if (!any(V::load(now + bit * kStrip) > V(0))) live &= ~(BlockMask{1} << unsigned(bit));
+    }
   }
 
-  /// One splat more at the pixels from `at`, of `alpha` there; returns its weight. `seen`: pixels
-  /// where it is not too faint.
-  V pass(int at, int block, int row, V alpha, typename V::Mask seen, V& before) {
-    before = V::load(now + at);
+  /// What a splat adds to the pixels of a block.
+  struct Share {
+    V weight;
+    typename V::Mask drawn;
+  };
+
+  /// One splat more in the block at `at`, of `alpha` there; `seen`: where it is not too faint.
+  [[gnu::always_inline]] Share pass(int at, V alpha, typename V::Mask seen) {
+    const V before = V::load(now + at);
     const V next = fma(V(0) - before, alpha, before);
     const auto drawn = seen & (next > V(kMinTransmittance));
-    const V after = select(seen, keep(drawn, next), before);
-    after.store(now + at);
-    const auto stopped = and_not(seen, drawn) & (before > V(0));
-    if (any(stopped)) {
-      select(stopped, before, V::load(final + at)).store(final + at);
-      if (!any(after > V(0))) live[block] &= ~(1U << static_cast<unsigned>(row));
-    }
-    return keep(drawn, before * alpha);
+    select(seen, select(drawn, next, negative(before)), before).store(now + at);
+    return {keep(drawn, before * alpha), drawn};
   }
 
-  S left(int pixel) const { return now[pixel] > S(0) ? now[pixel] : final[pixel]; }
+  S left(int pixel) const { return now[pixel] > S(0) ? now[pixel] : S(0) - now[pixel]; }
 };
 
 template <typename S>
@@ -112,31 +149,53 @@ TileFrame frame_of(const BlendArgs<typename V::Scalar>& a, int tile) {
           a.height - y0 < kTileSize ? a.height - y0 : kTileSize};
 }
 
-/// Draws one splat into a tile; returns its largest weight.
+/// Some splats of a tile in a row, with the blocks that each touches.
 template <typename V>
-typename V::Scalar draw(const Splat<typename V::Scalar>& s, const TileFrame& frame,
-                        Transmittance<V>& light, TileImage<typename V::Scalar>& image) {
-  unsigned rows[kBlocks<V>];
-  find_rows<V>(s, frame.x0, frame.y0, rows);
-  const V shade[4] = {V(s.color[0]), V(s.color[1]), V(s.color[2]), V(s.z)};
-  V best(0);
-  for (int j = 0; j < kBlocks<V>; ++j) {
-    const Column<V> column(s, frame.x0 + j * V::kWidth);
-    for (unsigned left = rows[j] & light.live[j]; left != 0; left &= left - 1) {
-      const int row = __builtin_ctz(left);
-      const int at = row * kTileSize + j * V::kWidth;
-      const V e = column.exponent(V(frame.y0 + row + 0.5 - s.v));
-      const V alpha = at_most(exp2(e), V(kMaxAlpha));
-      V before;
-      const V weight = light.pass(at, j, row, alpha, e >= V(kLog2MinAlpha), before);
-      best = at_least(best, weight);
-      for (int c = 0; c < 3; ++c) {
-        fma(weight, shade[c], V::load(image.color[c] + at)).store(image.color[c] + at);
-      }
-      fma(weight, shade[3], V::load(image.depth + at)).store(image.depth + at);
+struct Group {
+  std::uint32_t count;
+  BlockMask blocks[kGroup];
+
+  /// With `drawn_only`, splats that the first walk had no use for have no blocks.
+  [[gnu::always_inline]] Group(const BlendArgs<typename V::Scalar>& a, const TileFrame& frame,
+                               std::uint32_t begin, std::uint32_t end, bool drawn_only)
+      : count(end - begin < kGroup ? end - begin : kGroup) {
+    for (std::uint32_t k = begin + kGroup; k < end && k < begin + 2 * kGroup; ++k) {
+      __builtin_prefetch(&a.splats[a.entries[k].splat]);
+    }
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const Entry entry = a.entries[begin + k];
+      const bool wanted = !drawn_only || a.slot_weight[entry.slot] != 0;
+      const BlockMask found = find_blocks<V>(a.splats[entry.splat], frame.x0, frame.y0);
+      blocks[k] = wanted ? found : 0;
     }
   }
-  return largest(best);
+};
+
+/// Draws one splat into a tile; returns its largest weight. Negative when it is nowhere drawn, but
+/// pixels may have been finished before it, which the walk back must know.
+template <typename V>
+[[gnu::always_inline]] inline typename V::Scalar draw(const Splat<typename V::Scalar>& s,
+                                                      BlockMask blocks, const TileFrame& frame,
+                                                      Transmittance<V>& light,
+                                                      TileImage<typename V::Scalar>& image) {
+  using S = typename V::Scalar;
+  const Slopes<V> slopes(s, frame.x0, frame.y0);
+  const V shade[4] = {V(s.color[0]), V(s.color[1]), V(s.color[2]), V(s.z)};
+  V best(0);
+  for (BlockMask left = blocks; left != 0; left &= left - 1) {
+    const int bit = __builtin_ctzll(left);
+    const int at = bit * kStrip;
+    const V e = slopes.exponent(bit / kTileSize, slopes.dy + V(kRowOffset<S>[bit % kTileSize]));
+    const V alpha = at_most(exp2(e), V(kMaxAlpha));
+    const V weight = light.pass(at, alpha, e >= V(kLog2MinAlpha)).weight;
+    best = at_least(best, weight);
+    for (int c = 0; c < 3; ++c) {
+      fma(weight, shade[c], V::load(image.color[c] + at)).store(image.color[c] + at);
+    }
+    fma(weight, shade[3], V::load(image.depth + at)).store(image.depth + at);
+  }
+  const S weight = largest(best);
+  return weight > S(0) || blocks == 0 ? weight : S(-1);
 }
 
 template <typename V>
@@ -147,13 +206,19 @@ void blend_tile(const BlendArgs<typename V::Scalar>& a, int tile) {
   TileImage<S> image = {};
   std::uint32_t k = a.tile_begin[tile];
   const std::uint32_t end = a.tile_begin[tile + 1];
-  for (; k < end && !light.finished(); ++k) {
-    a.slot_weight[a.entries[k].slot] = draw(a.splats[a.entries[k].splat], frame, light, image);
+  while (k < end && light.live != 0) {
+    const Group<V> group(a, frame, k, end, false);
+    for (std::uint32_t i = 0; i < group.count; ++i, ++k) {
+      const Entry entry = a.entries[k];
+      const BlockMask blocks = group.blocks[i] & light.live;
+      a.slot_weight[entry.slot] = draw(a.splats[entry.splat], blocks, frame, light, image);
+    }
+    light.drop_finished();
   }
   for (; k < end; ++k) a.slot_weight[a.entries[k].slot] = S(0);
   for (int y = 0; y < frame.height; ++y) {
     for (int x = 0; x < frame.width; ++x) {
-      const int at = y * kTileSize + x;
+      const int at = tile_index(x, y);
       const std::int64_t to = std::int64_t(frame.y0 + y) * a.width + frame.x0 + x;
       const S through = light.left(at);
       const S alpha = S(1) - through;
@@ -176,69 +241,85 @@ struct TileGradient {
   alignas(64) S alpha[kTilePixels];
   alignas(64) S rest[kTilePixels];
 
-  TileGradient(const BlendBackwardArgs<S>& a, const TileFrame& frame) {
-    const BlendArgs<S>& f = a.forward;
-    for (int at = 0; at < kTilePixels; ++at) {
-      const int x = at % kTileSize;
-      const int y = at / kTileSize;
-      const bool inside = x < frame.width && y < frame.height;
-      const std::int64_t from = inside ? std::int64_t(frame.y0 + y) * f.width + frame.x0 + x : 0;
-      const bool hit = inside && f.alpha[from] > S(0);
-      const S by_sum = hit ? a.grad_depth[from] / f.alpha[from] : S(0);
-      S total = inside ? a.grad_alpha[from] * f.alpha[from] : S(0);
-      for (int c = 0; c < 3; ++c) {
-        const S g = inside ? a.grad_color[3 * from + c] : S(0);
-        color[c][at] = g;
-        total += g * f.color[3 * from + c];
+  TileGradient(const BlendBackwardArgs<S>& a, const TileFrame& frame) : TileGradient() {
+    for (int y = 0; y < frame.height; ++y) {
+      const std::int64_t first = std::int64_t(frame.y0 + y) * a.forward.width + frame.x0;
+      for (int x = 0; x < frame.width; x += kStrip) {
+        const int count = frame.width - x < kStrip ? frame.width - x : kStrip;
+        if (count == kStrip) {
+          take(a, first + x, tile_index(x, y), kStrip);  // a count that the compiler knows
+        } else {
+          take(a, first + x, tile_index(x, y), count);
+        }
       }
-      depth[at] = by_sum;
-      alpha[at] = inside ? a.grad_alpha[from] - by_sum * f.depth[from] : S(0);
-      rest[at] = total;
+    }
+  }
+
+ private:
+  TileGradient() : color{}, depth{}, alpha{}, rest{} {}
+
+  /// Pixels next to each other: from the image's number `from` to the tile's number `to`.
+  [[gnu::always_inline]] void take(const BlendBackwardArgs<S>& a, std::int64_t from, int to,
+                                   int count) {
+    const BlendArgs<S>& f = a.forward;
+    for (int i = 0; a.grad_alpha != nullptr && i < count; ++i) {
+      alpha[to + i] = a.grad_alpha[from + i];
+      rest[to + i] = alpha[to + i] * f.alpha[from + i];
+    }
+    for (int i = 0; a.grad_depth != nullptr && i < count; ++i) {
+      const S opacity = f.alpha[from + i];
+      depth[to + i] = opacity > S(0) ? a.grad_depth[from + i] / opacity : S(0);
+      alpha[to + i] -= depth[to + i] * f.depth[from + i];
+    }
+    for (int i = 0; i < count; ++i) {
+      for (int c = 0; c < 3; ++c) {
+        const S g = a.grad_color[3 * (from + i) + c];
+        color[c][to + i] = g;
+        rest[to + i] += g * f.color[3 * (from + i) + c];
+      }
     }
   }
 };
 
 /// The walk of `draw` again; fills a slot.
 template <typename V>
-void draw_backward(const Splat<typename V::Scalar>& s, const TileFrame& frame,
-                   Transmittance<V>& light, TileGradient<V>& grad, typename V::Scalar* slot) {
-  unsigned rows[kBlocks<V>];
-  find_rows<V>(s, frame.x0, frame.y0, rows);
+[[gnu::always_inline]] inline void draw_backward(const Splat<typename V::Scalar>& s,
+                                                 BlockMask blocks, const TileFrame& frame,
+                                                 Transmittance<V>& light, TileGradient<V>& grad,
+                                                 typename V::Scalar* slot) {
+  using S = typename V::Scalar;
+  const Slopes<V> slopes(s, frame.x0, frame.y0);
   const V shade[4] = {V(s.color[0]), V(s.color[1]), V(s.color[2]), V(s.z)};
   V sum[kSlotSize];
   for (V& x : sum) x = V(0);
-  for (int j = 0; j < kBlocks<V>; ++j) {
-    const Column<V> column(s, frame.x0 + j * V::kWidth);
-    for (unsigned left = rows[j] & light.live[j]; left != 0; left &= left - 1) {
-      const int row = __builtin_ctz(left);
-      const int at = row * kTileSize + j * V::kWidth;
-      const V dy(frame.y0 + row + 0.5 - s.v);
-      const V e = column.exponent(dy);
-      const V uncut = exp2(e);
-      const V alpha = at_most(uncut, V(kMaxAlpha));
-      V before;
-      const V weight = light.pass(at, j, row, alpha, e >= V(kLog2MinAlpha), before);
-      V value = V::load(grad.alpha + at);
-      for (int c = 0; c < 4; ++c) {
-        const V g = V::load((c < 3 ? grad.color[c] : grad.depth) + at);
-        value = fma(g, shade[c], value);
-        sum[c] = fma(weight, g, sum[c]);
-      }
-      const V rest = V::load(grad.rest + at) - weight * value;
-      rest.store(grad.rest + at);
-      // By ln(alpha), which is weight (value - what lies behind); nothing where alpha is cut.
-      const V behind = rest * alpha * reciprocal(V(1) - alpha);
-      const V v =
-          keep((weight > V(0)) & (uncut <= V(kMaxAlpha)), fma(weight, value, V(0) - behind));
-      const V v_dx = v * column.dx;
-      const V v_dy = v * dy;
-      sum[4] = sum[4] + v;
-      sum[5] = sum[5] + v_dx;
-      sum[6] = fma(v_dx, column.dx, sum[6]);
-      sum[7] = sum[7] + v_dy;
-      sum[8] = fma(v_dy, dy, sum[8]);
-      sum[9] = fma(v_dx, dy, sum[9]);
+  for (BlockMask left = blocks; left != 0; left &= left - 1) {
+    const int bit = __builtin_ctzll(left);
+    const int at = bit * kStrip;
+    const V dx = slopes.dx[bit / kTileSize];
+    const V dy = slopes.dy + V(kRowOffset<S>[bit % kTileSize]);
+    const V e = slopes.exponent(bit / kTileSize, dy);
+    const V uncut = exp2(e);
+    const V alpha = at_most(uncut, V(kMaxAlpha));
+    const auto [weight, drawn] = light.pass(at, alpha, e >= V(kLog2MinAlpha));
+    V value = V::load(grad.alpha + at);
+    for (int c = 0; c < 4; ++c) {
+      const V g = V::load((c < 3 ? grad.color[c] : grad.depth) + at);
+      value = fma(g, shade[c], value);
+      sum[c] = fma(weight, g, sum[c]);
     }
+    const V rest = fma(V(0) - weight, value, V::load(grad.rest + at));
+    rest.store(grad.rest + at);
+    // By ln(alpha), which is weight (value - what lies behind); nothing where alpha is cut.
+    const V behind = rest * alpha * reciprocal(V(1) - alpha);
+    const V v = keep(drawn & (uncut <= V(kMaxAlpha)), fma(weight, value, V(0) - behind));
+    const V v_dx = v * dx;
+    const V v_dy = v * dy;
+    sum[4] = sum[4] + v;
+    sum[5] = sum[5] + v_dx;
+    sum[6] = fma(v_dx, dx, sum[6]);
+    sum[7] = sum[7] + v_dy;
+    sum[8] = fma(v_dy, dy, sum[8]);
+    sum[9] = fma(v_dx, dy, sum[9]);
   }
   V::sums(sum, slot);
 }
@@ -256,16 +337,19 @@ void blend_tile_backward(const BlendBackwardArgs<typename V::Scalar>& a, int til
       const double through =
           1.0 - double(f.alpha[std::int64_t(frame.y0 + y) * f.width + frame.x0 + x]);
       for (int c = 0; c < 3; ++c)
-        background[c] += through * double(grad.color[c][y * kTileSize + x]);
+        background[c] += through * double(grad.color[c][tile_index(x, y)]);
     }
   }
   const std::uint32_t end = f.tile_begin[tile + 1];
-  for (std::uint32_t k = f.tile_begin[tile]; k < end && !light.finished(); ++k) {
-    const Entry entry = f.entries[k];
-    if (f.slot_weight[entry.slot] > S(0)) {
-      draw_backward(f.splats[entry.splat], frame, light, grad,
+  for (std::uint32_t k = f.tile_begin[tile]; k < end && light.live != 0;) {
+    const Group<V> group(f, frame, k, end, true);
+    for (std::uint32_t i = 0; i < group.count; ++i, ++k) {
+      const Entry entry = f.entries[k];
+      if (group.blocks[i] == 0) continue;
+      draw_backward(f.splats[entry.splat], group.blocks[i] & light.live, frame, light, grad,
                     a.slot_gradient + std::int64_t(entry.slot) * kSlotSize);
     }
+    light.drop_finished();
   }
 }
 

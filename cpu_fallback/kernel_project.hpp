@@ -40,7 +40,28 @@ struct Batch {
   int count;
 };
 
-/// Rows of N scalars as N vectors; lanes beyond the batch repeat its last row.
+/// Columns [begin, begin + width) of kWidth rows as so many vectors; width <= kWidth, but `out` has
+/// room for kWidth. `row_of(lane)` is where a row begins, or null for one of zeros.
+template <typename V, typename F>
+void load_columns(F&& row_of, int begin, int width, V* out) {
+  for (int lane = 0; lane < V::kWidth; ++lane) {
+    const auto* const row = row_of(lane);
+    out[lane] = row != nullptr ? V::load_part(row + begin, width) : V(0);
+  }
+  V::transpose(out);
+}
+
+/// The opposite; rows that are null are dropped. Uses up `values`.
+template <typename V, typename F>
+void store_columns(V* values, int begin, int width, F&& row_of) {
+  V::transpose(values);
+  for (int lane = 0; lane < V::kWidth; ++lane) {
+    auto* const row = row_of(lane);
+    if (row != nullptr) values[lane].store_part(row + begin, width);
+  }
+}
+
+/// Rows of N scalars, few of them, as N vectors; lanes beyond the batch repeat its last row.
 template <int N, typename V>
 void load_rows(const typename V::Scalar* rows, Batch batch, V* out) {
   constexpr int kWidth = V::kWidth;
@@ -67,6 +88,15 @@ void store_rows(const V* values, Batch batch, typename V::Scalar* rows) {
 template <typename V>
 V exponential(V x) {
   return exp2(at_most(V(127), at_least(V(-126), x * V(kLog2E))));
+}
+
+/// Asks for rows of memory before they are needed: [begin, end) of `size` scalars each.
+template <typename V, bool kToWrite = false>
+void fetch_rows(const typename V::Scalar* rows, std::int64_t begin, std::int64_t end, int size) {
+  constexpr int kLine = 64 / static_cast<int>(sizeof(typename V::Scalar));
+  for (std::int64_t i = begin * size; i < end * size; i += kLine) {
+    __builtin_prefetch(rows + i, kToWrite ? 1 : 0);
+  }
 }
 
 /// Everything about a batch that both passes need.
@@ -109,21 +139,25 @@ V view_direction(const Camera<V>& camera, const V* mean, V* direction) {
   return inverse;
 }
 
-/// Calls f(k, coefficients of the three channels) for the spherical harmonics beyond the constant.
-/// Rows of Gaussians whose bit in `lanes` is not set are not read.
-template <typename V, typename F>
-void for_each_sh(const ProjectArgs<typename V::Scalar>& a, Batch batch, unsigned lanes, F&& f) {
-  const int used = (a.sh_degree + 1) * (a.sh_degree + 1) - 1;
-  alignas(64) typename V::Scalar columns[3 * kMaxShRest][V::kWidth];
-  for (int lane = 0; lane < V::kWidth; ++lane) {
+/// Room for the coefficients beyond the constant one, in whole vectors.
+inline constexpr int kShColumns = 48;
+
+constexpr int sh_rest_used(int degree) {
+  return (degree + 1) * (degree + 1) - 1;
+}
+
+/// These coefficients, three channels after each other. Rows of Gaussians whose bit in `lanes` is
+/// not set are not read.
+template <typename V>
+void load_sh(const ProjectArgs<typename V::Scalar>& a, Batch batch, unsigned lanes, V* out) {
+  const int columns = 3 * sh_rest_used(a.sh_degree);
+  const auto row_of = [&](int lane) {
     const bool wanted = (lanes >> static_cast<unsigned>(lane) & 1U) != 0;
-    const auto* const row = a.sh_rest + (batch.first + lane) * 3 * a.sh_rest_count;
-    for (int k = 0; k < 3 * used; ++k) columns[k][lane] = wanted ? row[k] : 0;
-  }
-  for (int k = 0; k < used; ++k) {
-    V coefficients[3];
-    for (int c = 0; c < 3; ++c) coefficients[c] = V::load(columns[3 * k + c]);
-    f(k, coefficients);
+    return wanted ? a.sh_rest + (batch.first + lane) * 3 * a.sh_rest_count : nullptr;
+  };
+  for (int begin = 0; begin < columns; begin += V::kWidth) {
+    const int width = columns - begin < V::kWidth ? columns - begin : V::kWidth;
+    load_columns(row_of, begin, width, out + begin);
   }
 }
 
@@ -138,9 +172,11 @@ void evaluate_sh(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& came
   view_direction(camera, mean, direction);
   V basis[kMaxShRest];
   sh_basis(a.sh_degree, direction[0], direction[1], direction[2], basis);
-  for_each_sh<V>(a, batch, lanes, [&](int k, const V* coefficients) {
-    for (int c = 0; c < 3; ++c) color[c] = fma(basis[k], coefficients[c], color[c]);
-  });
+  V coefficients[kShColumns];
+  load_sh(a, batch, lanes, coefficients);
+  for (int k = 0; k < sh_rest_used(a.sh_degree); ++k) {
+    for (int c = 0; c < 3; ++c) color[c] = fma(basis[k], coefficients[3 * k + c], color[c]);
+  }
 }
 
 /// The footprint's fields of `Splat`, in the order in which they stand there.
@@ -172,14 +208,15 @@ typename V::Mask describe(const ProjectArgs<typename V::Scalar>& a, const Camera
   out[14] = reach_x * f.b / f.a;
   out[15] = sqrt(reach2 * (middle + sqrt(fma(spread, spread, f.b * f.b))));
   // False for NaN throughout.
-  const V infinity_(1e30);
-  return (f.p[2] >= camera.near_m) & (opacity >= V(kMinAlpha)) & (f.det > V(0)) &
-         (out[15] < infinity_) & (inv_det < infinity_) & (f.u + reach_x > V(0)) &
-         (f.u - reach_x < V(a.width)) & (f.v + reach_y > V(0)) & (f.v - reach_y < V(a.height));
+  const V huge(1e30);
+  return (f.p[2] >= camera.near_m) & (opacity >= V(kMinAlpha)) & (f.det > V(0)) & (out[15] < huge) &
+         (inv_det < huge) & (f.u + reach_x > V(0)) & (f.u - reach_x < V(a.width)) &
+         (f.v + reach_y > V(0)) & (f.v - reach_y < V(a.height));
 }
 
 template <typename V>
 void project_batch(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera, Batch batch) {
+  fetch_rows<V>(a.sh_rest, batch.first, batch.first + batch.count, 3 * a.sh_rest_count);
   const Shape<V> shape = load_shape(a, camera, batch);
   V out[16];
   for (int c = 0; c < 3; ++c) out[6 + c] = V(0);
@@ -193,7 +230,12 @@ void project_batch(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& ca
     }
   }
   out[15] = keep(visible, out[15]);
-  store_rows<16>(out, batch, &a.splats[0].u);
+  const auto row_of = [&](int lane) {
+    return lane < batch.count ? &a.splats[batch.first + lane].u : nullptr;
+  };
+  for (int begin = 0; begin < 16; begin += V::kWidth) {
+    store_columns(out + begin, begin, V::kWidth, row_of);
+  }
 }
 
 template <typename V>

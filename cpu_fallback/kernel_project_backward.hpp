@@ -10,20 +10,23 @@ namespace apvi::splat {
 template <typename V>
 unsigned add_slots(const ProjectBackwardArgs<typename V::Scalar>& a, Batch batch, V* sums) {
   using S = typename V::Scalar;
-  alignas(64) S columns[kSlotUsed][V::kWidth] = {};
+  alignas(64) S totals[V::kWidth][kSlotSize] = {};
   unsigned lanes = 0;
   for (int lane = 0; lane < batch.count; ++lane) {
-    S total[kSlotUsed] = {};
+    S* const total = totals[lane];
     const std::uint32_t end = a.slot_begin[batch.first + lane + 1];
     for (std::uint32_t slot = a.slot_begin[batch.first + lane]; slot < end; ++slot) {
       if (!(a.slot_weight[slot] > S(0))) continue;
       lanes |= 1U << static_cast<unsigned>(lane);
       const S* const gradient = a.slot_gradient + std::int64_t(slot) * kSlotSize;
-      for (int k = 0; k < kSlotUsed; ++k) total[k] += gradient[k];
+      for (int k = 0; k < kSlotSize; ++k) total[k] += gradient[k];
     }
-    for (int k = 0; k < kSlotUsed; ++k) columns[k][lane] = total[k];
   }
-  for (int k = 0; k < kSlotUsed; ++k) sums[k] = V::load(columns[k]);
+  const auto row_of = [&totals](int lane) { return totals[lane]; };
+  for (int begin = 0; begin < kSlotSize; begin += V::kWidth) {
+    const int width = kSlotSize - begin < V::kWidth ? kSlotSize - begin : V::kWidth;
+    load_columns(row_of, begin, width, sums + begin);
+  }
   return lanes;
 }
 
@@ -69,28 +72,28 @@ void clear_rows(typename V::Scalar* rows, Batch batch, int size) {
 template <typename V>
 void color_backward(const ProjectBackwardArgs<typename V::Scalar>& a, const V* direction,
                     Batch batch, unsigned lanes, const V* color, V* direction_gradient) {
-  using S = typename V::Scalar;
-  const ProjectArgs<S>& f = a.forward;
+  const ProjectArgs<typename V::Scalar>& f = a.forward;
   V basis[kMaxShRest];
   V weights[kMaxShRest];
+  V columns[kShColumns];
+  const int used = sh_rest_used(f.sh_degree);
   sh_basis(f.sh_degree, direction[0], direction[1], direction[2], basis);
-  for_each_sh<V>(f, batch, lanes, [&](int k, const V* coefficients) {
+  load_sh(f, batch, lanes, columns);
+  for (int k = 0; k < used; ++k) {
     weights[k] =
-        coefficients[0] * color[0] + coefficients[1] * color[1] + coefficients[2] * color[2];
-  });
+        columns[3 * k] * color[0] + columns[3 * k + 1] * color[1] + columns[3 * k + 2] * color[2];
+  }
   sh_basis_backward(f.sh_degree, direction[0], direction[1], direction[2], weights,
                     direction_gradient);
-  const int used = (f.sh_degree + 1) * (f.sh_degree + 1) - 1;
-  alignas(64) S columns[kMaxShRest][V::kWidth];
-  alignas(64) S colors[3][V::kWidth];
-  for (int k = 0; k < used; ++k) basis[k].store(columns[k]);
-  for (int c = 0; c < 3; ++c) color[c].store(colors[c]);
-  for (int lane = 0; lane < batch.count; ++lane) {
-    S* const row = a.sh_rest + (batch.first + lane) * 3 * f.sh_rest_count;
-    for (int k = 0; k < f.sh_rest_count; ++k) {
-      for (int c = 0; c < 3; ++c)
-        row[3 * k + c] = k < used ? columns[k][lane] * colors[c][lane] : S(0);
-    }
+  const auto row_of = [&](int lane) {
+    return lane < batch.count ? a.sh_rest + (batch.first + lane) * 3 * f.sh_rest_count : nullptr;
+  };
+  for (int k = 0; k < kShColumns; ++k) {
+    columns[k] = k < 3 * used ? basis[k / 3] * color[k % 3] : V(0);
+  }
+  for (int begin = 0; begin < 3 * f.sh_rest_count; begin += V::kWidth) {
+    const int width = 3 * f.sh_rest_count - begin;
+    store_columns(columns + begin, begin, width < V::kWidth ? width : V::kWidth, row_of);
   }
 }
 
@@ -145,9 +148,16 @@ void clear_batch(const ProjectBackwardArgs<typename V::Scalar>& a, Batch batch) 
 template <typename V>
 void project_batch_backward(const ProjectBackwardArgs<typename V::Scalar>& a,
                             const Camera<V>& camera, Batch batch, double* pose) {
-  V sums[kSlotUsed];
+  V sums[16];  // the last of them without meaning
   const unsigned lanes = add_slots(a, batch, sums);
   if (lanes == 0) return clear_batch<V>(a, batch);
+  const std::int64_t end = batch.first + batch.count;
+  const int sh_size = 3 * a.forward.sh_rest_count;
+  fetch_rows<V>(a.forward.sh_rest, batch.first, end, sh_size);
+  fetch_rows<V, true>(a.sh_rest, batch.first, end, sh_size);
+  if (batch.count == V::kWidth && end + V::kWidth <= a.forward.count) {
+    fetch_rows<V>(a.slot_gradient, a.slot_begin[end], a.slot_begin[end + V::kWidth], kSlotSize);
+  }
   const auto touched = V::mask_of(lanes);
   const Shape<V> shape = load_shape(a.forward, camera, batch);
   const FootprintGradient<V> by_footprint =

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <new>
 #include <type_traits>
 #include <vector>
 
 #include "apvi/splat/raster_backend.hpp"
 #include "binning.hpp"
+#include "recycler.hpp"
 
 namespace apvi::splat {
 namespace {
@@ -127,14 +129,14 @@ State<T> prepare(const RasterKernels<T>& kernels, const RasterInput& input) {
   const auto options = input.gaussians.means.options();
   const auto int32 = torch::dtype(torch::kInt32);
   const TileGrid grid = {input.intrinsics.width, input.intrinsics.height};
-  State<T> state = {.splats = torch::empty({n, 16}, options),
-                    .slot_begin = torch::empty({n + 1}, int32),
-                    .tile_begin = torch::empty({grid.count() + 1}, int32),
+  State<T> state = {.splats = recycled_empty({n, 16}, options),
+                    .slot_begin = recycled_empty({n + 1}, int32),
+                    .tile_begin = recycled_empty({grid.count() + 1}, int32),
                     .entries = {},
                     .slot_weight = {}};
   const ProjectArgs<T> args = project_args<T>(input, state);
   std::uint32_t* const slot_begin = unsigned_data(state.slot_begin);
-  std::vector<ChunkTiles> chunks(static_cast<std::size_t>(chunk_count(n)));
+  std::vector<ChunkTiles<T>> chunks(static_cast<std::size_t>(chunk_count(n)));
   for_each_task(chunk_count(n), [&](std::int64_t chunk) {
     const auto [begin, end] = chunk_range(chunk, n);
     kernels.project(args, begin, end);
@@ -142,15 +144,20 @@ State<T> prepare(const RasterKernels<T>& kernels, const RasterInput& input) {
         list_tiles(args.splats, begin, end, grid, slot_begin + 1);
   });
   std::int64_t slots = 0;
-  for (const ChunkTiles& tiles : chunks) slots += static_cast<std::int64_t>(tiles.size());
+  for (const ChunkTiles<T>& chunk : chunks) slots += static_cast<std::int64_t>(chunk.tiles.size());
   TORCH_CHECK(slots <= std::numeric_limits<std::int32_t>::max(), "render: ", n, " Gaussians touch ",
               slots, " tiles, which is too much to sort");
   slot_begin[0] = 0;
   for (std::int64_t i = 0; i < n; ++i) slot_begin[i + 1] += slot_begin[i];
-  state.entries = torch::empty({slots, 2}, int32);
-  state.slot_weight = torch::empty({slots}, options);
-  sort_entries(args.splats, n, chunks, slot_begin, grid, unsigned_data(state.tile_begin),
-               state.entry_data());
+  state.entries = recycled_empty({slots, 2}, int32);
+  state.slot_weight = recycled_empty({slots}, options);
+  const Tensor tile_of_slot = recycled_empty({slots}, int32);
+  for_each_task(chunk_count(n), [&](std::int64_t chunk) {
+    const auto& tiles = chunks[static_cast<std::size_t>(chunk)].tiles;
+    std::copy(tiles.begin(), tiles.end(), unsigned_data(tile_of_slot) + slot_begin[chunk * kChunk]);
+  });
+  sort_by_tile(sort_by_depth(chunks), slot_begin, unsigned_data(tile_of_slot), grid,
+               unsigned_data(state.tile_begin), state.entry_data());
   return state;
 }
 
@@ -183,12 +190,12 @@ RasterOutput forward(const RasterKernels<T>& kernels, const RasterInput& input) 
   const std::int64_t height = input.intrinsics.height;
   const std::int64_t width = input.intrinsics.width;
   const State<T> state = prepare<T>(kernels, input);
-  RasterOutput out = {.color = torch::empty({height, width, 3}, options),
-                      .depth = torch::empty({height, width}, options),
-                      .alpha = torch::empty({height, width}, options),
-                      .visible = torch::empty({n}, torch::kBool),
-                      .radii_px = torch::empty({n}, options),
-                      .max_weight = torch::empty({n}, options),
+  RasterOutput out = {.color = recycled_empty({height, width, 3}, options),
+                      .depth = recycled_empty({height, width}, options),
+                      .alpha = recycled_empty({height, width}, options),
+                      .visible = recycled_empty({n}, torch::kBool),
+                      .radii_px = recycled_empty({n}, options),
+                      .max_weight = recycled_empty({n}, options),
                       .state = state.pack()};
   const BlendArgs<T> args = blend_args(input, out, state);
   for_each_task(TileGrid{args.width, args.height}.count(),
@@ -211,11 +218,12 @@ std::array<double, N> add_up(const std::vector<std::array<double, N>>& parts) {
 template <typename T>
 Tensor blend_backward(const RasterKernels<T>& kernels, const BlendArgs<T>& forward,
                       const RasterOutputGradient& grad, const Tensor& slot_gradient) {
-  const BlendBackwardArgs<T> args = {.forward = forward,
-                                     .grad_color = grad.color.data_ptr<T>(),
-                                     .grad_depth = grad.depth.data_ptr<T>(),
-                                     .grad_alpha = grad.alpha.data_ptr<T>(),
-                                     .slot_gradient = slot_gradient.data_ptr<T>()};
+  const BlendBackwardArgs<T> args = {
+      .forward = forward,
+      .grad_color = grad.color.data_ptr<T>(),
+      .grad_depth = grad.depth.defined() ? grad.depth.data_ptr<T>() : nullptr,
+      .grad_alpha = grad.alpha.defined() ? grad.alpha.data_ptr<T>() : nullptr,
+      .slot_gradient = slot_gradient.data_ptr<T>()};
   const int tiles = TileGrid{forward.width, forward.height}.count();
   std::vector<std::array<double, 3>> parts(static_cast<std::size_t>(tiles),
                                            std::array<double, 3>{});
@@ -246,13 +254,13 @@ RasterInputGradient backward(const RasterKernels<T>& kernels, const RasterInput&
                              const RasterOutput& output, const RasterOutputGradient& grad) {
   const auto state = State<T>::from(output.state);
   const auto options = input.gaussians.means.options();
-  const Tensor slot_gradient = torch::empty({state.entries.size(0), kSlotSize}, options);
+  const Tensor slot_gradient = recycled_empty({state.entries.size(0), kSlotSize}, options);
   RasterInputGradient out;
   out.background = blend_backward(kernels, blend_args(input, output, state), grad, slot_gradient);
   const auto from = input.gaussians.tensors();
   const auto to = out.gaussians.tensors();
-  for (std::size_t i = 0; i < to.size(); ++i) *to[i] = torch::empty_like(*from[i]);
-  out.mean2d = torch::empty({input.gaussians.size()}, options);
+  for (std::size_t i = 0; i < to.size(); ++i) *to[i] = recycled_empty(from[i]->sizes(), options);
+  out.mean2d = recycled_empty({input.gaussians.size()}, options);
   out.pose =
       project_backward<T>(kernels, {.forward = project_args<T>(input, state),
                                     .slot_begin = unsigned_data(state.slot_begin),
@@ -268,6 +276,16 @@ RasterInputGradient backward(const RasterKernels<T>& kernels, const RasterInput&
   return out;
 }
 
+/// Runs f; memory that runs out is an error like others of the caller's.
+template <typename F>
+auto with_memory(F&& f) {
+  try {
+    return f();
+  } catch (const std::bad_alloc&) {
+    TORCH_CHECK(false, "render: the memory is not enough for so many Gaussians");
+  }
+}
+
 class CpuRasterBackend final : public RasterBackend {
  public:
   CpuRasterBackend(std::string_view name, RasterKernels<float> in_float)
@@ -278,7 +296,8 @@ class CpuRasterBackend final : public RasterBackend {
   RasterOutput forward(const RasterInput& input) const override {
     const torch::NoGradGuard no_grad;
     return AT_DISPATCH_FLOATING_TYPES(input.gaussians.means.scalar_type(), "raster_forward", [&] {
-      return splat::forward<scalar_t>(of_type<scalar_t>(kernels_), input);
+      return with_memory(
+          [&] { return splat::forward<scalar_t>(of_type<scalar_t>(kernels_), input); });
     });
   }
 
@@ -286,7 +305,9 @@ class CpuRasterBackend final : public RasterBackend {
                                const RasterOutputGradient& grad) const override {
     const torch::NoGradGuard no_grad;
     return AT_DISPATCH_FLOATING_TYPES(input.gaussians.means.scalar_type(), "raster_backward", [&] {
-      return splat::backward<scalar_t>(of_type<scalar_t>(kernels_), input, output, grad);
+      return with_memory([&] {
+        return splat::backward<scalar_t>(of_type<scalar_t>(kernels_), input, output, grad);
+      });
     });
   }
 

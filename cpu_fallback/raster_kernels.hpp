@@ -36,7 +36,6 @@ struct Entry {
 /// Derivatives of the loss in a slot: by the colour, by the depth, then sums over the pixels of the
 /// derivative by ln(alpha) times 1, dx, dx², dy, dy², dx dy.
 inline constexpr int kSlotSize = 12;
-inline constexpr int kSlotUsed = 10;
 
 template <typename T>
 struct ProjectArgs {
@@ -59,8 +58,8 @@ template <typename T>
 struct ProjectBackwardArgs {
   ProjectArgs<T> forward;
   const std::uint32_t* slot_begin;  // [count + 1]
-  const T* slot_weight;             // largest blend weight in the slot
-  const T* slot_gradient;           // [slots, kSlotSize]; undefined where the weight is 0
+  const T* slot_weight;             // as `blend` left it
+  const T* slot_gradient;           // [slots, kSlotSize]; undefined where the weight is 0 or less
   T* means;
   T* log_scales;
   T* quaternions;
@@ -80,15 +79,15 @@ struct BlendArgs {
   T* color;
   T* depth;
   T* alpha;
-  T* slot_weight;
+  T* slot_weight;  // [slots] largest blend weight; negative: none, but see `draw`
 };
 
 template <typename T>
 struct BlendBackwardArgs {
   BlendArgs<T> forward;
   const T* grad_color;
-  const T* grad_depth;
-  const T* grad_alpha;
+  const T* grad_depth;  // or null, for zero
+  const T* grad_alpha;  // or null, for zero
   T* slot_gradient;
 };
 

@@ -39,12 +39,26 @@ struct Float8 {
 
   static Float8 load(const float* p) { return Float8(_mm256_load_ps(p)); }
   void store(float* p) const { _mm256_store_ps(p, v); }
+  static Float8 load_part(const float* p, int n) {
+    if (n == kWidth) return Float8(_mm256_loadu_ps(p));
+    const __m256i wanted =
+        _mm256_cmpgt_epi32(_mm256_set1_epi32(n), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    return Float8(_mm256_maskload_ps(p, wanted));
+  }
+  void store_part(float* p, int n) const {
+    if (n == kWidth) return _mm256_storeu_ps(p, v);
+    alignas(32) float lanes[kWidth];  // masked stores are slow where AVX-512 is missing
+    store(lanes);
+    for (int i = 0; i < n; ++i) p[i] = lanes[i];
+  }
   static Mask mask_of(unsigned bits) {
     const __m256i powers = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
     const __m256i set = _mm256_and_si256(_mm256_set1_epi32(static_cast<int>(bits)), powers);
     return {_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, powers))};
   }
   static Float8 ramp() { return Float8(_mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7)); }
+  static Float8 ramp_across(int) { return Float8(_mm256_setr_ps(0, 1, 2, 3, 0, 1, 2, 3)); }
+  static Float8 ramp_down(int) { return Float8(_mm256_setr_ps(0, 0, 0, 0, 1, 1, 1, 1)); }
 
   friend Float8 operator+(Float8 a, Float8 b) { return Float8(_mm256_add_ps(a.v, b.v)); }
   friend Float8 operator-(Float8 a, Float8 b) { return Float8(_mm256_sub_ps(a.v, b.v)); }
@@ -76,6 +90,7 @@ struct Float8 {
     const Float8 guess(_mm256_rcp_ps(a.v));
     return Float8(_mm256_mul_ps(guess.v, _mm256_fnmadd_ps(a.v, guess.v, _mm256_set1_ps(2.0F))));
   }
+  friend Float8 negative(Float8 a) { return Float8(_mm256_or_ps(a.v, _mm256_set1_ps(-0.0F))); }
   friend Float8 at_most(Float8 a, Float8 b) { return Float8(_mm256_min_ps(a.v, b.v)); }
   friend Float8 at_least(Float8 a, Float8 b) { return Float8(_mm256_max_ps(a.v, b.v)); }
   friend Float8 select(Mask mask, Float8 a, Float8 b) {
@@ -89,6 +104,26 @@ struct Float8 {
     const __m128 four = _mm_max_ps(_mm256_castps256_ps128(a.v), _mm256_extractf128_ps(a.v, 1));
     const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
     return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
+  }
+  /// Eight rows become eight columns.
+  static void transpose(Float8* r) {
+    Float8 t[8];
+    for (int i = 0; i < 8; i += 2) {
+      t[i].v = _mm256_unpacklo_ps(r[i].v, r[i + 1].v);
+      t[i + 1].v = _mm256_unpackhi_ps(r[i].v, r[i + 1].v);
+    }
+    for (int i = 0; i < 8; i += 4) {  // then each half holds four of a column
+      r[i].v = _mm256_shuffle_ps(t[i].v, t[i + 2].v, 0x44);
+      r[i + 1].v = _mm256_shuffle_ps(t[i].v, t[i + 2].v, 0xEE);
+      r[i + 2].v = _mm256_shuffle_ps(t[i + 1].v, t[i + 3].v, 0x44);
+      r[i + 3].v = _mm256_shuffle_ps(t[i + 1].v, t[i + 3].v, 0xEE);
+    }
+    for (int i = 0; i < 4; ++i) {
+      const __m256 top = r[i].v;
+      const __m256 bottom = r[4 + i].v;
+      r[i].v = _mm256_permute2f128_ps(top, bottom, 0x20);
+      r[4 + i].v = _mm256_permute2f128_ps(top, bottom, 0x31);
+    }
   }
   /// Sums of the lanes of twelve vectors.
   static void sums(const Float8* a, float* out) {

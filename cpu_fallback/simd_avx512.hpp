@@ -39,9 +39,22 @@ struct Float16 {
 
   static Float16 load(const float* p) { return Float16(_mm512_load_ps(p)); }
   void store(float* p) const { _mm512_store_ps(p, v); }
+  static Float16 load_part(const float* p, int n) {
+    return Float16(_mm512_maskz_loadu_ps(first_lanes(n), p));
+  }
+  void store_part(float* p, int n) const { _mm512_mask_storeu_ps(p, first_lanes(n), v); }
+  static __mmask16 first_lanes(int n) {
+    return static_cast<__mmask16>((1U << static_cast<unsigned>(n)) - 1U);
+  }
   static Mask mask_of(unsigned bits) { return {static_cast<__mmask16>(bits)}; }
   static Float16 ramp() {
     return Float16(_mm512_setr_ps(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15));
+  }
+  static Float16 ramp_across(int) {
+    return Float16(_mm512_setr_ps(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3));
+  }
+  static Float16 ramp_down(int) {
+    return Float16(_mm512_setr_ps(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3));
   }
 
   friend Float16 operator+(Float16 a, Float16 b) { return Float16(_mm512_add_ps(a.v, b.v)); }
@@ -80,6 +93,7 @@ struct Float16 {
     const Float16 guess(_mm512_rcp14_ps(a.v));
     return Float16(_mm512_mul_ps(guess.v, _mm512_fnmadd_ps(a.v, guess.v, _mm512_set1_ps(2.0F))));
   }
+  friend Float16 negative(Float16 a) { return Float16(_mm512_or_ps(a.v, _mm512_set1_ps(-0.0F))); }
   friend Float16 at_most(Float16 a, Float16 b) { return Float16(_mm512_min_ps(a.v, b.v)); }
   friend Float16 at_least(Float16 a, Float16 b) { return Float16(_mm512_max_ps(a.v, b.v)); }
   friend Float16 select(Mask mask, Float16 a, Float16 b) {
@@ -90,15 +104,43 @@ struct Float16 {
     return keep((low <= x) & (x <= high), value);
   }
   friend float largest(Float16 a) { return _mm512_reduce_max_ps(a.v); }
+  /// Sixteen rows become sixteen columns.
+  static void transpose(Float16* r) {
+    Float16 t[16];
+    for (int i = 0; i < 16; i += 2) {
+      t[i].v = _mm512_unpacklo_ps(r[i].v, r[i + 1].v);
+      t[i + 1].v = _mm512_unpackhi_ps(r[i].v, r[i + 1].v);
+    }
+    for (int i = 0; i < 16; i += 4) {  // then each quarter holds four of a column
+      r[i].v = low_pairs(t[i].v, t[i + 2].v);
+      r[i + 1].v = high_pairs(t[i].v, t[i + 2].v);
+      r[i + 2].v = low_pairs(t[i + 1].v, t[i + 3].v);
+      r[i + 3].v = high_pairs(t[i + 1].v, t[i + 3].v);
+    }
+    for (int i = 0; i < 4; ++i) {
+      const __m512 even_top = _mm512_shuffle_f32x4(r[i].v, r[4 + i].v, 0x88);
+      const __m512 odd_top = _mm512_shuffle_f32x4(r[i].v, r[4 + i].v, 0xDD);
+      const __m512 even_bottom = _mm512_shuffle_f32x4(r[8 + i].v, r[12 + i].v, 0x88);
+      const __m512 odd_bottom = _mm512_shuffle_f32x4(r[8 + i].v, r[12 + i].v, 0xDD);
+      r[i].v = _mm512_shuffle_f32x4(even_top, even_bottom, 0x88);
+      r[4 + i].v = _mm512_shuffle_f32x4(odd_top, odd_bottom, 0x88);
+      r[8 + i].v = _mm512_shuffle_f32x4(even_top, even_bottom, 0xDD);
+      r[12 + i].v = _mm512_shuffle_f32x4(odd_top, odd_bottom, 0xDD);
+    }
+  }
+  static __m512 low_pairs(__m512 a, __m512 b) {
+    return _mm512_castpd_ps(_mm512_unpacklo_pd(_mm512_castps_pd(a), _mm512_castps_pd(b)));
+  }
+  static __m512 high_pairs(__m512 a, __m512 b) {
+    return _mm512_castpd_ps(_mm512_unpackhi_pd(_mm512_castps_pd(a), _mm512_castps_pd(b)));
+  }
   /// The sums of four vectors, each spread over the four quarters of the result.
   static __m512 quarter_sums(const Float16* a) {
     const __m512 ab =
         _mm512_add_ps(_mm512_unpacklo_ps(a[0].v, a[1].v), _mm512_unpackhi_ps(a[0].v, a[1].v));
     const __m512 cd =
         _mm512_add_ps(_mm512_unpacklo_ps(a[2].v, a[3].v), _mm512_unpackhi_ps(a[2].v, a[3].v));
-    const __m512d low = _mm512_unpacklo_pd(_mm512_castps_pd(ab), _mm512_castps_pd(cd));
-    const __m512d high = _mm512_unpackhi_pd(_mm512_castps_pd(ab), _mm512_castps_pd(cd));
-    return _mm512_add_ps(_mm512_castpd_ps(low), _mm512_castpd_ps(high));
+    return _mm512_add_ps(low_pairs(ab, cd), high_pairs(ab, cd));
   }
   /// Sums of the lanes of twelve vectors.
   static void sums(const Float16* a, float* out) {

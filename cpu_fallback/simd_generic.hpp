@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <utility>
 
 /// A vector of W scalars without any instruction of its own: what the rasterizer's inner loops run
 /// on in double, and in float on a machine without AVX2. The other simd_*.hpp have the same names.
@@ -62,6 +63,13 @@ struct Pack {
   void store(T* p) const {
     for (int i = 0; i < W; ++i) p[i] = v[i];
   }
+  /// The first n lanes; the others are 0, and not touched in memory. At any address.
+  static Pack load_part(const T* p, int n) {
+    return from([p, n](int i) { return i < n ? p[i] : T(0); });
+  }
+  void store_part(T* p, int n) const {
+    for (int i = 0; i < n; ++i) p[i] = v[i];
+  }
   /// The opposite of `bits`.
   static Mask mask_of(unsigned bits) {
     Mask out;
@@ -71,6 +79,13 @@ struct Pack {
   /// 0, 1, 2, ...
   static Pack ramp() {
     return from([](int i) { return static_cast<T>(i); });
+  }
+  /// 0, 1, ... n - 1 over and over; and 0 n times, 1 n times, ...
+  static Pack ramp_across(int n) {
+    return from([n](int i) { return static_cast<T>(i % n); });
+  }
+  static Pack ramp_down(int n) {
+    return from([n](int i) { return static_cast<T>(i / n); });
   }
 
   friend Pack operator+(Pack a, Pack b) {
@@ -115,6 +130,10 @@ struct Pack {
   friend Pack reciprocal(Pack a) {
     return from([&](int i) { return 1 / a.v[i]; });
   }
+  /// -|a|
+  friend Pack negative(Pack a) {
+    return Pack::from([&](int i) { return -std::abs(a.v[i]); });
+  }
   /// The lesser, the greater; `b` when one is NaN.
   friend Pack at_most(Pack a, Pack b) {
     return from([&](int i) { return a.v[i] < b.v[i] ? a.v[i] : b.v[i]; });
@@ -135,6 +154,12 @@ struct Pack {
     T out = a.v[0];
     for (const T x : a.v) out = x > out ? x : out;
     return out;
+  }
+  /// W rows become W columns.
+  static void transpose(Pack* rows) {
+    for (int i = 0; i < W; ++i) {
+      for (int j = 0; j < i; ++j) std::swap(rows[i].v[j], rows[j].v[i]);
+    }
   }
   /// Sums of the lanes of twelve vectors.
   static void sums(const Pack* a, T* out) {

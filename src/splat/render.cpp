@@ -80,6 +80,19 @@ struct RenderPass : torch::CustomClassHolder {
   RenderStatistics statistics;
 };
 
+/// A derivative as the backend wants it; without one, undefined, or zeros like `zeros` if that is.
+Tensor given(const Tensor& grad, const Tensor& zeros) {
+  if (grad.defined()) return grad.contiguous();
+  return zeros.defined() ? torch::zeros_like(zeros) : Tensor();
+}
+
+/// By pose_delta, from the derivative by a perturbation left of the pose.
+Tensor pose_gradient(const Tensor& delta, const Tensor& by_perturbation) {
+  if (!delta.defined()) return {};
+  const Tensor jacobian = se3_left_jacobian(on_host(delta)).to(by_perturbation.options());
+  return jacobian.t().matmul(by_perturbation).to(delta.options().requires_grad(false));
+}
+
 struct Rasterize : torch::autograd::Function<Rasterize> {
   static variable_list forward(AutogradContext* context, const Tensor& means,
                                const Tensor& log_scales, const Tensor& quaternions,
@@ -98,6 +111,7 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
     kept.insert(kept.end(), {out.color, out.depth, out.alpha});
     kept.insert(kept.end(), out.state.begin(), out.state.end());
     context->save_for_backward(kept);
+    context->set_materialize_grads(false);
     context->saved_data["pass"] = c10::IValue::make_capsule(pass);
     return {out.color, out.depth, out.alpha};
   }
@@ -116,11 +130,9 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
                                  .state = {kept.begin() + kInputs + 3, kept.end()}};
     RasterInputGradient g = raster_backend(input.background.device())
                                 .backward(input, output,
-                                          {.color = grads[0].contiguous(),
-                                           .depth = grads[1].contiguous(),
-                                           .alpha = grads[2].contiguous()});
-    const Tensor& delta = kept[6];
-    const Tensor jacobian = se3_left_jacobian(on_host(delta)).to(g.pose.options());
+                                          {.color = given(grads[0], output.color),
+                                           .depth = given(grads[1], {}),
+                                           .alpha = given(grads[2], {})});
     Tensor statistic = render.statistics.mean2d_gradient;
     statistic.copy_(g.mean2d);
     return {g.gaussians.means,
@@ -129,7 +141,7 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
             g.gaussians.logit_opacities,
             g.gaussians.sh_dc,
             g.gaussians.sh_rest,
-            jacobian.t().matmul(g.pose).to(delta.options()),
+            pose_gradient(render.view.pose_delta, g.pose),
             g.background,
             Tensor()};
   }

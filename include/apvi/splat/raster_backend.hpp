@@ -41,8 +41,8 @@ struct RasterOutput {
 /// Derivatives of a loss by the images of a `RasterOutput`.
 struct RasterOutputGradient {
   torch::Tensor color;  ///< [H,W,3]
-  torch::Tensor depth;  ///< [H,W]
-  torch::Tensor alpha;  ///< [H,W]
+  torch::Tensor depth;  ///< [H,W]; undefined: zero
+  torch::Tensor alpha;  ///< [H,W]; undefined: zero
 };
 
 struct RasterInputGradient {
