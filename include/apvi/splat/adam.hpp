@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace apvi::splat {
+
+/// Kingma and Ba, "Adam: a method for stochastic optimization", 2015, with its bias correction. The
+/// tiny epsilon is that of Gaussian splatting: gradients of means over pixels are tiny themselves.
+struct AdamOptions {
+  double beta1 = 0.9;
+  double beta2 = 0.999;
+  double epsilon = 1e-15;
+};
+
+/// Parameters that learn at one rate, with their moments; all of one shape, one floating type and
+/// one device, contiguous.
+struct AdamGroup {
+  torch::Tensor parameter;
+  torch::Tensor gradient;  ///< undefined: the group stays as it is, moments too
+  torch::Tensor first;     ///< mean of the gradient
+  torch::Tensor second;    ///< mean of its square
+  double rate = 0.0;
+};
+
+/// One step of every group, in place. `steps` counts this one too: it is 1 at the first. `visible`
+/// [N] bool, when defined: only those rows of the [N,...] groups change, their moments too; then a
+/// step costs less and rows that no view sees do not drift on old momentum (by default they do, as
+/// Adam says). Throws c10::Error when shapes, types or devices do not fit.
+void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps,
+               const AdamOptions& options = {}, const torch::Tensor& visible = {});
+
+}  // namespace apvi::splat

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <array>
+#include <cstdint>
+
+#include "apvi/splat/adam.hpp"
+#include "apvi/splat/gaussians.hpp"
+#include "apvi/splat/similarity.hpp"
+
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
+namespace apvi::splat {
+
+/// Adam's learning rates, one for each kind of parameter, as Gaussian splatting starts with (Kerbl
+/// et al., 2023).
+struct GaussianRates {
+  double means = 1.6e-4;  ///< [m]: times the extent of the scene
+  double log_scales = 5e-3;
+  double quaternions = 1e-3;
+  double logit_opacities = 5e-2;
+  double sh_dc = 2.5e-3;
+  double sh_rest = 1.25e-4;
+
+  /// In the order of Gaussians::tensors().
+  std::array<double, 6> values() const {
+    return {means, log_scales, quaternions, logit_opacities, sh_dc, sh_rest};
+  }
+};
+
+/// A map that is being learnt: the Gaussians with Adam's memory of each, in buffers that are larger
+/// than needed, so that a map may grow and shrink all the time without being copied every time.
+class GaussianStore {
+ public:
+  /// Takes a copy of the Gaussians. Throws c10::Error when their tensors do not fit together.
+  explicit GaussianStore(const Gaussians& gaussians);
+
+  std::int64_t size() const { return size_; }
+  std::int64_t capacity() const { return parameters_.size(); }
+  /// Steps of Adam made so far.
+  std::int64_t steps() const { return steps_; }
+
+  /// The Gaussians there are: leaves that require a gradient and share the store's memory; the same
+  /// tensors at every call, until `insert`, `prune`, `transform` or `load` makes them stale.
+  const Gaussians& view() const;
+
+  /// Adds Gaussians of the same degree and type behind the others, without momentum.
+  void insert(const Gaussians& gaussians);
+  /// Removes those where `remove` [size()] (bool) is set. The others keep their order and momentum.
+  void prune(const torch::Tensor& remove);
+
+  /// One step of Adam with the gradients that a backward pass left in `view()`; takes them away.
+  /// `visible` as in `adam_step`.
+  void step(const GaussianRates& rates, const AdamOptions& options = {},
+            const torch::Tensor& visible = {});
+  /// Lets Adam forget the Gaussians where `which` [size()] (bool) is set, because they were put
+  /// elsewhere.
+  void forget_momentum(const torch::Tensor& which);
+  /// Lowers every opacity to `highest` at most, without momentum: what is needed grows again.
+  void reset_opacity(double highest);
+  /// Moves the Gaussians where `which` [size()] (bool) is set. Momentum stays as it is: it is of
+  /// the next few steps only, and corrections turn little.
+  void transform(const Similarity& similarity, const torch::Tensor& which);
+
+  /// Everything, to the bit.
+  void save(torch::serialize::OutputArchive& archive) const;
+  /// Throws c10::Error when the archive holds no map, or one whose tensors do not fit together.
+  static GaussianStore load(torch::serialize::InputArchive& archive,
+                            const torch::Device& device = torch::kCPU);
+
+ private:
+  void reserve(std::int64_t count);
+
+  std::int64_t size_ = 0;
+  std::int64_t steps_ = 0;
+  Gaussians parameters_;  ///< these and the next two have capacity() rows
+  Gaussians first_;
+  Gaussians second_;
+  mutable Gaussians view_;  ///< empty when stale
+};
+
+}  // namespace apvi::splat

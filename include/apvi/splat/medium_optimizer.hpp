@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <array>
+#include <cstdint>
+
+#include "apvi/splat/adam.hpp"
+#include "apvi/splat/medium.hpp"
+
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
+namespace apvi::splat {
+
+/// Learns the water of a session beside the map, with a memory and a rate of its own.
+class MediumOptimizer {
+ public:
+  /// `rate` is Adam's, of the parameters free of bounds. Throws c10::Error for water that cannot be
+  /// or a rate that is not positive.
+  explicit MediumOptimizer(const Medium& start, double rate = 1e-2);
+
+  /// The water as it is believed to be; differentiable down to what `step` changes.
+  Medium medium() const { return parameters_.medium(); }
+  /// The leaves behind it.
+  const MediumParameters& parameters() const { return parameters_; }
+
+  /// While visual odometry fails, the water has likely changed: then the rate is twice as high (the
+  /// paper, section on the medium).
+  void set_vio_failing(bool failing) { failing_ = failing; }
+  double rate() const { return failing_ ? 2.0 * rate_ : rate_; }
+
+  /// One step of Adam with the gradients that a backward pass left; takes them away.
+  void step(const AdamOptions& options = {});
+
+  /// Everything but the rate, to the bit. `load` throws c10::Error when the archive holds no water.
+  void save(torch::serialize::OutputArchive& archive) const;
+  void load(torch::serialize::InputArchive& archive);
+
+ private:
+  MediumParameters parameters_;
+  std::array<torch::Tensor, 3> first_;
+  std::array<torch::Tensor, 3> second_;
+  std::int64_t steps_ = 0;
+  double rate_;
+  bool failing_ = false;
+};
+
+}  // namespace apvi::splat

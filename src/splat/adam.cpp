@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/adam.hpp"
+
+#include <torch/torch.h>
+
+#include "apvi/splat/adam_backend.hpp"
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+
+void check_like(const Tensor& tensor, const char* name, const Tensor& parameter) {
+  TORCH_CHECK(tensor.defined() && tensor.sizes() == parameter.sizes() &&
+                  tensor.scalar_type() == parameter.scalar_type() &&
+                  tensor.device() == parameter.device(),
+              "adam: ", name, " does not fit the parameter, which is ", parameter.toString(),
+              parameter.sizes());
+  TORCH_CHECK(tensor.is_contiguous(), "adam: ", name, " is not contiguous");
+}
+
+void check_group(const AdamGroup& group, const Tensor& visible) {
+  check_like(group.parameter, "the parameter", group.parameter);
+  check_like(group.first, "the first moment", group.parameter);
+  check_like(group.second, "the second moment", group.parameter);
+  if (!visible.defined()) return;
+  TORCH_CHECK(visible.scalar_type() == torch::kBool && visible.dim() == 1 &&
+                  visible.is_contiguous() && group.parameter.dim() > 0 &&
+                  visible.size(0) == group.parameter.size(0) &&
+                  visible.device() == group.parameter.device(),
+              "adam: the mask must be bool [N], one value a row of the parameter ",
+              group.parameter.sizes(), ", not ", visible.toString(), visible.sizes());
+}
+
+}  // namespace
+
+void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps, const AdamOptions& options,
+               const Tensor& visible) {
+  TORCH_CHECK(steps > 0, "adam: the first step is number 1, not ", steps);
+  std::vector<AdamGroup> moving;
+  for (const AdamGroup& group : groups) {
+    check_group(group, visible);
+    if (!group.gradient.defined()) continue;
+    moving.push_back(group);
+    moving.back().gradient = group.gradient.detach().contiguous();
+    check_like(moving.back().gradient, "the gradient", group.parameter);
+  }
+  if (moving.empty()) return;
+  adam_backend(moving.front().parameter.device()).step(moving, steps, options, visible);
+}
+
+}  // namespace apvi::splat

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/gaussian_store.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kGrowth = 1.5;
+constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
+                                               "logit_opacities", "sh_dc",      "sh_rest"};
+
+/// A function of every tensor.
+template <typename Function>
+Gaussians map(const Gaussians& gaussians, Function function) {
+  Gaussians out;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    *out.tensors()[k] = function(*gaussians.tensors()[k]);
+  }
+  return out;
+}
+
+Gaussians live_part(const Gaussians& buffers, std::int64_t size) {
+  return map(buffers, [&](const Tensor& t) { return t.narrow(0, 0, size); });
+}
+
+Gaussians zeros_like(const Gaussians& gaussians) {
+  return map(gaussians, [](const Tensor& t) { return torch::zeros_like(t); });
+}
+
+/// A larger buffer with the same first rows.
+Gaussians grown(const Gaussians& buffers, std::int64_t size, std::int64_t capacity) {
+  return map(buffers, [&](const Tensor& t) {
+    std::vector<std::int64_t> shape = t.sizes().vec();
+    shape[0] = capacity;
+    Tensor larger = torch::zeros(shape, t.options());
+    larger.narrow(0, 0, size).copy_(t.narrow(0, 0, size));
+    return larger;
+  });
+}
+
+void check_mask(const Tensor& mask, const char* name, std::int64_t size) {
+  TORCH_CHECK(mask.defined() && mask.scalar_type() == torch::kBool && mask.dim() == 1 &&
+                  mask.size(0) == size,
+              "gaussian store: ", name, " must be bool [", size, "]");
+}
+
+void write(torch::serialize::OutputArchive& archive, const std::string& prefix,
+           const Gaussians& gaussians) {
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    archive.write(prefix + kNames[k], gaussians.tensors()[k]->contiguous().clone());
+  }
+}
+
+Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefix,
+               const torch::Device& device) {
+  Gaussians gaussians;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    Tensor& tensor = *gaussians.tensors()[k];
+    archive.read(prefix + kNames[k], tensor);
+    tensor = tensor.detach().to(device).contiguous();
+  }
+  check(gaussians);
+  return gaussians;
+}
+
+bool same_shapes(const Gaussians& a, const Gaussians& b) {
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    if (a.tensors()[k]->sizes() != b.tensors()[k]->sizes()) return false;
+  }
+  return a.means.scalar_type() == b.means.scalar_type();
+}
+
+}  // namespace
+
+GaussianStore::GaussianStore(const Gaussians& gaussians) {
+  check(gaussians);
+  const torch::NoGradGuard no_grad;
+  size_ = gaussians.size();
+  parameters_ = map(gaussians, [](const Tensor& t) { return t.detach().contiguous().clone(); });
+  first_ = zeros_like(parameters_);
+  second_ = zeros_like(parameters_);
+}
+
+const Gaussians& GaussianStore::view() const {
+  if (!view_.means.defined()) {
+    view_ = map(live_part(parameters_, size_),
+                [](const Tensor& t) { return t.detach().requires_grad_(true); });
+  }
+  return view_;
+}
+
+void GaussianStore::reserve(std::int64_t count) {
+  if (count <= capacity()) return;
+  const auto larger = static_cast<std::int64_t>(kGrowth * static_cast<double>(capacity()));
+  const std::int64_t rows = std::max(count, larger);
+  for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
+    *buffers = grown(*buffers, size_, rows);
+  }
+}
+
+void GaussianStore::insert(const Gaussians& gaussians) {
+  check(gaussians);
+  TORCH_CHECK(gaussians.sh_degree() == parameters_.sh_degree(), "gaussian store: degree ",
+              gaussians.sh_degree(), " does not fit a map of degree ", parameters_.sh_degree());
+  const torch::NoGradGuard no_grad;
+  const std::int64_t count = gaussians.size();
+  reserve(size_ + count);
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    parameters_.tensors()[k]->narrow(0, size_, count).copy_(*gaussians.tensors()[k]);
+    first_.tensors()[k]->narrow(0, size_, count).zero_();
+    second_.tensors()[k]->narrow(0, size_, count).zero_();
+  }
+  size_ += count;
+  view_ = {};
+}
+
+void GaussianStore::prune(const Tensor& remove) {
+  check_mask(remove, "what to remove", size_);
+  const torch::NoGradGuard no_grad;
+  const Tensor keep = remove.logical_not().nonzero().squeeze(1).to(parameters_.means.device());
+  const std::int64_t count = keep.size(0);
+  for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
+    for (Tensor* tensor : buffers->tensors()) {
+      tensor->narrow(0, 0, count).copy_(tensor->index_select(0, keep));
+    }
+  }
+  size_ = count;
+  view_ = {};
+}
+
+void GaussianStore::step(const GaussianRates& rates, const AdamOptions& options,
+                         const Tensor& visible) {
+  const torch::NoGradGuard no_grad;
+  const Gaussians& leaves = view();
+  const Gaussians first = live_part(first_, size_);
+  const Gaussians second = live_part(second_, size_);
+  std::vector<AdamGroup> groups;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    const Tensor& leaf = *leaves.tensors()[k];
+    groups.push_back({.parameter = leaf.detach(),
+                      .gradient = leaf.grad(),
+                      .first = *first.tensors()[k],
+                      .second = *second.tensors()[k],
+                      .rate = rates.values()[k]});
+  }
+  adam_step(groups, ++steps_, options, visible);
+  for (Tensor* leaf : view_.tensors()) leaf->mutable_grad() = Tensor();
+}
+
+void GaussianStore::forget_momentum(const Tensor& which) {
+  check_mask(which, "what to forget", size_);
+  const torch::NoGradGuard no_grad;
+  const Tensor rows = which.nonzero().squeeze(1).to(parameters_.means.device());
+  for (const Gaussians& moments : {first_, second_}) {
+    for (const Tensor* tensor : moments.tensors()) tensor->index_fill_(0, rows, 0.0);
+  }
+}
+
+void GaussianStore::reset_opacity(double highest) {
+  TORCH_CHECK(highest > 0.0 && highest < 1.0, "gaussian store: an opacity of ", highest,
+              " does not lie inside (0, 1)");
+  const torch::NoGradGuard no_grad;
+  parameters_.logit_opacities.narrow(0, 0, size_).clamp_max_(std::log(highest / (1.0 - highest)));
+  first_.logit_opacities.zero_();
+  second_.logit_opacities.zero_();
+}
+
+void GaussianStore::transform(const Similarity& similarity, const Tensor& which) {
+  check_mask(which, "what to move", size_);
+  const torch::NoGradGuard no_grad;
+  const Tensor rows = which.nonzero().squeeze(1).to(parameters_.means.device());
+  const Gaussians moved = transformed(
+      map(parameters_, [&](const Tensor& t) { return t.index_select(0, rows); }), similarity);
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    parameters_.tensors()[k]->index_copy_(0, rows, *moved.tensors()[k]);
+  }
+  view_ = {};
+}
+
+void GaussianStore::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("steps", c10::IValue(steps_));
+  write(archive, "", live_part(parameters_, size_));
+  write(archive, "first.", live_part(first_, size_));
+  write(archive, "second.", live_part(second_, size_));
+}
+
+GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
+                                  const torch::Device& device) {
+  c10::IValue steps;
+  archive.read("steps", steps);
+  TORCH_CHECK(steps.isInt() && steps.toInt() >= 0, "gaussian store: the archive's steps are none");
+  GaussianStore store(read(archive, "", device));
+  store.first_ = read(archive, "first.", device);
+  store.second_ = read(archive, "second.", device);
+  TORCH_CHECK(
+      same_shapes(store.first_, store.parameters_) && same_shapes(store.second_, store.parameters_),
+      "gaussian store: the archive's moments do not fit its Gaussians");
+  store.steps_ = steps.toInt();
+  return store;
+}
+
+}  // namespace apvi::splat

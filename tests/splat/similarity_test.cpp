@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/similarity.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+
+#include "apvi/splat/sh_math.hpp"
+#include "support/torch_reference.hpp"
+
+namespace apvi::splat {
+namespace {
+
+using test::tensors_near;
+using torch::Tensor;
+
+const auto kF64 = torch::dtype(torch::kFloat64);
+
+Tensor random_rotation(std::uint64_t seed) {
+  torch::manual_seed(seed);
+  const Tensor w = torch::randn({3}, kF64);
+  const auto v = w.accessor<double, 1>();
+  const Tensor cross =
+      torch::tensor({0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0}, kF64).reshape({3, 3});
+  return torch::matrix_exp(cross);
+}
+
+/// Rotation matrices [N,3,3] of quaternions [N,4] w x y z of any length.
+Tensor matrices(const Tensor& quaternions) {
+  const Tensor q = quaternions / quaternions.norm(2, 1, true);
+  const Tensor w = q.select(1, 0), x = q.select(1, 1), y = q.select(1, 2), z = q.select(1, 3);
+  return torch::stack({1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
+                       2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                       2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)},
+                      1)
+      .reshape({-1, 3, 3});
+}
+
+Tensor covariances(const Gaussians& g) {
+  const Tensor axes = matrices(g.quaternions) * torch::exp(g.log_scales).unsqueeze(1);
+  return torch::matmul(axes, axes.transpose(1, 2));
+}
+
+Gaussians make_gaussians(std::int64_t count, int degree) {
+  torch::manual_seed(5);
+  return {.means = torch::randn({count, 3}, kF64),
+          .log_scales = torch::randn({count, 3}, kF64),
+          .quaternions = torch::randn({count, 4}, kF64),
+          .logit_opacities = torch::randn({count}, kF64),
+          .sh_dc = torch::randn({count, 3}, kF64),
+          .sh_rest = torch::randn({count, sh_rest_count(degree), 3}, kF64)};
+}
+
+Similarity make_similarity(std::uint64_t seed) {
+  return {.scale = 1.7, .R = random_rotation(seed), .t = torch::randn({3}, kF64)};
+}
+
+/// The part of a colour [3] that depends on the direction [3].
+Tensor color_seen(const Tensor& sh_rest, int degree, const Tensor& direction) {
+  const auto d = direction.accessor<double, 1>();
+  Tensor basis = torch::zeros({sh_rest_count(degree)}, kF64);
+  sh_basis(degree, d[0], d[1], d[2], basis.data_ptr<double>());
+  return torch::matmul(basis, sh_rest);
+}
+
+TEST(Similarity, MovesMeansAndCovariancesAsTheFormulaSays) {
+  const Gaussians g = make_gaussians(20, 0);
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Similarity s = make_similarity(seed);
+    const Gaussians moved = transformed(g, s);
+    EXPECT_TRUE(tensors_near(moved.means, s.scale * torch::matmul(g.means, s.R.t()) + s.t, 1e-12));
+    const Tensor expected =
+        s.scale * s.scale * torch::matmul(torch::matmul(s.R, covariances(g)), s.R.t());
+    EXPECT_TRUE(tensors_near(covariances(moved), expected, 1e-12)) << seed;
+  }
+}
+
+TEST(Similarity, AddsTheLogarithmOfTheScaleToLogScales) {
+  const Gaussians g = make_gaussians(5, 0);
+  const Similarity s = make_similarity(1);
+  const Tensor added = transformed(g, s).log_scales - g.log_scales;
+  EXPECT_TRUE(tensors_near(added, torch::full({5, 3}, std::log(1.7), kF64), 1e-14));
+}
+
+TEST(Similarity, ColoursLookTheSameFromDirectionsTurnedAlong) {
+  for (int degree = 1; degree <= kMaxShDegree; ++degree) {
+    const Gaussians g = make_gaussians(3, degree);
+    for (std::uint64_t seed = 0; seed < 5; ++seed) {
+      const Similarity s = make_similarity(seed);
+      const Gaussians moved = transformed(g, s);
+      const Tensor direction = torch::nn::functional::normalize(
+          torch::randn({3}, kF64), torch::nn::functional::NormalizeFuncOptions().dim(0));
+      for (std::int64_t i = 0; i < 3; ++i) {
+        EXPECT_TRUE(
+            tensors_near(color_seen(moved.sh_rest[i], degree, torch::matmul(s.R, direction)),
+                         color_seen(g.sh_rest[i], degree, direction), 1e-12));
+      }
+    }
+  }
+}
+
+TEST(Similarity, RotationsOfHarmonicsMixNoDegrees) {
+  const Tensor D = sh_rotation(3, random_rotation(3));
+  EXPECT_TRUE(tensors_near(torch::matmul(D, D.t()), torch::eye(15, kF64), 1e-12));
+  EXPECT_LT(D.slice(0, 0, 3).slice(1, 3).abs().max().item<double>(), 1e-13);
+  EXPECT_LT(D.slice(0, 3, 8).slice(1, 8).abs().max().item<double>(), 1e-13);
+}
+
+TEST(Similarity, ThereAndBackIsNothing) {
+  const Gaussians g = make_gaussians(6, 3);
+  const Similarity s = make_similarity(2);
+  const Similarity back = {.scale = 1.0 / s.scale,
+                           .R = s.R.t().contiguous(),
+                           .t = -torch::matmul(s.R.t(), s.t) / s.scale};
+  const Gaussians again = transformed(transformed(g, s), back);
+  EXPECT_TRUE(tensors_near(again.means, g.means, 1e-12));
+  EXPECT_TRUE(tensors_near(covariances(again), covariances(g), 1e-12));
+  EXPECT_TRUE(tensors_near(again.sh_rest, g.sh_rest, 1e-12));
+}
+
+TEST(Similarity, RefusesWhatIsNone) {
+  const Gaussians g = make_gaussians(2, 1);
+  Similarity s = make_similarity(1);
+  s.scale = 0.0;
+  EXPECT_THROW(transformed(g, s), c10::Error);
+  s = make_similarity(1);
+  s.R = 1.1 * s.R;
+  EXPECT_THROW(transformed(g, s), c10::Error);
+  s.R = -torch::eye(3, kF64);
+  EXPECT_THROW(transformed(g, s), c10::Error);
+}
+
+}  // namespace
+}  // namespace apvi::splat
