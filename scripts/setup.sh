@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs the Debian packages the project needs and this machine lacks; does nothing when all are there.
+# Installs the Debian packages the project needs and this machine lacks, and makes the weights of LPIPS;
+# does nothing when all are there.
 set -euo pipefail
 
-list="$(cd "$(dirname "$0")" && pwd)/packages.txt"
+scripts="$(cd "$(dirname "$0")" && pwd)"
+list="$scripts/packages.txt"
 
 usage() {
   cat <<END
 usage: scripts/setup.sh [--check]
-Installs the packages of scripts/packages.txt that are missing (apt, with sudo unless root).
-  --check   installs nothing: names what is missing and ends with status 1 if anything is
+Installs the packages of scripts/packages.txt that are missing (apt, with sudo unless root), and makes
+the weights of LPIPS (scripts/make_lpips_weights.py) where they are not made; APVI_LPIPS=none: does not.
+  --check   installs and makes nothing: names what is missing and ends with status 1 if a package is
 END
 }
 
@@ -34,6 +37,13 @@ install_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@"
 }
 
+# Judging renderings by LPIPS is all that needs them: without, and without a network, the rest goes on.
+lpips_weights() {
+  [[ "${APVI_LPIPS:-}" != none ]] || return 0
+  python3 "$scripts/make_lpips_weights.py" "$@" ||
+    echo "setup: without the weights of LPIPS, that metric will be n/a"
+}
+
 case "${1:-}" in
   "" | --check) ;;
   -h | --help)
@@ -54,6 +64,7 @@ fi
 mapfile -t missing < <(missing_packages)
 if ((${#missing[@]} == 0)); then
   echo "setup: all packages are installed"
+  lpips_weights "$@"
   exit 0
 fi
 echo "setup: missing: ${missing[*]}"
@@ -75,4 +86,5 @@ install_packages "${missing[@]}" || {
   as_root apt-get update -q
   install_packages "${missing[@]}"
 }
+lpips_weights
 echo "setup: done"
