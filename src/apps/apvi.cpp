@@ -28,6 +28,10 @@ int dispatch(int argc, char** argv) {
   apvi::apps::add_eval(app);
   apvi::apps::add_doctor(app);
   apvi::apps::add_sim(app);
+#if APVI_WITH_MAPPING
+  apvi::apps::add_render(app);
+  apvi::apps::add_export(app);
+#endif
   apvi::apps::add_config(app);
   try {
     app.parse(argc, argv);

@@ -12,5 +12,8 @@ void add_eval(CLI::App& app);
 void add_doctor(CLI::App& app);
 void add_config(CLI::App& app);
 void add_sim(CLI::App& app);
+/// In builds with the mapping half.
+void add_render(CLI::App& app);
+void add_export(CLI::App& app);
 
 }  // namespace apvi::apps

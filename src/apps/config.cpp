@@ -10,10 +10,10 @@
 #include "apvi/config/fields.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
-#include "apvi/pipeline/run_config.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "apvi/sim/scene_config.hpp"
 #include "commands.hpp"
+#include "mapping_half.hpp"
 
 namespace apvi::apps {
 namespace {
@@ -42,7 +42,7 @@ std::string check_file(const fs::path& file) {
     config::read(node, scene);
     return "scene";
   }
-  pipeline::load_run_config(file, {});
+  load_run_config(file, {});
   return "run configuration";
 }
 
@@ -72,7 +72,7 @@ void print_markdown() {
       "file. Unknown keys, duplicate keys and values out of range are errors.\n");
   section("Runs",
           "`apvi run FILE`: files in `configs/`, `configs/datasets/`, `configs/experiments/`.",
-          config::to_markdown(config::document(pipeline::RunConfig{})));
+          config::to_markdown(config::document(RunConfig{})));
   section("Rigs", "`rig.yaml` of a data set, and the `rig:` section of runs and scenes.",
           rig_documentation());
   section("Scenes", "`apvi sim FILE`: files in `configs/scenes/`.",
@@ -102,7 +102,7 @@ void run_config(const Arguments& a) {
   } else if (a.markdown) {
     print_markdown();
   } else {
-    print_keys("apvi run: key, default, range, meaning", config::document(pipeline::RunConfig{}));
+    print_keys("apvi run: key, default, range, meaning", config::document(RunConfig{}));
     print_keys("apvi sim: key, default, range, meaning", config::document(sim::SceneConfig{}));
   }
 }

@@ -11,6 +11,7 @@
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/pipeline/run.hpp"
 #include "commands.hpp"
+#include "mapping_half.hpp"
 
 namespace apvi::apps {
 namespace {
@@ -22,10 +23,11 @@ struct Arguments {
   std::vector<std::string> overrides;
   fs::path folder;
   bool overwrite = false;
+  bool resume = false;
 };
 
 // runs/<configuration>-<data set>, with a number behind it when that is taken.
-fs::path default_folder(const Arguments& a, const pipeline::RunConfig& config) {
+fs::path default_folder(const Arguments& a, const RunConfig& config) {
   const fs::path data = fs::path(config.dataset.path).lexically_normal();
   const std::string name =
       data.has_filename() ? data.stem().string() : data.parent_path().filename().string();
@@ -37,8 +39,15 @@ fs::path default_folder(const Arguments& a, const pipeline::RunConfig& config) {
 }
 
 void run(const Arguments& a) {
-  const pipeline::RunConfig config = pipeline::load_run_config(a.config, a.overrides);
+  const RunConfig config = load_run_config(a.config, a.overrides);
   const InterruptGuard guard;
+  if (!config.localization.enabled) {
+    const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
+    return make_map(config, {.folder = folder,
+                             .overwrite = a.overwrite,
+                             .resume = a.resume,
+                             .interrupted = [&guard] { return guard.interrupted(); }});
+  }
   const pipeline::RunOptions options{
       .folder = a.folder.empty() ? default_folder(a, config) : a.folder,
       .overwrite = a.overwrite,
@@ -55,7 +64,8 @@ void run(const Arguments& a) {
 
 void add_run(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand("run", "localization over a recording, into a run folder");
+  CLI::App* command = app.add_subcommand(
+      "run", "localization, or a map with given poses, of a recording into a run folder");
   command->add_option("CONFIG", a->config, "configuration file, for example configs/default.yaml")
       ->required();
   command->add_option("--set", a->overrides, "override a key: dataset.path=FOLDER; may be repeated")
@@ -66,6 +76,7 @@ void add_run(CLI::App& app) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_option("-o,--output", a->folder, "run folder (default: below runs/)");
   command->add_flag("--overwrite", a->overwrite, "replace the run that the folder holds");
+  command->add_flag("--resume", a->resume, "given poses: go on from the folder's checkpoint");
   command->callback([a] { run(*a); });
 }
 

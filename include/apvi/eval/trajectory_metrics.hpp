@@ -23,7 +23,7 @@ enum class Alignment {
 };
 
 /// What is compared and how. In a configuration file: align, associate, max_difference_s,
-/// max_gap_s.
+/// max_gap_s, heldout_every.
 struct EvalOptions {
   Alignment alignment = Alignment::se3;
   AssociationOptions association;
@@ -33,6 +33,7 @@ struct EvalOptions {
   /// make good.
   WorldFrame reference_world = WorldFrame::up;
   WorldFrame estimate_world = WorldFrame::up;
+  int heldout_every = 8;  ///< of the images: kept from mapping, which is measured on them
 
   template <typename V>
   void visit(V& v) {
@@ -51,6 +52,9 @@ struct EvalOptions {
       "nearest: largest distance of a pair in time [s]");
     v("max_gap_s", association.max_gap_s, Range{0.0, 1e6},
       "gaps longer than this are neither interpolated nor covered [s]");
+    v("heldout_every", heldout_every, Range{0, 1000000},
+      "the first image and every so manieth after it is kept from mapping, which is measured on "
+      "them; 0: none");
   }
 };
 

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/mapping/options.hpp"
+#include "apvi/pipeline/run_config.hpp"
+
+namespace apvi::bridge {
+
+// The mapping half knows no configuration files; these give its options their words.
+
+struct RatesSection : mapping::LearningRates {
+  template <typename V>
+  void visit(V& v) {
+    const config::Range positive{0.0, 10.0};
+    v("means", means, positive, "of the centres at the start [scene extents]");
+    v("means_final", means_final, positive, "of the centres at the end [scene extents]");
+    v("log_scales", log_scales, positive, "of the logarithms of the sizes");
+    v("quaternions", quaternions, positive, "of the rotations");
+    v("logit_opacities", logit_opacities, positive, "of the opacities, before the sigmoid");
+    v("sh_dc", sh_dc, positive, "of the constant colours");
+    v("sh_rest", sh_rest, positive, "of the other spherical harmonics");
+  }
+};
+
+struct DensifySection : mapping::DensifyOptions {
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("interval", interval, Range{1, 1000000}, "iterations between two rounds");
+    v("begin", begin, Range{0.0, 1.0}, "part of the training before the first round");
+    v("end", end, Range{0.0, 1.0}, "part of the training after which the map grows no more");
+    v("gradient_threshold", gradient_threshold, Range{0.0, 1.0},
+      "mean pull at a projected centre from which a Gaussian clones or splits [half images]");
+    v("dense_fraction", dense_fraction, Range{0.0, 1.0},
+      "larger Gaussians split, smaller ones clone [scene extents]");
+    v("random_per_round", random_per_round, Range{0, 1000000},
+      "densification random: new Gaussians at random pixels each round");
+    v("prune_opacity", prune_opacity, Range{0.0, 1.0}, "fainter Gaussians go");
+    v("prune_weight", prune_weight, Range{0.0, 1.0},
+      "so do those that never weigh more in any pixel of a round");
+    v("prune_scale", prune_scale, Range{0.0, 1e6}, "and larger ones [scene extents]");
+  }
+};
+
+struct PoseSection : mapping::PoseOptions {
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled, "whether the keyframes' poses are corrected");
+    v("begin", begin, Range{0.0, 1.0}, "part of the training before that");
+    v("rate", rate, Range{0.0, 1.0}, "Adam's learning rate [m], [rad]");
+    v("sigma_m", sigma_m, Range{1e-6, 1e3}, "how far off the given positions are, one sigma [m]");
+    v("sigma_deg", sigma_deg, Range{1e-6, 180.0}, "the same of the rotations [deg]");
+  }
+};
+
+struct ExposureSection : mapping::ExposureOptions {
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled, "whether every keyframe has a gain and an offset of its own");
+    v("rate", rate, Range{0.0, 1.0}, "Adam's learning rate");
+    v("sigma", sigma, Range{1e-6, 10.0}, "how far gains and offsets are from 1 and 0, one sigma");
+  }
+};
+
+/// The `mapping` section.
+struct MappingConfig {
+  bool enabled = false;
+  bool medium = false;
+  std::string initial_points = "sift";
+  int initial_count = 30000;
+  std::vector<double> initial_box_m;
+  double initial_opacity = 0.1;
+  double image_scale = 1.0;
+  double report_every_s = 0.0;
+  double checkpoint_every_s = 120.0;
+  mapping::TrainerOptions trainer;  // the single values; its groups are the sections below
+  DensifySection densify;
+  RatesSection rates;
+  PoseSection poses;
+  ExposureSection exposure;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Choices;
+    using config::Range;
+    using mapping::Densification;
+    v("enabled", enabled, "whether a map is made");
+    v("densification", densify.kind,
+      Choices<Densification>{{"none", Densification::none},
+                             {"gradient", Densification::gradient},
+                             {"random", Densification::random},
+                             {"quadtree", Densification::quadtree}},
+      "how the map grows");
+    v("medium", medium, "whether the water's colour and attenuation are estimated too");
+    v("max_gaussians", densify.max_gaussians, Range{1, 100000000}, "the map grows no larger");
+    v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
+    v("final_iterations", trainer.final_iterations, Range{0, 100000000},
+      "more of them at the end, without growth and at the lowest rates");
+    v("time_budget_s", trainer.time_budget_s, Range{0.0, 1e9},
+      "at most this long; rates and growth are spread over it; 0 for no limit [s]");
+    v("initial_points", initial_points,
+      "sift (matched and triangulated), random, or a file: PLY or COLMAP's points3D.txt");
+    v("initial_count", initial_count, Range{1, 100000000}, "of random points");
+    v("initial_box_m", initial_box_m,
+      "where random points are: x, y, z of its low and of its high corner; empty: around the "
+      "cameras [m]");
+    v("initial_opacity", initial_opacity, Range{1e-4, 0.999}, "of the first Gaussians");
+    v("image_scale", image_scale, Range{1e-3, 1.0}, "size of the images used over that recorded");
+    v("coarsest", trainer.coarsest, Range{1, 8}, "the training begins with images reduced by this");
+    v("coarse_until", trainer.coarse_until, Range{0.0, 1.0},
+      "part of the training after which they are whole");
+    v("sh_degree", trainer.sh_degree, Range{0, splat::kMaxShDegree},
+      "of the spherical harmonics: how colours change with direction");
+    v("sh_interval", trainer.sh_interval, Range{1, 100000000}, "iterations until one degree more");
+    v("ssim_weight", trainer.ssim_weight, Range{0.0, 1.0}, "of D-SSIM in the loss; the rest is L1");
+    v("antialiased", trainer.antialiased, "whether small Gaussians fade as they are smoothed");
+    v("sparse_adam", trainer.sparse_adam,
+      "a step changes only the Gaussians that its view sees: faster, a little worse a step");
+    v("densify", densify, "growth and pruning");
+    v("rates", rates, "Adam's learning rates");
+    v("poses", poses, "correction of given poses");
+    v("exposure", exposure, "correction of exposure");
+    v("report_every_s", report_every_s, Range{0.0, 1e9},
+      "writes the held-out images' PSNR to mapping.csv this often; 0: never [s]");
+    v("checkpoint_every_s", checkpoint_every_s, Range{0.0, 1e9},
+      "saves what a later run resumes from this often; 0: at the end only [s]");
+  }
+};
+
+/// Everything about a run, as in a configuration file: localization's part and mapping's.
+struct RunConfig : pipeline::RunConfig {
+  MappingConfig mapping;
+
+  template <typename V>
+  void visit(V& v) {
+    pipeline::RunConfig::visit(v);
+    v("mapping", mapping, "the map of Gaussians");
+  }
+};
+
+/// What the trainer is told: the sections in one, with the run's seed.
+mapping::TrainerOptions trainer_options(const RunConfig& config);
+
+/// Reads a configuration file with what it inherits, then the overrides "key=value" in order, and
+/// checks what single keys cannot say. Throws InputError.
+RunConfig load_run_config(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides);
+
+}  // namespace apvi::bridge

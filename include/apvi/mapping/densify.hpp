@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+
+#include "apvi/mapping/options.hpp"
+#include "apvi/splat/gaussian_store.hpp"
+#include "apvi/splat/render.hpp"
+
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
+namespace apvi::mapping {
+
+/// What the views since the last round say about each Gaussian.
+class DensityStatistics {
+ public:
+  explicit DensityStatistics(std::int64_t count, const torch::Device& device = torch::kCPU);
+
+  std::int64_t size() const { return gradient_sum_.size(0); }
+  /// Takes in a view's statistics, after its backward pass.
+  void observe(const splat::RenderStatistics& statistics);
+  /// Makes room for `count` more Gaussians at the end, of which nothing is known.
+  void extend(std::int64_t count);
+  /// Mean pull at the projected centre over the views that saw it, [N]; 0 where none did.
+  torch::Tensor mean_gradient() const { return gradient_sum_ / views_.clamp_min(1.0); }
+  /// Number of views that saw it [N], and its largest blend weight there [N].
+  const torch::Tensor& views() const { return views_; }
+  const torch::Tensor& max_weight() const { return max_weight_; }
+
+  void save(torch::serialize::OutputArchive& archive) const;
+  void load(torch::serialize::InputArchive& archive);
+
+ private:
+  torch::Tensor gradient_sum_, views_, max_weight_;  // [N] float32
+};
+
+struct DensifyResult {
+  std::int64_t cloned = 0;
+  std::int64_t split = 0;
+  std::int64_t pruned = 0;
+};
+
+/// One round of growth and pruning. Where the mean gradient is above the threshold, small Gaussians
+/// are doubled (with the opacity that keeps the two together as opaque as the one was; Bulò et al.,
+/// "Revising densification in Gaussian splatting", 2024) and large ones replaced by two of 1/1.6 of
+/// the size drawn from them (Kerbl et al., 2023); the strongest first, until the map has `limit`
+/// Gaussians. Those that are too faint, too large or that no view needs are removed. The same for
+/// the same `seed`.
+DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& statistics,
+                      const DensifyOptions& options, double extent, std::int64_t limit,
+                      std::uint64_t seed);
+
+/// Which Gaussians are of no use [N] bool; part of `densify`.
+torch::Tensor useless(const splat::Gaussians& gaussians, const DensityStatistics& statistics,
+                      const DensifyOptions& options, double extent);
+
+}  // namespace apvi::mapping

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "apvi/splat/gaussians.hpp"
+
+namespace apvi::mapping {
+
+/// Where a map gets new Gaussians from, besides those it starts with.
+enum class Densification {
+  none,
+  gradient,  ///< where the loss pulls at the projected centres (Kerbl et al., 2023)
+  random,    ///< the same, and at random pixels of the keyframes
+  quadtree,  ///< the same, and where the quadtree finds depth
+};
+
+/// Adam's learning rates. That of the means is in scene extents and falls exponentially to
+/// `_final`.
+struct LearningRates {
+  double means = 1.6e-4;
+  double means_final = 1.6e-6;
+  double log_scales = 5e-3;
+  double quaternions = 1e-3;
+  double logit_opacities = 2.5e-2;
+  double sh_dc = 2.5e-3;
+  double sh_rest = 1.25e-4;
+};
+
+/// Growth and pruning. `begin` and `end` are parts of the whole training, 0 to 1.
+struct DensifyOptions {
+  Densification kind = Densification::gradient;
+  int max_gaussians = 150000;
+  int interval = 100;  ///< iterations between two rounds
+  double begin = 0.03;
+  double end = 0.6;
+  double gradient_threshold = 2e-4;  ///< of the mean screen-space gradient, in half image sizes
+  double dense_fraction = 0.01;      ///< of the scene extent: larger Gaussians split, others clone
+  int random_per_round = 500;
+  double prune_opacity = 0.005;
+  double prune_weight = 0.01;  ///< largest blend weight over a round that still is no use
+  double prune_scale = 0.3;    ///< of the scene extent: larger ones go
+};
+
+/// Correction of the keyframes' poses, held near the given ones by a prior.
+struct PoseOptions {
+  bool enabled = false;
+  double begin = 0.1;  ///< part of the training before which the map is too rough
+  double rate = 3e-4;  ///< of Adam [m], [rad]
+  double sigma_m = 0.02;
+  double sigma_deg = 0.5;
+};
+
+/// Gain and offset of a keyframe's colours, held near one and zero by a prior.
+struct ExposureOptions {
+  bool enabled = false;
+  double rate = 1e-3;
+  double sigma = 0.05;
+};
+
+struct TrainerOptions {
+  int iterations = 7000;       ///< with growth and falling rates
+  int final_iterations = 0;    ///< after them, without growth, at the final rates
+  double time_budget_s = 0.0;  ///< 0: none; else the iterations are spread over at most this
+  int sh_degree = splat::kMaxShDegree;
+  int sh_interval = 1000;  ///< iterations until one more degree is used
+  double ssim_weight = 0.2;
+  int coarsest = 4;            ///< reduction of the images at the start: 1, 2 or 4
+  double coarse_until = 0.25;  ///< part of the training after which images are whole
+  bool antialiased = false;
+  bool sparse_adam = false;  ///< a step changes only what its view sees
+  std::uint64_t seed = 0;
+  LearningRates rates;
+  DensifyOptions densify;
+  PoseOptions poses;
+  ExposureOptions exposure;
+};
+
+}  // namespace apvi::mapping

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+
+#if APVI_WITH_MAPPING
+#include "apvi/bridge/run_config.hpp"
+#else
+#include "apvi/pipeline/run_config.hpp"
+#endif
+
+/// What `apvi run` and `apvi config` do of mapping; in a build without it they know no such keys.
+namespace apvi::apps {
+
+#if APVI_WITH_MAPPING
+using bridge::load_run_config;
+using bridge::RunConfig;
+#else
+using pipeline::load_run_config;
+using pipeline::RunConfig;
+#endif
+
+struct MapRequest {
+  std::filesystem::path folder;
+  bool overwrite = false;
+  bool resume = false;
+  std::function<bool()> interrupted;
+};
+
+/// Makes a map with given poses and logs how it went. Throws InputError in a build without mapping.
+void make_map(const RunConfig& config, const MapRequest& request);
+
+}  // namespace apvi::apps

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/core/error.hpp"
+#include "mapping_half.hpp"
+
+namespace apvi::apps {
+
+void make_map(const RunConfig&, const MapRequest&) {
+  fail_input(
+      "localization.enabled: false: maps with given poses need the mapping half, which this build "
+      "leaves out (APVI_MAPPING=OFF)");
+}
+
+}  // namespace apvi::apps

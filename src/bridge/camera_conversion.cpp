@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/bridge/camera_conversion.hpp"
+
+#include <torch/torch.h>
+
+#include <cmath>
+#include <cstring>
+#include <opencv2/imgproc.hpp>
+
+#include "apvi/core/error.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kHalfPixel = 0.5;  // between the two conventions
+constexpr int kNarrowings = 60;
+constexpr double kNarrowing = 1.02;
+
+// Where the pinhole's pixels lie in the camera's picture; false when one lies outside.
+bool fill_maps(const CameraModel& camera, const CameraModel::Parameters& pinhole, cv::Mat& map_x,
+               cv::Mat& map_y) {
+  map_x.create(pinhole.height, pinhole.width, CV_32F);
+  map_y.create(pinhole.height, pinhole.width, CV_32F);
+  const double right = camera.parameters().width - kHalfPixel;
+  const double bottom = camera.parameters().height - kHalfPixel;
+  for (int v = 0; v < pinhole.height; ++v) {
+    for (int u = 0; u < pinhole.width; ++u) {
+      const Eigen::Vector3d ray((u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy, 1.0);
+      const auto pixel = camera.project(ray);
+      if (!pixel || pixel->x() < -kHalfPixel || pixel->y() < -kHalfPixel || pixel->x() > right ||
+          pixel->y() > bottom) {
+        return false;
+      }
+      map_x.at<float>(v, u) = static_cast<float>(pixel->x());
+      map_y.at<float>(v, u) = static_cast<float>(pixel->y());
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+splat::Intrinsics to_intrinsics(const CameraModel::Parameters& camera) {
+  return {.fx = camera.fx,
+          .fy = camera.fy,
+          .cx = camera.cx + kHalfPixel,
+          .cy = camera.cy + kHalfPixel,
+          .width = camera.width,
+          .height = camera.height};
+}
+
+CameraModel::Parameters to_parameters(const splat::Intrinsics& intrinsics) {
+  return {.fx = intrinsics.fx,
+          .fy = intrinsics.fy,
+          .cx = intrinsics.cx - kHalfPixel,
+          .cy = intrinsics.cy - kHalfPixel,
+          .distortion = Distortion::none,
+          .coefficients = {},
+          .width = intrinsics.width,
+          .height = intrinsics.height};
+}
+
+Tensor to_tensor(const SE3& pose) {
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = pose.matrix();
+  return torch::from_blob(const_cast<double*>(matrix.data()), {4, 4}, torch::kFloat64).clone();
+}
+
+SE3 to_se3(const Tensor& matrix) {
+  const Tensor m = matrix.detach().to(torch::kCPU, torch::kFloat64).contiguous();
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> map(m.data_ptr<double>());
+  const Eigen::Matrix3d R = map.topLeftCorner<3, 3>();
+  return {Eigen::Quaterniond(R).normalized(), map.topRightCorner<3, 1>()};
+}
+
+Tensor to_tensor(const cv::Mat& image) {
+  APVI_CHECK(image.depth() == CV_8U && (image.channels() == 1 || image.channels() == 3));
+  cv::Mat rgb;
+  cv::cvtColor(image, rgb, image.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  return torch::from_blob(rgb.data, {rgb.rows, rgb.cols, 3}, torch::kUInt8).clone();
+}
+
+cv::Mat to_image(const Tensor& image) {
+  Tensor bytes = image.detach().to(torch::kCPU);
+  if (bytes.scalar_type() != torch::kUInt8) {
+    bytes = (bytes.clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+  }
+  bytes = bytes.contiguous();
+  const cv::Mat rgb(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), CV_8UC3,
+                    bytes.data_ptr());
+  cv::Mat bgr;
+  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
+  return bgr;
+}
+
+Undistorter::Undistorter(const CameraModel& camera, double scale) {
+  CameraModel::Parameters pinhole = camera.parameters();
+  source_ = {pinhole.width, pinhole.height};
+  if (pinhole.distortion != Distortion::none) {
+    int tries = 0;
+    while (!fill_maps(camera, pinhole, map_x_, map_y_)) {
+      if (++tries > kNarrowings) {
+        fail_input("rig: cam0.coefficients: this lens shows no pinhole picture; check them");
+      }
+      pinhole.fx *= kNarrowing;
+      pinhole.fy *= kNarrowing;
+    }
+  }
+  const splat::Intrinsics full = to_intrinsics(pinhole);
+  const int width = static_cast<int>(std::lround(scale * full.width));
+  const int height = static_cast<int>(std::lround(scale * full.height));
+  if (width < 1 || height < 1) fail_input("mapping.image_scale: {} leaves no pixel", scale);
+  const double sx = static_cast<double>(width) / full.width;
+  const double sy = static_cast<double>(height) / full.height;
+  intrinsics_ = {.fx = sx * full.fx,
+                 .fy = sy * full.fy,
+                 .cx = sx * full.cx,
+                 .cy = sy * full.cy,
+                 .width = width,
+                 .height = height};
+}
+
+cv::Mat Undistorter::operator()(const cv::Mat& image) const {
+  if (image.size() != source_) {
+    fail_run("a picture is {} x {}, but the rig says {} x {}", image.cols, image.rows,
+             source_.width, source_.height);
+  }
+  cv::Mat pinhole = image;
+  if (!map_x_.empty())
+    cv::remap(image, pinhole, map_x_, map_y_, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  if (pinhole.cols == intrinsics_.width && pinhole.rows == intrinsics_.height)
+    return pinhole.clone();
+  cv::Mat reduced;
+  cv::resize(pinhole, reduced, {intrinsics_.width, intrinsics_.height}, 0, 0, cv::INTER_AREA);
+  return reduced;
+}
+
+}  // namespace apvi::bridge

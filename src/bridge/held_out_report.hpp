@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/rendering.hpp"
+
+namespace apvi::bridge {
+
+/// Draws the held-out images into a folder (truth, render, depth, and restored with water) and
+/// measures them: the `mapping` section of metrics.json but for the map's own figures.
+eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore& keyframes,
+                           const std::filesystem::path& folder);
+
+}  // namespace apvi::bridge

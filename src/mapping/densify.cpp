@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/densify.hpp"
+
+#include <ATen/CPUGeneratorImpl.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace apvi::mapping {
+namespace {
+
+using splat::Gaussians;
+using torch::Tensor;
+
+constexpr double kSplitShrink = 1.6;
+constexpr double kLeastViews = 2.0;  // that must have seen a Gaussian before it is judged by weight
+
+Gaussians select(const Gaussians& from, const Tensor& index) {
+  Gaussians to;
+  const auto source = from.tensors();
+  const auto target = to.tensors();
+  for (std::size_t i = 0; i < source.size(); ++i) *target[i] = source[i]->index_select(0, index);
+  return to;
+}
+
+Gaussians join(const Gaussians& a, const Gaussians& b) {
+  Gaussians to;
+  const auto first = a.tensors();
+  const auto second = b.tensors();
+  const auto target = to.tensors();
+  for (std::size_t i = 0; i < target.size(); ++i) *target[i] = torch::cat({*first[i], *second[i]});
+  return to;
+}
+
+// Vectors [N,3] turned by quaternions [N,4] of any length.
+Tensor rotate(const Tensor& quaternions, const Tensor& vectors) {
+  const Tensor q = quaternions / quaternions.norm(2, 1, true);
+  const Tensor w = q.slice(1, 0, 1);
+  const Tensor v = q.slice(1, 1, 4);
+  const Tensor t = 2.0 * torch::cross(v, vectors, 1);
+  return vectors + w * t + torch::cross(v, t, 1);
+}
+
+// The two that together let through what one did.
+Tensor halved_logit(const Tensor& logit) {
+  const Tensor opacity = (1.0 - torch::sqrt(1.0 - logit.sigmoid())).clamp(1e-6, 1.0 - 1e-6);
+  return torch::log(opacity / (1.0 - opacity));
+}
+
+Gaussians split_halves(const Gaussians& parents, std::uint64_t seed) {
+  Gaussians children = join(parents, parents);
+  auto generator = at::detail::createCPUGenerator(seed);
+  const Tensor noise =
+      torch::randn(children.means.sizes(), generator, torch::kFloat32).to(children.means.options());
+  children.means = children.means + rotate(children.quaternions, noise * children.log_scales.exp());
+  children.log_scales = children.log_scales - std::log(kSplitShrink);
+  return children;
+}
+
+// Those to grow, the strongest first when there is not room for all.
+Tensor growing(const Tensor& gradient, double threshold, std::int64_t room) {
+  const Tensor candidates = gradient > threshold;
+  const auto count = candidates.sum().item<std::int64_t>();
+  if (count <= room) return candidates;
+  Tensor chosen = torch::zeros_like(candidates);
+  if (room <= 0) return chosen;
+  chosen.index_fill_(0, std::get<1>(gradient.topk(room)), true);
+  return chosen;
+}
+
+}  // namespace
+
+DensityStatistics::DensityStatistics(std::int64_t count, const torch::Device& device)
+    : gradient_sum_(torch::zeros({count}, device)),
+      views_(torch::zeros({count}, device)),
+      max_weight_(torch::zeros({count}, device)) {}
+
+void DensityStatistics::observe(const splat::RenderStatistics& statistics) {
+  const torch::NoGradGuard no_grad;
+  const Tensor visible = statistics.visible.to(torch::kFloat32);
+  gradient_sum_.addcmul_(statistics.mean2d_gradient.to(torch::kFloat32), visible);
+  views_.add_(visible);
+  max_weight_ = torch::maximum(max_weight_, statistics.max_weight.to(torch::kFloat32));
+}
+
+void DensityStatistics::extend(std::int64_t count) {
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) {
+    *t = torch::cat({*t, torch::zeros({count}, t->options())});
+  }
+}
+
+void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("gradient_sum", gradient_sum_, true);
+  archive.write("views", views_, true);
+  archive.write("max_weight", max_weight_, true);
+}
+
+void DensityStatistics::load(torch::serialize::InputArchive& archive) {
+  const torch::Device device = views_.device();
+  archive.read("gradient_sum", gradient_sum_, true);
+  archive.read("views", views_, true);
+  archive.read("max_weight", max_weight_, true);
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->to(device);
+}
+
+Tensor useless(const Gaussians& gaussians, const DensityStatistics& statistics,
+               const DensifyOptions& options, double extent) {
+  const Tensor faint = gaussians.logit_opacities.sigmoid() < options.prune_opacity;
+  const Tensor idle =
+      (statistics.views() >= kLeastViews) & (statistics.max_weight() < options.prune_weight);
+  const Tensor large = std::get<0>(gaussians.log_scales.max(1)) >
+                       std::log(std::max(1e-12, options.prune_scale * extent));
+  return faint | idle | large;
+}
+
+DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& statistics,
+                      const DensifyOptions& options, double extent, std::int64_t limit,
+                      std::uint64_t seed) {
+  const torch::NoGradGuard no_grad;
+  Gaussians map;
+  for (std::size_t i = 0; i < map.tensors().size(); ++i) {
+    *map.tensors()[i] = store.view().tensors()[i]->detach();
+  }
+  const Tensor bad = useless(map, statistics, options, extent);
+  const auto pruned = bad.sum().item<std::int64_t>();
+  const Tensor gradient = statistics.mean_gradient().masked_fill(bad, 0.0);
+  const Tensor grow =
+      growing(gradient, options.gradient_threshold, limit - (store.size() - pruned));
+  const double dense = std::log(options.dense_fraction * extent);
+  const Tensor small = std::get<0>(map.log_scales.max(1)) <= dense;
+  const Tensor cloned = (grow & small).nonzero().squeeze(1);
+  const Tensor split = grow & ~small;
+  const Tensor split_index = split.nonzero().squeeze(1);
+
+  const Tensor halved = halved_logit(map.logit_opacities.index_select(0, cloned));
+  map.logit_opacities.index_copy_(0, cloned, halved);
+  store.insert(join(select(map, cloned), split_halves(select(map, split_index), seed)));
+  const Tensor remove = bad | split;
+  store.prune(
+      torch::cat({remove, torch::zeros({store.size() - remove.size(0)}, remove.options())}));
+  return {.cloned = cloned.size(0), .split = split_index.size(0), .pruned = pruned};
+}
+
+}  // namespace apvi::mapping

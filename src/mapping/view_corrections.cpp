@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/view_corrections.hpp"
+
+#include <torch/torch.h>
+
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "apvi/splat/adam.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+// What one sigma off costs, as loss of an image: about what a tenth of a pixel costs there.
+constexpr double kPriorLoss = 1e-3;
+constexpr double kRadians = 0.017453292519943295;
+
+Tensor row(const Tensor& tensor, std::size_t i) {
+  return tensor.select(0, static_cast<std::int64_t>(i));
+}
+
+std::array<std::pair<const char*, Tensor*>, 4> named(Tensor& value, Tensor& first, Tensor& second,
+                                                     Tensor& steps) {
+  return {{{"value", &value}, {"first", &first}, {"second", &second}, {"steps", &steps}}};
+}
+
+}  // namespace
+
+ViewCorrections::Learnt ViewCorrections::make(std::size_t views, at::IntArrayRef shape) {
+  std::vector<std::int64_t> size = {static_cast<std::int64_t>(views)};
+  size.insert(size.end(), shape.begin(), shape.end());
+  const auto zeros = [&size] { return torch::zeros(size, torch::kFloat64); };
+  return {.value = zeros(),
+          .first = zeros(),
+          .second = zeros(),
+          .steps = torch::zeros({size[0]}, torch::kInt64)};
+}
+
+ViewCorrections::ViewCorrections(std::size_t views, const PoseOptions& poses,
+                                 const ExposureOptions& exposure)
+    : pose_options_(poses),
+      exposure_options_(exposure),
+      poses_(make(views, {6})),
+      exposures_(make(views, {2, 3})) {}
+
+Tensor ViewCorrections::pose_delta(std::size_t i, bool learn) const {
+  if (!pose_options_.enabled) return {};
+  return row(poses_.value, i).clone().requires_grad_(learn);
+}
+
+Tensor ViewCorrections::expose(std::size_t i, const Tensor& image, bool learn) {
+  exposure_leaf_ = Tensor();
+  if (!exposure_options_.enabled) return image;
+  exposure_leaf_ = row(exposures_.value, i).clone().requires_grad_(learn);
+  const Tensor values = exposure_leaf_.to(image.options());
+  return image * values[0].exp() + values[1];
+}
+
+void ViewCorrections::step(std::size_t i, const Tensor& pose_delta) {
+  if (pose_delta.defined() && pose_delta.grad().defined()) {
+    const double m = pose_options_.sigma_m;
+    const double rad = kRadians * pose_options_.sigma_deg;
+    const Tensor sigma = torch::tensor({m, m, m, rad, rad, rad}, torch::kFloat64);
+    adam(poses_, i, pose_delta.grad() + kPriorLoss * row(poses_.value, i) / sigma.square(),
+         pose_options_.rate);
+  }
+  if (exposure_leaf_.defined() && exposure_leaf_.grad().defined()) {
+    const double sigma = exposure_options_.sigma;
+    adam(exposures_, i,
+         exposure_leaf_.grad() + kPriorLoss * row(exposures_.value, i) / (sigma * sigma),
+         exposure_options_.rate);
+  }
+}
+
+void ViewCorrections::adam(Learnt& learnt, std::size_t i, const Tensor& gradient, double rate) {
+  const torch::NoGradGuard no_grad;
+  const Tensor steps = row(learnt.steps, i).add_(1);
+  splat::adam_step({{.parameter = row(learnt.value, i),
+                     .gradient = gradient.contiguous(),
+                     .first = row(learnt.first, i),
+                     .second = row(learnt.second, i),
+                     .rate = rate}},
+                   steps.item<std::int64_t>());
+}
+
+void ViewCorrections::save(torch::serialize::OutputArchive& archive) const {
+  const auto write = [&archive](const std::string& prefix, Learnt learnt) {
+    for (const auto& [name, tensor] :
+         named(learnt.value, learnt.first, learnt.second, learnt.steps)) {
+      archive.write(prefix + name, *tensor, /*is_buffer=*/true);
+    }
+  };
+  write("pose_", poses_);
+  write("exposure_", exposures_);
+}
+
+void ViewCorrections::load(torch::serialize::InputArchive& archive) {
+  const auto read = [&archive](const std::string& prefix, Learnt& learnt) {
+    for (const auto& [name, tensor] :
+         named(learnt.value, learnt.first, learnt.second, learnt.steps)) {
+      Tensor loaded;
+      archive.read(prefix + name, loaded, /*is_buffer=*/true);
+      TORCH_CHECK(loaded.sizes() == tensor->sizes(), "checkpoint: it holds ", loaded.size(0),
+                  " keyframes instead of ", tensor->size(0));
+      *tensor = loaded;
+    }
+  };
+  read("pose_", poses_);
+  read("exposure_", exposures_);
+}
+
+Tensor corrected_pose(const Tensor& T_camera_world, const Tensor& pose_delta) {
+  if (!pose_delta.defined()) return T_camera_world;
+  const Tensor delta = pose_delta.detach().to(torch::kCPU, torch::kFloat64).contiguous();
+  const double* d = delta.data_ptr<double>();
+  Tensor twist = torch::zeros({4, 4}, torch::kFloat64);
+  auto m = twist.accessor<double, 2>();
+  m[0][1] = -d[5];
+  m[0][2] = d[4];
+  m[1][0] = d[5];
+  m[1][2] = -d[3];
+  m[2][0] = -d[4];
+  m[2][1] = d[3];
+  for (int axis = 0; axis < 3; ++axis) m[axis][3] = d[axis];
+  return torch::matrix_exp(twist).mm(T_camera_world);
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/bridge/camera_conversion.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <opencv2/core.hpp>
+
+#include "apvi/core/error.hpp"
+#include "support/matchers.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+CameraModel::Parameters euroc_camera() {
+  return {.fx = 458.654,
+          .fy = 457.296,
+          .cx = 367.215,
+          .cy = 248.375,
+          .distortion = Distortion::radtan,
+          .coefficients = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05},
+          .width = 752,
+          .height = 480};
+}
+
+// A soft spot at a pixel, in OpenCV's convention.
+cv::Mat spot_at(const Eigen::Vector2d& pixel, int width, int height) {
+  cv::Mat image(height, width, CV_8U);
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const double r2 = (Eigen::Vector2d(u, v) - pixel).squaredNorm();
+      image.at<std::uint8_t>(v, u) =
+          static_cast<std::uint8_t>(std::lround(255.0 * std::exp(-r2 / 32.0)));
+    }
+  }
+  return image;
+}
+
+// Centre of brightness, pixel centres at +0.5.
+Eigen::Vector2d center_of(const cv::Mat& image) {
+  double sum = 0.0;
+  Eigen::Vector2d moment = Eigen::Vector2d::Zero();
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      const double value = image.at<std::uint8_t>(v, u);
+      sum += value;
+      moment += value * Eigen::Vector2d(u + 0.5, v + 0.5);
+    }
+  }
+  return moment / sum;
+}
+
+TEST(CameraConversion, AnUndistortedPictureShowsAPointWhereTheSplatCameraProjectsIt) {
+  const CameraModel camera(euroc_camera());
+  for (const double scale : {1.0, 0.5}) {
+    const Undistorter undistort(camera, scale);
+    const splat::Intrinsics& k = undistort.intrinsics();
+    for (const Eigen::Vector3d& point :
+         {Eigen::Vector3d(0.0, 0.0, 1.0), Eigen::Vector3d(-0.4, 0.3, 1.1),
+          Eigen::Vector3d(0.9, -0.5, 2.0)}) {
+      const cv::Mat picture = undistort(spot_at(*camera.project(point), 752, 480));
+      const Eigen::Vector2d expected(k.fx * point.x() / point.z() + k.cx,
+                                     k.fy * point.y() / point.z() + k.cy);
+      // The spot is stretched unevenly, by up to a tenth of a pixel at this place.
+      EXPECT_LT((center_of(picture) - expected).norm(), 0.15 * scale) << scale << " " << point.x();
+    }
+  }
+}
+
+TEST(CameraConversion, HalfAPixelLiesBetweenTheConventions) {
+  const splat::Intrinsics k = to_intrinsics(euroc_camera());
+  EXPECT_DOUBLE_EQ(k.cx, 367.715);
+  EXPECT_DOUBLE_EQ(k.cy, 248.875);
+  const CameraModel::Parameters back = to_parameters(k);
+  EXPECT_DOUBLE_EQ(back.cx, 367.215);
+  EXPECT_DOUBLE_EQ(back.cy, 248.375);
+}
+
+TEST(CameraConversion, ABarrelLensKeepsItsFocalLength) {
+  const Undistorter undistort(CameraModel(euroc_camera()), 0.5);
+  EXPECT_DOUBLE_EQ(undistort.intrinsics().fx, 0.5 * 458.654);
+  EXPECT_EQ(undistort.intrinsics().width, 376);
+  EXPECT_EQ(undistort.intrinsics().height, 240);
+}
+
+TEST(CameraConversion, APincushionLensIsNarrowedUntilNoPixelIsEmpty) {
+  CameraModel::Parameters lens = euroc_camera();
+  lens.coefficients = {0.1, 0.0, 0.0, 0.0};
+  const Undistorter undistort(CameraModel(lens), 1.0);
+  EXPECT_GT(undistort.intrinsics().fx, lens.fx);
+  EXPECT_LT(undistort.intrinsics().fx, 1.2 * lens.fx);
+}
+
+TEST(CameraConversion, PicturesOfAnotherSizeAreRefused) {
+  const Undistorter undistort(CameraModel(euroc_camera()), 1.0);
+  EXPECT_THROW(undistort(cv::Mat(10, 10, CV_8U, cv::Scalar(0))), RunError);
+}
+
+TEST(CameraConversion, PosesComeBackAsTheyWere) {
+  const SE3 pose{Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), {1.0, -2.0, 3.0}};
+  EXPECT_THAT(to_se3(to_tensor(pose)), test::PoseNear(pose, 1e-12));
+  EXPECT_DOUBLE_EQ(to_tensor(pose)[1][3].item<double>(), -2.0);
+}
+
+TEST(CameraConversion, PicturesComeBackWithTheirColours) {
+  cv::Mat bgr(2, 3, CV_8UC3, cv::Scalar(10, 20, 30));
+  bgr.at<cv::Vec3b>(1, 2) = {1, 2, 3};
+  const torch::Tensor rgb = to_tensor(bgr);
+  EXPECT_EQ(rgb[0][0][0].item<int>(), 30);
+  EXPECT_EQ(rgb[1][2][2].item<int>(), 1);
+  const cv::Mat again = to_image(rgb.to(torch::kFloat32) / 255.0);
+  EXPECT_EQ(cv::norm(again, bgr, cv::NORM_INF), 0.0);
+  EXPECT_EQ(to_tensor(cv::Mat(2, 2, CV_8U, cv::Scalar(9)))[1][1][1].item<int>(), 9);
+}
+
+}  // namespace
+}  // namespace apvi::bridge

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/bridge/initial_points.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "apvi/bridge/posed_images.hpp"
+#include "apvi/core/error.hpp"
+#include "support/test_data.hpp"
+#include "support/tmp_dir.hpp"
+#include "support/torch_reference.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+using testing::HasSubstr;
+
+std::string error_of(const std::filesystem::path& file) {
+  try {
+    read_colmap_points(file);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST(InitialPoints, AreReadFromColmapsText) {
+  const test::TmpDir dir;
+  const auto file = dir.write("points3D.txt", "# comment\n\n7 1.5 -2 3 255 0 51 0.4 1 2 3 4\n");
+  const splat::PointCloud points = read_colmap_points(file);
+  EXPECT_TRUE(test::tensors_near(points.positions, torch::tensor({{1.5F, -2.0F, 3.0F}}), 0.0));
+  EXPECT_TRUE(test::tensors_near(points.colors, torch::tensor({{1.0F, 0.0F, 0.2F}}), 1e-6));
+}
+
+TEST(InitialPoints, BadColmapLinesAreNamed) {
+  const test::TmpDir dir;
+  EXPECT_THAT(error_of(dir.write("p.txt", "# a\n1 2 3\n")), HasSubstr("p.txt:2: expected POINT3D"));
+  EXPECT_THAT(error_of(dir.write("p.txt", "1 2 x 4 5 6 7 8\n")), HasSubstr("\"x\" is no number"));
+  EXPECT_THAT(error_of(dir.write("p.txt", "1 2 nan 4 5 6 7 8\n")), HasSubstr("p.txt:1"));
+}
+
+TEST(InitialPoints, AFileThatIsNotThereIsNamedWithItsKey) {
+  RunConfig config;
+  config.mapping.initial_points = "nowhere.ply";
+  try {
+    initial_points(config, {});
+    FAIL() << "nothing was thrown";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(),
+                HasSubstr("mapping.initial_points: nowhere.ply: is none of sift, random"));
+  }
+}
+
+TEST(InitialPoints, TriangulatedOnesLieOnWhatColmapFound) {
+  APVI_NEEDS_DATA(data, "euroc_v101_posed");
+  RunConfig config;
+  config.dataset.path = data.string();
+  config.dataset.duration_s = 30.0;
+  config.mapping.image_scale = 0.5;
+  const splat::PointCloud points = triangulate_points(load_posed_images(config).store);
+  ASSERT_GT(points.positions.size(0), 500);
+  const splat::PointCloud reference = read_colmap_points(data / "points3D.txt");
+  const torch::Tensor nearest =
+      std::get<0>(torch::cdist(points.positions, reference.positions).min(1));
+  EXPECT_LT(nearest.median().item<float>(), 0.05F);  // [m]; the poses are good to a centimetre
+}
+
+}  // namespace
+}  // namespace apvi::bridge
