@@ -26,7 +26,8 @@ struct MediumParameters {
 
 /// A rendered image as seen through the water, the paper's Eq. (8); where nothing was rendered, the
 /// water's own colour. The distance is the range along the ray (the paper takes the depth along the
-/// optical axis, up to a third less in the corners of a wide lens).
+/// optical axis, up to a third less in the corners of a wide lens). The picture restored from the
+/// water needs no function of its own: it is what the renderer draws, `color`, before this.
 ///
 /// `color` [H,W,3] without water and alpha-weighted, `range` [H,W] in metres and finite, `alpha`
 /// [H,W]. Differentiable in everything. Throws c10::Error when shapes, types or devices do not
