@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/discriminator.hpp"
+
+#include <array>
+#include <cmath>
+
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::fusion {
+namespace {
+
+constexpr std::array<std::string_view, 5> kLevels{"accepted", "input", "coarse", "medium", "fine"};
+constexpr std::array<std::string_view, 12> kReasons{"none",
+                                                    "no_image",
+                                                    "no_estimate",
+                                                    "diverged",
+                                                    "too_few_features",
+                                                    "too_few_stable",
+                                                    "too_little_spread",
+                                                    "position_differs",
+                                                    "height_differs",
+                                                    "rotation_differs",
+                                                    "rotation_degenerate",
+                                                    "position_degenerate"};
+static_assert(kReasons.size() == static_cast<std::size_t>(Reason::position_degenerate) + 1);
+
+}  // namespace
+
+std::string_view to_string(Level level) {
+  return kLevels.at(static_cast<std::size_t>(level));
+}
+
+std::string_view to_string(Reason reason) {
+  return kReasons.at(static_cast<std::size_t>(reason));
+}
+
+Verdict coarse(const vio::FrameStatistics& statistics, const CoarseConfig& config) {
+  const double features = statistics.tracked + statistics.detected;
+  const double stable = statistics.stable;
+  if (!(features > config.min_features)) {
+    return {Level::coarse, Reason::too_few_features, features,
+            static_cast<double>(config.min_features)};
+  }
+  if (!(stable > config.min_stable_ratio * features)) {
+    return {Level::coarse, Reason::too_few_stable, stable / features, config.min_stable_ratio};
+  }
+  if (statistics.spread < config.min_spread) {
+    return {Level::coarse, Reason::too_little_spread, statistics.spread, config.min_spread};
+  }
+  return {};
+}
+
+Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config) {
+  const Eigen::Vector3d apart = dipo.translation - vio.translation;
+  const double distance = apart.norm();
+  if (!(distance < config.max_position_m)) {
+    return {Level::medium, Reason::position_differs, distance, config.max_position_m};
+  }
+  const double height = std::abs(apart.z());
+  if (!(height < config.max_height_m)) {
+    return {Level::medium, Reason::height_differs, height, config.max_height_m};
+  }
+  const double turned = so3::angle_between(dipo.rotation, vio.rotation) / kRadiansPerDegree;
+  if (!(turned < config.max_rotation_deg)) {
+    return {Level::medium, Reason::rotation_differs, turned, config.max_rotation_deg};
+  }
+  return {};
+}
+
+Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) {
+  const double rotation = eigenvalues.rotation.minCoeff();
+  if (thresholds.rotation > 0.0 && !(rotation >= thresholds.rotation)) {
+    return {Level::fine, Reason::rotation_degenerate, rotation, thresholds.rotation};
+  }
+  const double position = eigenvalues.position.minCoeff();
+  if (thresholds.position > 0.0 && !(position >= thresholds.position)) {
+    return {Level::fine, Reason::position_degenerate, position, thresholds.position};
+  }
+  return {};
+}
+
+Eigenvalues tested_eigenvalues(const VioEstimate& vio, const FineConfig& config) {
+  const Eigenvalues plain = split(vio.window_information.value_or(vio.information));
+  return config.normalisation == Normalisation::per_inlier ? per_inlier(plain, vio.inliers) : plain;
+}
+
+}  // namespace apvi::fusion

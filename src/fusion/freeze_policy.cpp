@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/freeze_policy.hpp"
+
+#include <array>
+
+namespace apvi::fusion {
+namespace {
+
+constexpr std::array<std::string_view, 4> kPhases{"starting", "running", "frozen", "dropped"};
+constexpr std::array<std::string_view, 4> kActions{"none", "freeze", "release", "reset"};
+
+}  // namespace
+
+std::string_view to_string(Phase phase) {
+  return kPhases.at(static_cast<std::size_t>(phase));
+}
+
+std::string_view to_string(Action action) {
+  return kActions.at(static_cast<std::size_t>(action));
+}
+
+bool Hysteresis::update(bool good) {
+  against_ = good == good_ ? 0 : against_ + 1;
+  if (against_ > 0 && against_ >= (good ? config_.good_frames : config_.bad_frames)) set(good);
+  return good_;
+}
+
+void Hysteresis::set(bool good) {
+  good_ = good;
+  against_ = 0;
+}
+
+FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
+                                            const Stability& dipo) {
+  follow_features(now, verdict);
+  good_in_a_row_ = verdict.accepted() ? good_in_a_row_ + 1 : 0;
+  Decision decision;
+  switch (phase_) {
+    case Phase::starting:
+      if (working) phase_ = Phase::running;
+      break;
+    case Phase::running:
+      if (!working) decision = fail(now, verdict, dipo);
+      break;
+    case Phase::frozen:
+      decision = while_frozen(now, verdict, dipo);
+      break;
+    case Phase::dropped:
+      if (good_in_a_row_ >= config_.release_frames) recover(now);
+      break;
+  }
+  if (phase_ == Phase::frozen) ++counts_.freeze_frames;
+  if (phase_ == Phase::dropped) ++counts_.drop_frames;
+  decision.phase = phase_;
+  return decision;
+}
+
+FreezePolicy::Decision FreezePolicy::fail(Stamp now, const Verdict& verdict,
+                                          const Stability& dipo) {
+  ++counts_.failures;
+  good_in_a_row_ = 0;
+  outages_.push_back({.failed = now, .features_back = {}, .recovered = {}});
+  follow_features(now, verdict);
+  if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
+  if (dipo.reason == StabilityReason::absent) {
+    phase_ = Phase::dropped;  // it goes on with what it has: a new start would know no more
+    return {};
+  }
+  if (!dipo.stable()) return reset("DIPO is not stable");
+  if (!config_.enabled) return reset("freezing is off");
+  phase_ = Phase::frozen;
+  return {.action = Action::freeze, .phase = phase_, .why = to_string(verdict.reason)};
+}
+
+FreezePolicy::Decision FreezePolicy::while_frozen(Stamp now, const Verdict& verdict,
+                                                  const Stability& dipo) {
+  if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
+  if (!dipo.stable()) return reset("DIPO is not stable");
+  if (good_in_a_row_ >= config_.release_frames) {
+    recover(now);
+    return {.action = Action::release, .phase = phase_, .why = "VIO passes again"};
+  }
+  const double frozen_s = seconds_between(outages_.back().failed, now);
+  if (config_.max_frozen_s > 0.0 && frozen_s > config_.max_frozen_s)
+    return reset("frozen too long");
+  return {};
+}
+
+FreezePolicy::Decision FreezePolicy::reset(std::string_view why) {
+  phase_ = Phase::dropped;
+  good_in_a_row_ = 0;
+  ++counts_.resets;
+  return {.action = Action::reset, .phase = phase_, .why = why};
+}
+
+void FreezePolicy::recover(Stamp now) {
+  phase_ = Phase::running;
+  outages_.back().recovered = now;
+}
+
+void FreezePolicy::follow_features(Stamp now, const Verdict& verdict) {
+  if (outages_.empty() || outages_.back().recovered) return;
+  std::optional<Stamp>& back = outages_.back().features_back;
+  if (verdict.reason == Reason::no_image || verdict.reason == Reason::too_few_features) {
+    back.reset();
+  } else if (!back) {
+    back = now;
+  }
+}
+
+std::vector<double> FreezePolicy::reinit_times() const {
+  std::vector<double> times;
+  for (const Outage& outage : outages_) {
+    if (!outage.recovered) continue;
+    times.push_back(
+        seconds_between(outage.features_back.value_or(outage.failed), *outage.recovered));
+  }
+  return times;
+}
+
+}  // namespace apvi::fusion

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/fuser.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace apvi::fusion {
+namespace {
+
+constexpr std::array<std::string_view, 6> kStates{"waiting",   "fused",  "vio_only",
+                                                  "dipo_only", "frozen", "dropped"};
+
+// Information of a pose about which nothing is known, so that every information has an inverse.
+Matrix6 covariance_of(const Matrix6& information) {
+  constexpr double kUnknownTurn = 3.0;      // [rad]
+  constexpr double kUnknownDistance = 1e3;  // [m]
+  Vector6 ridge;
+  ridge.head<3>().setConstant(1.0 / (kUnknownTurn * kUnknownTurn));
+  ridge.tail<3>().setConstant(1.0 / (kUnknownDistance * kUnknownDistance));
+  const Matrix6 sum = symmetric(information) + Matrix6(ridge.asDiagonal());
+  return symmetric(sum.ldlt().solve(Matrix6::Identity()));
+}
+
+bool is_usable(const VioEstimate& vio) {
+  return vio.healthy && is_finite(vio.T_world_body) && vio.information.allFinite() &&
+         (!vio.window_information || vio.window_information->allFinite());
+}
+
+RelativeFilter::Seen seen_by(const VioEstimate& vio, const WellConditioned& directions) {
+  RelativeFilter::Seen seen{{vio.T_world_body, covariance_of(vio.information)}, {}, directions};
+  if (vio.window_information && vio.window_s > 0.0) {
+    seen.walk_per_s = covariance_of(*vio.window_information) / vio.window_s;
+  }
+  return seen;
+}
+
+FusionState state_of(const FusionResult& result, bool has_dipo, bool used) {
+  if (used) return has_dipo ? FusionState::fused : FusionState::vio_only;
+  if (!has_dipo) return FusionState::dropped;
+  if (result.freeze.phase == Phase::frozen) return FusionState::frozen;
+  return result.dipo.stable() ? FusionState::dipo_only : FusionState::dropped;
+}
+
+bool has_returned(Phase before, Phase now) {
+  return now == Phase::running && (before == Phase::frozen || before == Phase::dropped);
+}
+
+}  // namespace
+
+std::string_view to_string(FusionState state) {
+  return kStates.at(static_cast<std::size_t>(state));
+}
+
+Fuser::Fuser(const Config& config, const FreezeConfig& freeze)
+    : config_(config),
+      stability_(config.dipo_stability),
+      hysteresis_(config.hysteresis),
+      freeze_(freeze),
+      relative_(config.relative),
+      slew_(config.slew) {}
+
+FusionResult Fuser::update(const FusionInput& given) {
+  FusionInput input = given;
+  FusionResult result;
+  result.dipo = stability_.check(input.stamp, input.dipo);
+  if (input.dipo && !is_finite(*input.dipo)) input.dipo.reset();
+  const Judgement judgement = judge(input, result.dipo);
+  result.verdict = judgement.verdict;
+  result.eigenvalues = judgement.eigenvalues;
+  if (input.vio && !is_usable(*input.vio)) input.vio.reset();
+
+  if (result.verdict.reason == Reason::diverged) hysteresis_.set(false);
+  const Phase before = freeze_.phase();
+  const bool working = hysteresis_.update(result.verdict.accepted());
+  result.freeze = freeze_.update(input.stamp, working, result.verdict, result.dipo);
+  if (has_returned(before, result.freeze.phase)) hysteresis_.set(true);
+
+  const bool used = hysteresis_.good() && result.verdict.accepted();
+  result.directions = used ? judgement.directions.directions() : 0;
+  result.pose = output(input, used ? &judgement.directions : nullptr, result.dipo);
+  if (result.pose) result.state = state_of(result, input.dipo.has_value(), used);
+  remember(input, used, result.freeze.action);
+  return result;
+}
+
+Fuser::Judgement Fuser::judge(const FusionInput& input, const Stability& dipo) const {
+  Judgement result;
+  const auto turn_down = [&result](const Verdict& verdict) {
+    result.verdict = verdict;
+    return !verdict.accepted();
+  };
+  if (input.vio && !is_usable(*input.vio)) {
+    turn_down({Level::input, Reason::diverged});
+    return result;
+  }
+  if (input.vio) {
+    result.eigenvalues = tested_eigenvalues(*input.vio, config_.discriminator.fine);
+  }
+  if (input.statistics.quality != vio::FrameQuality::good) {
+    turn_down({Level::input, Reason::no_image, static_cast<double>(input.statistics.quality)});
+    return result;
+  }
+  if (turn_down(coarse(input.statistics, config_.discriminator.coarse))) return result;
+  if (!input.vio) {
+    turn_down({Level::input, Reason::no_estimate});
+    return result;
+  }
+  if (turn_down(judge_agreement(input, dipo))) return result;
+  judge_degeneracy(*input.vio, result);
+  return result;
+}
+
+Verdict Fuser::judge_agreement(const FusionInput& input, const Stability& dipo) const {
+  const MediumConfig& config = config_.discriminator.medium;
+  if (!input.dipo || (config.needs_stable_dipo && !dipo.stable())) return {};
+  SE3 T_vio = input.vio->T_world_body;
+  if (!agreed_.empty()) {
+    T_vio = agreed_.front().T_dipo * (agreed_.front().T_vio.inverse() * T_vio);
+  }
+  return medium(input.dipo->T_world_body, T_vio, config);
+}
+
+void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
+  const FineConfig& config = config_.discriminator.fine;
+  if (config.action == DegeneracyAction::ignore) return;
+  const EigenThresholds thresholds{config.min_rotation, config.min_position};
+  result.verdict = fine(*result.eigenvalues, thresholds);
+  if (result.verdict.accepted() || config.action == DegeneracyAction::reject) return;
+  const bool normalised = config.normalisation == Normalisation::per_inlier;
+  const double scale = normalised ? std::max(1, vio.inliers) : 1.0;
+  WellConditioned kept =
+      well_conditioned(vio.window_information.value_or(vio.information),
+                       {scale * thresholds.rotation, scale * thresholds.position});
+  if (kept.directions() < config.min_directions) return;
+  result.verdict = {};
+  result.directions = std::move(kept);
+}
+
+PoseEstimate Fuser::fuse(const FusionInput& input, const WellConditioned* used) {
+  const PoseEstimate& dipo = *input.dipo;
+  if (config_.mode == Mode::consistent && config_.consistent == Consistent::relative) {
+    std::optional<RelativeFilter::Seen> seen;
+    if (used != nullptr) seen = seen_by(*input.vio, *used);
+    relative_.step(input.stamp, dipo, seen);
+    const PoseEstimate estimate = relative_.estimate();
+    if (is_finite(estimate)) return estimate;
+    relative_ = RelativeFilter(config_.relative);  // a covariance of zero, or worse
+    return dipo;
+  }
+  if (used == nullptr) return dipo;
+  const Matrix6& projection = used->projection;
+  const Matrix6 information = projection.transpose() * input.vio->information * projection;
+  if (config_.mode == Mode::paper) {
+    return fuse_independent(dipo, input.vio->T_world_body, information);
+  }
+  return intersect(dipo, input.vio->T_world_body, information).estimate;
+}
+
+std::optional<PoseEstimate> Fuser::output(const FusionInput& input, const WellConditioned* used,
+                                          const Stability& dipo) {
+  if (!input.dipo && !input.vio) return std::nullopt;
+  const PoseEstimate target =
+      input.dipo ? fuse(input, used)
+                 : PoseEstimate{input.vio->T_world_body, covariance_of(input.vio->information)};
+  const double dt = last_ ? std::max(0.0, seconds_between(last_->stamp, input.stamp)) : 0.0;
+  return slew_.follow(dt, motion(input, dipo), target);
+}
+
+std::optional<SE3> Fuser::motion(const FusionInput& input, const Stability& dipo) const {
+  if (!last_) return std::nullopt;
+  std::optional<SE3> by_dipo;
+  std::optional<SE3> by_vio;
+  if (last_->dipo && input.dipo) {
+    by_dipo = last_->dipo->T_world_body.inverse() * input.dipo->T_world_body;
+  }
+  if (last_->vio && input.vio) {
+    by_vio = last_->vio->T_world_body.inverse() * input.vio->T_world_body;
+  }
+  return by_dipo && (dipo.stable() || !by_vio) ? by_dipo : by_vio;
+}
+
+void Fuser::remember(const FusionInput& input, bool used, Action action) {
+  last_ = input;
+  const double window_s = config_.discriminator.medium.window_s;
+  if (action != Action::none) agreed_.clear();  // VIO's world may be another one now
+  if (!used || !input.dipo || window_s == 0.0) return;
+  agreed_.push_back({input.stamp, input.dipo->T_world_body, input.vio->T_world_body});
+  const Stamp oldest = input.stamp - Duration::from_seconds(window_s);
+  while (agreed_.front().stamp < oldest) agreed_.pop_front();
+}
+
+}  // namespace apvi::fusion

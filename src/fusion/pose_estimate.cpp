@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/pose_estimate.hpp"
+
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::fusion {
+
+SE3 boxplus(const SE3& pose, const Vector6& delta) {
+  return {(pose.rotation * so3::exp(delta.head<3>())).normalized(),
+          pose.translation + delta.tail<3>()};
+}
+
+Vector6 boxminus(const SE3& a, const SE3& b) {
+  Vector6 delta;
+  delta << so3::log(b.rotation.conjugate() * a.rotation), a.translation - b.translation;
+  return delta;
+}
+
+PoseEstimate pose_of(const dipo::Estimate& estimate) {
+  static_assert(imu::kTheta == 0 && imu::kPosition == 3);
+  const imu::NavState& nav = estimate.state.nav;
+  return {{nav.R_world_body, nav.p_world}, estimate.covariance.topLeftCorner<6, 6>()};
+}
+
+bool is_finite(const SE3& pose) {
+  return pose.rotation.coeffs().allFinite() && pose.translation.allFinite();
+}
+
+bool is_finite(const PoseEstimate& estimate) {
+  return is_finite(estimate.T_world_body) && estimate.covariance.allFinite();
+}
+
+}  // namespace apvi::fusion

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/freeze_policy.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace apvi::fusion {
+namespace {
+
+const Verdict kGood{};
+const Verdict kDark{Level::coarse, Reason::too_few_features, 3.0, 50.0};
+const Verdict kNew{Level::coarse, Reason::too_few_stable, 0.1, 0.2};
+const Verdict kDiverged{Level::input, Reason::diverged};
+const Stability kStable{StabilityReason::stable};
+const Stability kOld{StabilityReason::dvl_old, 3.0, 2.0};
+const Stability kAbsent{StabilityReason::absent};
+
+// A policy fed with frames 0.1 s apart; VIO counts as working when the frame is good.
+class Frames {
+ public:
+  explicit Frames(const FreezeConfig& config = {}) : policy(config) {}
+  FreezePolicy::Decision add(const Verdict& verdict, const Stability& dipo = kStable) {
+    now = now + Duration::from_seconds(0.1);
+    return policy.update(now, verdict.accepted(), verdict, dipo);
+  }
+  FreezePolicy policy;
+  Stamp now;
+};
+
+TEST(FreezePolicy, VioThatHasNotStartedIsNoFailure) {
+  Frames frames;
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(frames.add(kDark).phase, Phase::starting);
+  EXPECT_EQ(frames.add(kGood).phase, Phase::running);
+  EXPECT_EQ(frames.policy.counts().failures, 0U);
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
+}
+
+TEST(FreezePolicy, AFailureWithAStableDipoFreezesOnceAndSaysWhy) {
+  Frames frames;
+  frames.add(kGood);
+  const auto decision = frames.add(kDark);
+  EXPECT_EQ(decision.action, Action::freeze);
+  EXPECT_EQ(decision.phase, Phase::frozen);
+  EXPECT_EQ(decision.why, "too_few_features");
+  const auto next = frames.add(kDark);
+  EXPECT_EQ(next.action, Action::none);
+  EXPECT_EQ(next.phase, Phase::frozen);
+  EXPECT_EQ(frames.policy.counts().failures, 1U);
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 2U);
+}
+
+TEST(FreezePolicy, TheWindowIsReleasedAfterEnoughGoodFramesInARow) {
+  Frames frames({.enabled = true, .release_frames = 3});
+  frames.add(kGood);
+  frames.add(kDark);
+  frames.add(kGood);
+  frames.add(kGood);
+  frames.add(kDark);  // begins again
+  frames.add(kGood);
+  EXPECT_EQ(frames.add(kGood).action, Action::none);
+  const auto decision = frames.add(kGood);
+  EXPECT_EQ(decision.action, Action::release);
+  EXPECT_EQ(decision.phase, Phase::running);
+  EXPECT_EQ(frames.add(kGood).action, Action::none);
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 6U);  // the releasing frame runs
+}
+
+TEST(FreezePolicy, OneGoodFrameReleasesIfSoConfigured) {
+  Frames frames({.enabled = true, .release_frames = 1});
+  frames.add(kGood);
+  frames.add(kDark);
+  EXPECT_EQ(frames.add(kGood).action, Action::release);
+}
+
+TEST(FreezePolicy, AFailureWithAnUnstableDipoDrops) {
+  Frames frames;
+  frames.add(kGood);
+  const auto decision = frames.add(kDark, kOld);
+  EXPECT_EQ(decision.action, Action::reset);
+  EXPECT_EQ(decision.phase, Phase::dropped);
+  EXPECT_EQ(decision.why, "DIPO is not stable");
+  EXPECT_EQ(frames.policy.counts().drop_frames, 1U);
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
+}
+
+TEST(FreezePolicy, AFrozenWindowIsDroppedWhenDipoBecomesUnstable) {
+  Frames frames;
+  frames.add(kGood);
+  frames.add(kDark);
+  const auto decision = frames.add(kDark, kOld);
+  EXPECT_EQ(decision.action, Action::reset);
+  EXPECT_EQ(decision.phase, Phase::dropped);
+  EXPECT_EQ(frames.add(kDark, kOld).action, Action::none);  // once
+  EXPECT_EQ(frames.policy.counts().resets, 1U);
+  EXPECT_EQ(frames.policy.counts().failures, 1U);
+}
+
+TEST(FreezePolicy, AWindowOfNonsenseIsNeverFrozen) {
+  Frames frames;
+  frames.add(kGood);
+  EXPECT_EQ(frames.add(kDiverged).action, Action::reset);
+  Frames frozen;
+  frozen.add(kGood);
+  frozen.add(kDark);
+  EXPECT_EQ(frozen.add(kDiverged).action, Action::reset);
+}
+
+TEST(FreezePolicy, FreezingLastsNoLongerThanConfigured) {
+  Frames frames({.enabled = true, .release_frames = 3, .max_frozen_s = 0.25});
+  frames.add(kGood);
+  frames.add(kDark);
+  EXPECT_EQ(frames.add(kDark).action, Action::none);
+  EXPECT_EQ(frames.add(kDark).action, Action::none);
+  EXPECT_EQ(frames.add(kDark).action, Action::reset);  // 0.3 s after the failure
+}
+
+TEST(FreezePolicy, WithoutFreezingEveryFailureIsANewStart) {
+  Frames frames({.enabled = false, .release_frames = 2});
+  frames.add(kGood);
+  const auto decision = frames.add(kDark);
+  EXPECT_EQ(decision.action, Action::reset);
+  EXPECT_EQ(decision.why, "freezing is off");
+  frames.add(kDark);
+  frames.add(kGood);
+  EXPECT_EQ(frames.add(kGood).phase, Phase::running);
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
+  EXPECT_EQ(frames.policy.counts().drop_frames, 3U);
+}
+
+TEST(FreezePolicy, WithoutDipoVioGoesOnWithWhatItHas) {
+  Frames frames;
+  frames.add(kGood, kAbsent);
+  const auto decision = frames.add(kDark, kAbsent);
+  EXPECT_EQ(decision.action, Action::none);
+  EXPECT_EQ(decision.phase, Phase::dropped);
+  EXPECT_EQ(frames.policy.counts().failures, 1U);
+  frames.add(kGood, kAbsent);
+  frames.add(kGood, kAbsent);
+  EXPECT_EQ(frames.add(kGood, kAbsent).phase, Phase::running);
+}
+
+TEST(FreezePolicy, ReinitTimeRunsFromTheLastReturnOfFeaturesToTheRelease) {
+  Frames frames({.enabled = true, .release_frames = 3});
+  frames.add(kGood);
+  frames.add(kDark);
+  frames.add(kNew);   // corners for one frame
+  frames.add(kDark);  // and gone again
+  EXPECT_THAT(frames.policy.reinit_times(), testing::IsEmpty());
+  const Stamp back = frames.now + Duration::from_seconds(0.1);
+  for (int i = 0; i < 4; ++i) frames.add(kNew);
+  for (int i = 0; i < 3; ++i) frames.add(kGood);
+  ASSERT_EQ(frames.policy.outages().size(), 1U);
+  EXPECT_EQ(frames.policy.outages()[0].features_back, back);
+  EXPECT_THAT(frames.policy.reinit_times(), testing::ElementsAre(testing::DoubleNear(0.6, 1e-9)));
+}
+
+TEST(FreezePolicy, AFailureOfAnotherKindThanDarknessCountsFromItself) {
+  Frames frames({.enabled = true, .release_frames = 2});
+  frames.add(kGood);
+  frames.add(kNew);
+  frames.add(kGood);
+  frames.add(kGood);
+  EXPECT_THAT(frames.policy.reinit_times(), testing::ElementsAre(testing::DoubleNear(0.2, 1e-9)));
+}
+
+TEST(Hysteresis, WithoutFramesItIsThePaper) {
+  Hysteresis hysteresis({.good_frames = 0, .bad_frames = 0});
+  EXPECT_TRUE(hysteresis.update(true));
+  EXPECT_FALSE(hysteresis.update(false));
+  EXPECT_TRUE(hysteresis.update(true));
+}
+
+TEST(Hysteresis, ChangesItsMindAfterAsManyFramesInARowAsConfigured) {
+  Hysteresis hysteresis({.good_frames = 3, .bad_frames = 2});
+  std::string seen;
+  for (const char frame : std::string("gg b ggg b g bb ggbgg g")) {
+    if (frame != ' ') seen += hysteresis.update(frame == 'g') ? 'G' : 'B';
+  }
+  EXPECT_EQ(seen, "BBBBBGGGGBBBBBBG");
+}
+
+}  // namespace
+}  // namespace apvi::fusion

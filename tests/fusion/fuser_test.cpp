@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/fusion/fuser.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <set>
+
+#include "support/matchers.hpp"
+#include "two_odometries.hpp"
+
+namespace apvi::fusion {
+namespace {
+
+using test::PoseNear;
+
+// Algorithm 1 and Eq. 7 to the letter.
+Config as_printed() {
+  Config config;
+  config.mode = Mode::paper;
+  config.discriminator.medium.needs_stable_dipo = false;
+  config.hysteresis = {.good_frames = 0, .bad_frames = 0};
+  config.slew.time_constant_s = 0.0;
+  return config;
+}
+
+vio::FrameStatistics rich() {
+  vio::FrameStatistics statistics;
+  statistics.tracked = 120;
+  statistics.stable = 80;
+  return statistics;
+}
+
+vio::FrameStatistics dark() {
+  vio::FrameStatistics statistics;
+  statistics.tracked = 4;
+  return statistics;
+}
+
+// A vehicle at rest with a ping every frame, 0.1 s apart.
+class Scene {
+ public:
+  explicit Scene(const Config& config, const FreezeConfig& freeze = {}) : fuser(config, freeze) {
+    input.dipo = PoseEstimate{SE3{}, test::diagonal(1.0, 0.1)};
+    input.vio = VioEstimate{};
+    input.vio->information = test::diagonal(1.0, 0.1).inverse();
+    input.statistics = rich();
+  }
+  FusionResult step() {
+    input.stamp = input.stamp + Duration::from_seconds(0.1);
+    if (pings) {
+      fuser.add({.stamp = input.stamp, .verdict = dipo::Verdict::accepted, .nis = 3.0, .rows = 3});
+    }
+    return fuser.update(input);
+  }
+  void vio_at(double x, double y = 0.0, double z = 0.0) {
+    input.vio->T_world_body.translation = {x, y, z};
+  }
+
+  Fuser fuser;
+  FusionInput input;
+  bool pings = true;
+};
+
+TEST(Fuser, AnAcceptedFrameIsEq7) {
+  Scene scene(as_printed());
+  scene.vio_at(0.2);
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.state, FusionState::fused);
+  EXPECT_TRUE(result.verdict.accepted());
+  EXPECT_EQ(result.directions, 6);
+  EXPECT_NEAR(result.pose->T_world_body.translation.x(), 0.1, 1e-12);
+  EXPECT_NEAR(result.pose->covariance(3, 3), 0.005, 1e-12);
+}
+
+TEST(Fuser, TheStepsOfAlgorithmOneComeInTheirOrder) {
+  Config config = as_printed();
+  config.discriminator.fine.min_position = 101.0;
+  Scene scene(config);  // degenerate, far off, and few corners at once
+  scene.vio_at(1.0);
+  scene.input.statistics = dark();
+  EXPECT_EQ(scene.step().verdict.level, Level::coarse);
+  scene.input.statistics = rich();
+  EXPECT_EQ(scene.step().verdict.level, Level::medium);
+  scene.vio_at(0.0);
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.verdict.reason, Reason::position_degenerate);
+  EXPECT_NEAR(result.verdict.measured, 100.0, 1e-9);
+  scene.input.vio->information *= 1.02;
+  EXPECT_TRUE(scene.step().verdict.accepted());
+}
+
+TEST(Fuser, AFailedVioWithAStableDipoIsDiposPoseAndFrozen) {
+  Scene scene(as_printed());
+  scene.vio_at(0.2);
+  scene.step();
+  scene.input.statistics = dark();
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.state, FusionState::frozen);
+  EXPECT_EQ(result.freeze.action, Action::freeze);
+  EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
+}
+
+TEST(Fuser, AFailedVioWithAnUnstableDipoIsDiposPoseAndDropped) {
+  Scene scene(as_printed());
+  scene.step();
+  scene.pings = false;
+  for (int i = 0; i < 21; ++i) scene.step();
+  scene.input.statistics = dark();
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.dipo.reason, StabilityReason::dvl_old);
+  EXPECT_EQ(result.state, FusionState::dropped);
+  EXPECT_EQ(result.freeze.action, Action::reset);
+  EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
+}
+
+TEST(Fuser, VioIsNotBlamedForDisagreeingWithAnUnstableDipoUnlessAsPrinted) {
+  for (const bool printed : {true, false}) {
+    Config config = as_printed();
+    config.discriminator.medium.needs_stable_dipo = !printed;
+    Scene scene(config);
+    scene.step();
+    scene.pings = false;
+    scene.input.dipo->covariance = test::diagonal(1.0, 3.0);
+    for (int i = 0; i < 25; ++i) scene.step();
+    scene.vio_at(2.0);
+    const FusionResult result = scene.step();
+    EXPECT_EQ(result.state, printed ? FusionState::dropped : FusionState::fused);
+    if (!printed) {
+      EXPECT_NEAR(result.pose->T_world_body.translation.x(), 2.0, 0.01);
+    }
+  }
+}
+
+TEST(Fuser, BeforeVioStartsThePoseIsDiposAndNothingHasFailed) {
+  Scene scene(as_printed());
+  scene.input.vio.reset();
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.state, FusionState::dipo_only);
+  EXPECT_EQ(result.verdict.reason, Reason::no_estimate);
+  EXPECT_EQ(result.freeze.phase, Phase::starting);
+  EXPECT_EQ(scene.fuser.freeze_policy().counts().failures, 0U);
+}
+
+TEST(Fuser, WithoutDipoThePoseIsVios) {
+  Scene scene({});
+  scene.input.dipo.reset();
+  scene.input.vio.reset();
+  EXPECT_EQ(scene.step().state, FusionState::waiting);
+  EXPECT_FALSE(scene.step().pose);
+  scene.input.vio = VioEstimate{};
+  scene.input.vio->information = 100.0 * Matrix6::Identity();
+  for (int i = 0; i < 3; ++i) {
+    scene.vio_at(0.1 * i);
+    const FusionResult result = scene.step();
+    EXPECT_NEAR(result.pose->T_world_body.translation.x(), 0.1 * i, 1e-12);
+    EXPECT_NEAR(result.pose->covariance(3, 3), 0.01, 1e-6);
+    EXPECT_EQ(result.state, i < 2 ? FusionState::dropped : FusionState::vio_only);
+  }
+  scene.input.statistics = dark();
+  scene.step();
+  const FusionResult failed = scene.step();
+  EXPECT_EQ(failed.state, FusionState::dropped);
+  EXPECT_EQ(failed.freeze.action, Action::none);  // nothing knows better than VIO
+  EXPECT_TRUE(failed.pose);
+}
+
+TEST(Fuser, NonsenseFromVioIsNeverFusedAndThrowsItsWindowAway) {
+  for (const int kind : {0, 1, 2, 3}) {
+    Scene scene({});
+    for (int i = 0; i < 5; ++i) scene.step();
+    if (kind == 0) scene.vio_at(NAN);
+    if (kind == 1) scene.input.vio->information(2, 2) = INFINITY;
+    if (kind == 2) scene.input.vio->healthy = false;
+    if (kind == 3) scene.input.vio->window_information = NAN * Matrix6::Ones();
+    const FusionResult result = scene.step();
+    EXPECT_EQ(result.verdict.reason, Reason::diverged) << kind;
+    EXPECT_EQ(result.freeze.action, Action::reset) << kind;
+    EXPECT_EQ(result.state, FusionState::dipo_only) << kind;
+    EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-9)) << kind;
+  }
+}
+
+TEST(Fuser, NonsenseFromDipoIsNeverPassedOn) {
+  Scene scene({});
+  for (int i = 0; i < 5; ++i) scene.step();
+  scene.input.dipo->T_world_body.translation.y() = NAN;
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.dipo.reason, StabilityReason::not_finite);
+  EXPECT_EQ(result.state, FusionState::vio_only);
+  EXPECT_TRUE(is_finite(*result.pose));
+  scene.input.dipo->T_world_body.translation.y() = 0.0;
+  EXPECT_EQ(scene.step().state, FusionState::fused);
+}
+
+TEST(Fuser, ABadImageIsABadFrame) {
+  Scene scene(as_printed());
+  scene.input.statistics.quality = vio::FrameQuality::repeated;
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.verdict.reason, Reason::no_image);
+  EXPECT_EQ(result.verdict.measured, static_cast<double>(vio::FrameQuality::repeated));
+}
+
+TEST(Fuser, HysteresisNeitherFreezesForOneBadFrameNorFusesIt) {
+  Config config = as_printed();
+  config.hysteresis = {.good_frames = 3, .bad_frames = 2};
+  Scene scene(config);
+  EXPECT_EQ(scene.step().state, FusionState::dipo_only);
+  EXPECT_EQ(scene.step().state, FusionState::dipo_only);
+  EXPECT_EQ(scene.step().state, FusionState::fused);
+  scene.vio_at(0.4);
+  const FusionResult bad = scene.step();
+  EXPECT_EQ(bad.state, FusionState::dipo_only);
+  EXPECT_EQ(bad.freeze.phase, Phase::running);
+  EXPECT_THAT(bad.pose->T_world_body, PoseNear(SE3{}, 1e-15));
+  scene.vio_at(0.0);
+  EXPECT_EQ(scene.step().state, FusionState::fused);
+  scene.vio_at(0.4);
+  scene.step();
+  EXPECT_EQ(scene.step().freeze.action, Action::freeze);
+}
+
+TEST(Fuser, AReleasedWindowIsUsedAtOnce) {
+  Config config = as_printed();
+  config.hysteresis = {.good_frames = 10, .bad_frames = 0};
+  Scene scene(config, {.enabled = true, .release_frames = 2});
+  for (int i = 0; i < 10; ++i) scene.step();
+  scene.input.statistics = dark();
+  EXPECT_EQ(scene.step().state, FusionState::frozen);
+  scene.input.statistics = rich();
+  EXPECT_EQ(scene.step().state, FusionState::frozen);
+  const FusionResult released = scene.step();
+  EXPECT_EQ(released.freeze.action, Action::release);
+  EXPECT_EQ(released.state, FusionState::fused);
+}
+
+TEST(Fuser, ADegenerateDirectionIsLeftToDipoWhenRemapped) {
+  Config config = as_printed();
+  config.discriminator.fine.min_position = 50.0;
+  config.discriminator.fine.action = DegeneracyAction::remap;
+  Scene scene(config);
+  scene.input.vio->information(3, 3) = 10.0;  // x
+  scene.vio_at(0.2, 0.2);
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.state, FusionState::fused);
+  EXPECT_EQ(result.directions, 5);
+  EXPECT_THAT(result.pose->T_world_body.translation,
+              test::MatrixNear(Eigen::Vector3d(0.0, 0.1, 0.0), 1e-12));
+  scene.input.vio->information.setZero();
+  EXPECT_EQ(scene.step().state, FusionState::fused);  // rotation is not tested: three are left
+  Config strict = config;
+  strict.discriminator.fine.min_directions = 4;
+  Scene refused(strict);
+  refused.input.vio->information.setZero();
+  EXPECT_EQ(refused.step().verdict.reason, Reason::position_degenerate);
+}
+
+TEST(Fuser, RemappingCountsThresholdsPerInlierToo) {
+  Config config = as_printed();
+  config.discriminator.fine.min_position = 0.5;
+  config.discriminator.fine.normalisation = Normalisation::per_inlier;
+  config.discriminator.fine.action = DegeneracyAction::remap;
+  Scene scene(config);
+  scene.input.vio->inliers = 100;  // the threshold is 50 in all, the information 100
+  EXPECT_EQ(scene.step().directions, 6);
+  scene.input.vio->information(3, 3) = 49.0;
+  EXPECT_EQ(scene.step().directions, 5);
+}
+
+TEST(Fuser, AgreementOverAWindowForgivesDriftAndNotAJump) {
+  Config config = as_printed();
+  config.discriminator.medium.window_s = 2.0;
+  Scene scene(config);
+  for (int i = 0; i < 100; ++i) {
+    scene.vio_at(0.01 * i);  // a metre in the end, 0.2 m in two seconds
+    EXPECT_TRUE(scene.step().verdict.accepted()) << i;
+  }
+  scene.vio_at(1.3);
+  EXPECT_EQ(scene.step().verdict.reason, Reason::position_differs);
+}
+
+// Runs a dive through a fuser and says how the output moved beyond the truth's own motion.
+struct Passage {
+  double largest_jump_m = 0.0;
+  double largest_error_m = 0.0;
+  double final_error_m = 0.0;
+  std::set<FusionState> states;
+};
+
+Passage pass(const Config& config, const std::vector<test::TwoOdometries::Frame>& frames,
+             const std::function<bool(double)>& is_dark) {
+  Fuser fuser(config, {});
+  Passage passage;
+  std::optional<Eigen::Vector3d> before;
+  for (const auto& frame : frames) {
+    FusionInput input;
+    input.stamp = Stamp{} + Duration::from_seconds(frame.t);
+    input.dipo = frame.dipo;
+    input.statistics = is_dark(frame.t) ? dark() : rich();
+    if (frame.vio) {
+      input.vio = VioEstimate{};
+      input.vio->T_world_body = frame.vio->T_world_body;
+      input.vio->information = frame.vio->covariance.inverse();
+    }
+    fuser.add({.stamp = input.stamp, .verdict = dipo::Verdict::accepted, .nis = 3.0, .rows = 3});
+    const FusionResult result = fuser.update(input);
+    const Eigen::Vector3d error = result.pose->T_world_body.translation - frame.truth.translation;
+    if (before) passage.largest_jump_m = std::max(passage.largest_jump_m, (error - *before).norm());
+    before = error;
+    passage.largest_error_m = std::max(passage.largest_error_m, error.norm());
+    passage.final_error_m = error.norm();
+    passage.states.insert(result.state);
+  }
+  return passage;
+}
+
+TEST(Fuser, TheOutputPassesOverEverySwitchWithoutAJump) {
+  const auto is_dark = [](double t) { return std::fmod(t, 10.0) > 7.0; };
+  const test::TwoOdometries setup{.speed_bias = 0.02};  // VIO goes astray, 0.2 m in ten seconds
+  double printed = 0.0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto frames = setup.run(seed, 60.0, {{5.0, 100.0}});
+    for (const Mode mode : {Mode::paper, Mode::consistent}) {
+      Config config;
+      config.mode = mode;
+      const Passage passage = pass(config, frames, is_dark);
+      EXPECT_TRUE(passage.states.count(FusionState::fused));
+      EXPECT_TRUE(passage.states.count(FusionState::frozen));
+      // DIPO's own noise is 3 mm a frame and its corrections are of that size.
+      EXPECT_LT(passage.largest_jump_m, 0.04) << seed << ", mode " << static_cast<int>(mode);
+    }
+    printed = std::max(printed, pass(as_printed(), frames, is_dark).largest_jump_m);
+  }
+  EXPECT_GT(printed, 0.1);  // the test would notice
+}
+
+TEST(Fuser, ABiasedVioCannotLeadTheOutputFarAstray) {
+  // 10 cm/s of false speed, which VIO's covariance denies.
+  const test::TwoOdometries setup{.speed_bias = 0.1};
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto frames = setup.run(seed, 60.0, {{5.0, 100.0}});
+    double dipo_error = 0.0;
+    for (const auto& frame : frames) {
+      dipo_error = std::max(dipo_error,
+                            (frame.dipo.T_world_body.translation - frame.truth.translation).norm());
+    }
+    for (const Mode mode : {Mode::paper, Mode::consistent}) {
+      Config config;
+      config.mode = mode;
+      const Passage passage = pass(config, frames, [](double) { return false; });
+      // VIO is found out at 30 cm; a fused pose lies between the two.
+      EXPECT_LT(passage.largest_error_m, dipo_error + 0.3) << seed;
+      EXPECT_TRUE(passage.states.count(FusionState::frozen)) << seed;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace apvi::fusion
