@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "apvi/geometry/so3.hpp"
 #include "vio/closed_form_start.hpp"
 #include "vio/gyro_bias_from_rays.hpp"
+#include "vio/start_graph.hpp"
 #include "vio/start_problem.hpp"
 #include "vio/start_refinement.hpp"
 
@@ -17,8 +19,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMinInliers = 0.5;     // of all sightings
-constexpr double kMaxBiasSigmas = 3.0;  // of the prior, for the accelerometer bias
+constexpr double kMinInliers = 0.6;      // of all sightings
+constexpr double kMinBelieved = 0.5;     // of all tracks, in the rotation
+constexpr double kMaxBiasSigmas = 3.0;   // of the prior, for the accelerometer bias
+constexpr double kMaxInertialRms = 1.0;  // in sigmas of the IMU's noise: the camera contradicts it
 
 InitResult refuse(InitStatus status, std::string detail) {
   InitResult result;
@@ -27,15 +31,9 @@ InitResult refuse(InitStatus status, std::string detail) {
   return result;
 }
 
-// The oldest frame from which on the samples are without a gap and the span is not too long.
-std::size_t oldest_usable(const std::vector<InitFrame>& frames, double max_window_s) {
-  std::size_t first = frames.size() - 1;
-  const Stamp newest = frames.back().tracked.stamp;
-  while (first > 0 && frames[first].imu.size() >= 2 &&
-         seconds_between(frames[first - 1].tracked.stamp, newest) <= max_window_s) {
-    --first;
-  }
-  return first;
+bool has_gap(const std::vector<InitFrame>& frames) {
+  return std::any_of(frames.begin() + 1, frames.end(),
+                     [](const InitFrame& frame) { return frame.imu.size() < 2; });
 }
 
 // Median angle between the directions of the tracks that both keyframes see, the rotation taken
@@ -88,20 +86,125 @@ imu::NavState carry(const imu::NavState& from, const std::vector<ImuSample>& sam
   return x;
 }
 
-// All frames from the first on, in a world with z along gravity and the first frame's yaw zero.
-std::vector<imu::NavState> make_states(const std::vector<InitFrame>& frames, std::size_t first,
-                                       const StartGuess& guess, double gravity) {
-  const imu::World world{.gravity = Vector3d(0.0, 0.0, -gravity), .earth_rate = Vector3d::Zero()};
-  imu::NavState x;
-  x.R_world_body = so3::level_attitude(-guess.gravity, world.gravity);
-  x.v_body = guess.velocity;
-  x.gyro_bias = guess.gyro_bias;
-  x.accel_bias = guess.accel_bias;
-  std::vector<imu::NavState> states{x};
-  for (std::size_t i = first + 1; i < frames.size(); ++i) {
-    states.push_back(carry(states.back(), frames[i].imu, world));
+// The state before the span of samples.
+imu::NavState carry_back(const imu::NavState& to, const std::vector<ImuSample>& samples,
+                         const imu::World& world) {
+  imu::Preintegration motion({}, to.gyro_bias, to.accel_bias);
+  for (std::size_t i = 1; i < samples.size(); ++i) motion.integrate(samples[i - 1], samples[i]);
+  const double t = motion.duration_s();
+  const auto& delta = motion.delta();
+  imu::NavState x = to;
+  x.R_world_body = to.R_world_body * delta.rotation.conjugate();
+  const Vector3d v =
+      to.R_world_body * to.v_body - t * world.gravity - x.R_world_body * delta.velocity;
+  x.v_body = x.R_world_body.conjugate() * v;
+  x.p_world = to.p_world - t * v - 0.5 * t * t * world.gravity - x.R_world_body * delta.position;
+  return x;
+}
+
+// Turned about the vertical and moved such that the first state has neither yaw nor position.
+void start_from_zero(std::vector<imu::NavState>& states) {
+  const Vector3d origin = states.front().p_world;
+  const Eigen::Quaterniond turn =
+      so3::exp(Vector3d(0.0, 0.0, -so3::yaw(states.front().R_world_body)));
+  for (imu::NavState& x : states) {
+    x.R_world_body = (turn * x.R_world_body).normalized();
+    x.p_world = turn * (x.p_world - origin);
   }
+}
+
+// All frames: between keyframes each follows the one before it, before the first keyframe the one
+// after it.
+std::vector<imu::NavState> make_states(const std::vector<InitFrame>& frames,
+                                       const StartProblem& problem, const SolvedStart& start) {
+  const imu::World world{.gravity = Vector3d(0.0, 0.0, -problem.gravity),
+                         .earth_rate = Vector3d::Zero()};
+  std::vector<imu::NavState> states(frames.size());
+  const std::size_t first = problem.frames.front();
+  for (std::size_t i = first; i < frames.size(); ++i) {
+    if (i > first) states[i] = carry(states[i - 1], frames[i].imu, world);
+    const auto keyframe = std::find(problem.frames.begin(), problem.frames.end(), i);
+    if (keyframe == problem.frames.end()) continue;
+    states[i] =
+        to_nav_state(start.states[static_cast<std::size_t>(keyframe - problem.frames.begin())]);
+  }
+  for (std::size_t i = first; i > 0; --i) {
+    states[i - 1] = carry_back(states[i], frames[i].imu, world);
+  }
+  start_from_zero(states);
   return states;
+}
+
+// The longest span of frames, the newest among them, that has enough tracks in common.
+struct Span {
+  std::size_t first = 0;
+  int common = 0;
+};
+
+Span choose_span(const std::vector<InitFrame>& frames, const InitConfig& config) {
+  Span span;
+  const TrackedFrame& newest = frames.back().tracked;
+  for (; span.first + 1 < frames.size(); ++span.first) {
+    const TrackedFrame& oldest = frames[span.first].tracked;
+    if (seconds_between(oldest.stamp, newest.stamp) > config.max_window_s) continue;
+    span.common = std::max(span.common, common_tracks(oldest, newest));
+    if (common_tracks(oldest, newest) >= config.min_tracks) break;
+  }
+  return span;
+}
+
+// Why the solved start is not to be believed; nothing when it is.
+std::optional<InitResult> doubt(const SolvedStart& solved, const InitConfig& config) {
+  if (!solved.usable) return refuse(InitStatus::ill_conditioned, "no solution");
+  if (solved.inlier_share < kMinInliers ||
+      solved.reprojection_rms_px > config.max_reprojection_px) {
+    return refuse(InitStatus::reprojection_too_large,
+                  fmt::format("{:.2f} px, {:.0f} % fit", solved.reprojection_rms_px,
+                              100.0 * solved.inlier_share));
+  }
+  const double accel_bias = to_nav_state(solved.states.front()).accel_bias.norm();
+  if (accel_bias > kMaxBiasSigmas * config.accel_bias_sigma) {
+    return refuse(InitStatus::gravity_wrong,
+                  fmt::format("accelerometer bias {:.2f} m/s²", accel_bias));
+  }
+  if (solved.inertial_rms > kMaxInertialRms) {
+    return refuse(InitStatus::gravity_wrong,
+                  fmt::format("inertial terms {:.1f} sigma", solved.inertial_rms));
+  }
+  if (!(solved.scale_sigma < config.max_scale_sigma)) {
+    return refuse(InitStatus::scale_uncertain, fmt::format("{:.1f} %", 100.0 * solved.scale_sigma));
+  }
+  return std::nullopt;
+}
+
+InitResult solve(const std::vector<InitFrame>& frames, const StartProblem& problem,
+                 const InitConfig& config) {
+  const StartSigmas sigmas{.gyro_bias = config.gyro_bias_sigma,
+                           .accel_bias = config.accel_bias_sigma,
+                           .pixel = config.pixel_sigma,
+                           .focal_px = config.focal_px};
+  const GyroBias gyro = find_gyro_bias(problem, sigmas);
+  const auto believed = std::count_if(gyro.belief.begin(), gyro.belief.end(),
+                                      [](double belief) { return belief > 0.5; });
+  if (static_cast<double>(believed) < kMinBelieved * static_cast<double>(problem.tracks.size())) {
+    return refuse(InitStatus::gyro_bias_not_found, fmt::format("{} tracks turn with it", believed));
+  }
+  const double parallax = largest_parallax_px(problem, gyro.bias, config.focal_px);
+  if (parallax < config.min_parallax_px) {
+    return refuse(InitStatus::too_little_parallax, fmt::format("{:.1f} px", parallax));
+  }
+  const auto guess = closed_form_start(problem, gyro.bias, gyro.belief, sigmas);
+  if (!guess) return refuse(InitStatus::ill_conditioned, "closed form");
+  const RefinedStart refined = refine_start(problem, *guess, sigmas);
+  if (refined.motion.empty()) return refuse(InitStatus::ill_conditioned, "no point lies ahead");
+  const SolvedStart solved = solve_start(problem, refined, sigmas);
+  if (auto reason = doubt(solved, config)) return *reason;
+  return {.status = InitStatus::success,
+          .first = problem.frames.front(),
+          .states = make_states(frames, problem, solved),
+          .reprojection_rms_px = solved.reprojection_rms_px,
+          .scale_sigma = solved.scale_sigma,
+          .detail = fmt::format("scale known to {:.1f} %", 100.0 * solved.scale_sigma)};
 }
 
 }  // namespace
@@ -136,54 +239,21 @@ InitResult initialize(const std::vector<InitFrame>& frames, const SE3& T_body_ca
   if (frames.size() < min_frames) {
     return refuse(InitStatus::too_few_frames, fmt::format("{} frames", frames.size()));
   }
-  std::size_t first = oldest_usable(frames, config.max_window_s);
-  if (frames.size() - first < min_frames) {
-    return refuse(InitStatus::too_few_frames, "inertial samples are missing");
+  if (has_gap(frames)) return refuse(InitStatus::too_few_frames, "inertial samples are missing");
+  const Stamp newest = frames.back().tracked.stamp;
+  if (seconds_between(frames.front().tracked.stamp, newest) < config.min_window_s) {
+    return refuse(InitStatus::too_few_frames, "too short a span");
   }
-  int common = 0;
-  for (; frames.size() - first >= min_frames; ++first) {
-    common = common_tracks(frames[first].tracked, frames.back().tracked);
-    if (common >= config.min_tracks) break;
+  const Span span = choose_span(frames, config);
+  if (frames.size() - span.first < min_frames ||
+      seconds_between(frames[span.first].tracked.stamp, newest) < config.min_window_s) {
+    return refuse(InitStatus::too_few_tracks, fmt::format("{} in common", span.common));
   }
-  if (common < config.min_tracks) {
-    return refuse(InitStatus::too_few_tracks, fmt::format("{} tracks in common", common));
-  }
-  StartProblem problem = make_start_problem(frames, first, config.keyframes);
+  StartProblem problem = make_start_problem(frames, span.first, config.keyframes);
   problem.T_body_camera = T_body_camera;
   problem.noise = noise;
   problem.gravity = gravity_magnitude;
-  const StartSigmas sigmas{.gyro_bias = config.gyro_bias_sigma,
-                           .accel_bias = config.accel_bias_sigma,
-                           .pixel = config.pixel_sigma,
-                           .focal_px = config.focal_px};
-  const GyroBias gyro = find_gyro_bias(problem, sigmas);
-  const double parallax = largest_parallax_px(problem, gyro.bias, config.focal_px);
-  if (parallax < config.min_parallax_px) {
-    return refuse(InitStatus::too_little_parallax, fmt::format("{:.1f} px", parallax));
-  }
-  const auto guess = closed_form_start(problem, gyro.bias, gyro.belief, sigmas);
-  if (!guess) return refuse(InitStatus::ill_conditioned, "");
-  const RefinedStart start = refine_start(problem, *guess, sigmas);
-  if (start.inlier_share < kMinInliers || start.rms_px > config.max_reprojection_px) {
-    return refuse(InitStatus::reprojection_too_large,
-                  fmt::format("{:.2f} px, {:.0f} % fit", start.rms_px, 100.0 * start.inlier_share));
-  }
-  const double scale_sigma = relative_scale_sigma(start);
-  if (!(scale_sigma < config.max_scale_sigma)) {
-    return refuse(InitStatus::scale_uncertain, fmt::format("{:.1f} %", 100.0 * scale_sigma));
-  }
-  if (start.guess.accel_bias.norm() > kMaxBiasSigmas * config.accel_bias_sigma) {
-    return refuse(InitStatus::gravity_wrong,
-                  fmt::format("accelerometer bias {:.2f} m/s²", start.guess.accel_bias.norm()));
-  }
-  InitResult result;
-  result.status = InitStatus::success;
-  result.first = first;
-  result.states = make_states(frames, first, start.guess, gravity_magnitude);
-  result.reprojection_rms_px = start.rms_px;
-  result.scale_sigma = scale_sigma;
-  result.detail = fmt::format("scale known to {:.1f} %", 100.0 * scale_sigma);
-  return result;
+  return solve(frames, problem, config);
 }
 
 }  // namespace apvi::vio

@@ -24,15 +24,15 @@ using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 
 constexpr int kPasses = 2;
 constexpr int kIterations = 12;
-constexpr double kHuber = 1.5;        // [sigma]
-constexpr double kOutlier = 4.0;      // [sigma]
+constexpr double kHuber_px = 1.5;
+constexpr double kOutlier_px = 4.0;
 constexpr double kMinDepth = 0.02;    // of the anchor's depth
 constexpr double kBehind_px = 100.0;  // residual of a point that is behind the camera
 
 // The numbers that are solved for.
 struct Unknowns {
   Vector3d gravity, velocity, gyro_bias, accel_bias;
-  std::vector<double> inverse_depth;
+  std::vector<Vector3d> points;  // x/z, y/z, 1/z in the camera of the track's first view
 };
 
 // A keyframe at the present unknowns, and how it moves with them.
@@ -106,27 +106,26 @@ class Path final : public ceres::EvaluationCallback {
 };
 
 // A point seen by keyframe j, anchored in keyframe i. Blocks: gravity, velocity, gyro bias,
-// accelerometer bias, inverse depth. The residual is in sigmas.
-class SightingCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3, 1> {
+// accelerometer bias, point. The residual is in sigmas.
+class SightingCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3, 3> {
  public:
-  SightingCost(const Path& path, const StartProblem::View& i, const StartProblem::View& j,
-               double weight)
-      : path_(path), i_(i), j_(j), weight_(weight) {}
+  SightingCost(const Path& path, int anchor, const StartProblem::View& seen, double weight)
+      : path_(path), anchor_(anchor), seen_(seen), weight_(weight) {}
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
-    const Placed& a = path_.at(i_.keyframe);
-    const Placed& b = path_.at(j_.keyframe);
+    const Placed& a = path_.at(anchor_);
+    const Placed& b = path_.at(seen_.keyframe);
     const Matrix3d R_body_camera = path_.R_body_camera();
-    const double inverse_depth = *parameters[4];
-    const Vector3d ray = R_body_camera * i_.point.homogeneous();  // in body i
+    const double inverse_depth = parameters[4][2];
+    const Vector3d ray = R_body_camera * Vector3d(parameters[4][0], parameters[4][1], 1.0);
     const Vector3d apart = a.camera - b.camera;
     // The point times its inverse depth, in body j, then in camera j.
     const Vector3d in_body = b.R.transpose() * (a.R * ray + inverse_depth * apart);
     const Vector3d y = R_body_camera.transpose() * in_body;
     const bool visible = y.z() > kMinDepth;
     Eigen::Map<Vector2d> residual(residuals);
-    residual = visible ? Vector2d(weight_ * (y.head<2>() / y.z() - j_.point))
+    residual = visible ? Vector2d(weight_ * (y.head<2>() / y.z() - seen_.point))
                        : Vector2d::Constant(kBehind_px);
     if (jacobians == nullptr) return true;
 
@@ -142,13 +141,16 @@ class SightingCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3, 1> {
     set(2, by_world * (inverse_depth * (a.by_gyro - b.by_gyro) - a.R * so3::hat(ray) * a.turn) +
                by_body * so3::hat(in_body) * b.turn);
     set(3, inverse_depth * by_world * (a.by_accel - b.by_accel));
-    if (jacobians[4] != nullptr) Eigen::Map<Vector2d>{jacobians[4]} = by_world * apart;
+    Matrix23 by_point;
+    by_point << (by_world * a.R * R_body_camera).leftCols<2>(), by_world * apart;
+    set(4, by_point);
     return true;
   }
 
  private:
   const Path& path_;
-  StartProblem::View i_, j_;
+  int anchor_;
+  StartProblem::View seen_;
   double weight_;
 };
 
@@ -159,7 +161,8 @@ ceres::CostFunction* bias_prior(double sigma) {
 
 struct Sighting {
   std::size_t track;
-  StartProblem::View anchor, view;
+  int anchor;
+  StartProblem::View view;
   bool believed = true;
 };
 
@@ -170,13 +173,13 @@ class Refinement {
   Refinement(const StartProblem& problem, const StartGuess& guess, const StartSigmas& sigmas)
       : problem_(problem),
         sigmas_(sigmas),
-        x_{guess.gravity, guess.velocity, guess.gyro_bias, guess.accel_bias, guess.inverse_depth} {
+        x_{guess.gravity, guess.velocity, guess.gyro_bias, guess.accel_bias, {}} {
     for (std::size_t t = 0; t < problem.tracks.size(); ++t) {
-      if (!(x_.inverse_depth[t] > 0.0)) continue;
       const auto& views = problem.tracks[t].views;
-      for (std::size_t v = 1; v < views.size(); ++v) {
-        sightings_.push_back({t, views.front(), views[v]});
-      }
+      x_.points.emplace_back(views.front().point.x(), views.front().point.y(),
+                             guess.inverse_depth[t]);
+      if (!(guess.inverse_depth[t] > 0.0)) continue;
+      for (const auto& view : views) sightings_.push_back({t, views.front().keyframe, view});
     }
   }
 
@@ -190,7 +193,8 @@ class Refinement {
     if (sightings_.empty()) return out;
     motion_ = integrate(problem_, x_.gyro_bias, x_.accel_bias);
     out.covariance = covariance();
-    out.guess = {x_.gravity, x_.velocity, x_.gyro_bias, x_.accel_bias, x_.inverse_depth};
+    out.guess = {x_.gravity, x_.velocity, x_.gyro_bias, x_.accel_bias, {}};
+    for (const Vector3d& point : x_.points) out.guess.inverse_depth.push_back(point.z());
     out.motion = motion_;
     return out;
   }
@@ -207,11 +211,12 @@ class Refinement {
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (const Sighting& s : sightings_) {
       if (!s.believed) continue;
-      double* depth = &x_.inverse_depth[s.track];
-      ceres_problem.AddResidualBlock(
-          new SightingCost(path, s.anchor, s.view, weight()), new ceres::HuberLoss(kHuber),
-          x_.gravity.data(), x_.velocity.data(), x_.gyro_bias.data(), x_.accel_bias.data(), depth);
-      ordering->AddElementToGroup(depth, 0);
+      double* point = x_.points[s.track].data();
+      ceres_problem.AddResidualBlock(new SightingCost(path, s.anchor, s.view, weight()),
+                                     new ceres::HuberLoss(kHuber_px / sigmas_.pixel),
+                                     x_.gravity.data(), x_.velocity.data(), x_.gyro_bias.data(),
+                                     x_.accel_bias.data(), point);
+      ordering->AddElementToGroup(point, 0);
     }
     for (Vector3d* block : {&x_.gravity, &x_.velocity, &x_.gyro_bias, &x_.accel_bias}) {
       ceres_problem.AddParameterBlock(block->data(), 3);
@@ -238,10 +243,10 @@ class Refinement {
     int believed = 0;
     for (Sighting& s : sightings_) {
       const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
-                                      &x_.inverse_depth[s.track]};
+                                      x_.points[s.track].data()};
       Vector2d r;
       SightingCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), nullptr);
-      s.believed = r.norm() < kOutlier && x_.inverse_depth[s.track] > 0.0;
+      s.believed = r.norm() * sigmas_.pixel < kOutlier_px && x_.points[s.track].z() > 0.0;
       if (!s.believed) continue;
       sum += r.squaredNorm();
       ++believed;
@@ -253,28 +258,27 @@ class Refinement {
   // Inverse of the information with the depths eliminated.
   RefinedStart::Matrix12 covariance() const {
     using Matrix12 = RefinedStart::Matrix12;
-    using Vector12 = Eigen::Matrix<double, 12, 1>;
+    using Matrix123 = Eigen::Matrix<double, 12, 3>;
     const Path path(problem_, x_, motion_);
     Matrix12 H = Matrix12::Zero();
-    std::vector<Vector12> shared(problem_.tracks.size(), Vector12::Zero());
-    std::vector<double> depth(problem_.tracks.size(), 0.0);
+    std::vector<Matrix123> shared(problem_.tracks.size(), Matrix123::Zero());
+    std::vector<Matrix3d> own(problem_.tracks.size(), Matrix3d::Zero());
     for (const Sighting& s : sightings_) {
       if (!s.believed) continue;
       const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
-                                      &x_.inverse_depth[s.track]};
-      Vector2d r, by_depth;
-      std::array<RowMajor23, 4> by;
-      double* jacobians[] = {by[0].data(), by[1].data(), by[2].data(), by[3].data(),
-                             by_depth.data()};
+                                      x_.points[s.track].data()};
+      Vector2d r;
+      std::array<RowMajor23, 5> by;
+      double* jacobians[] = {by[0].data(), by[1].data(), by[2].data(), by[3].data(), by[4].data()};
       SightingCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), jacobians);
       Eigen::Matrix<double, 2, 12> J;
       J << by[0], by[1], by[2], by[3];
       H += J.transpose() * J;
-      shared[s.track] += J.transpose() * by_depth;
-      depth[s.track] += by_depth.squaredNorm();
+      shared[s.track] += J.transpose() * by[4];
+      own[s.track] += by[4].transpose() * by[4];
     }
-    for (std::size_t t = 0; t < depth.size(); ++t) {
-      if (depth[t] > 0.0) H -= shared[t] * shared[t].transpose() / depth[t];
+    for (std::size_t t = 0; t < own.size(); ++t) {
+      if (own[t](2, 2) > 0.0) H -= shared[t] * own[t].ldlt().solve(shared[t].transpose());
     }
     H.diagonal().segment<3>(6).array() += 1.0 / (sigmas_.gyro_bias * sigmas_.gyro_bias);
     H.diagonal().segment<3>(9).array() += 1.0 / (sigmas_.accel_bias * sigmas_.accel_bias);

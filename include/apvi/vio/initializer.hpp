@@ -40,7 +40,7 @@ std::string_view to_string(InitStatus status);
 /// The states of all frames, world z along gravity, yaw and position of the first frame zero.
 struct InitResult {
   InitStatus status = InitStatus::too_few_frames;
-  std::size_t first = 0;  ///< the frame that the first state belongs to
+  std::size_t first = 0;  ///< older frames took no part, their states are inertial
   std::vector<imu::NavState> states;
   double reprojection_rms_px = 0.0;  ///< of unit focal length times `InitConfig::focal_px`
   double scale_sigma = 0.0;          ///< relative, from the final information
@@ -54,9 +54,10 @@ struct InitConfig {
   double max_reprojection_px = 2.0;
   double max_scale_sigma = 0.1;
   double focal_px = 460.0;  ///< turns angles into pixels
-  double pixel_sigma = 1.0;
+  double pixel_sigma = 2.0;
+  double min_window_s = 0.7;
   double max_window_s = 2.0;
-  int keyframes = 12;
+  int keyframes = 8;
   double gyro_bias_sigma = 0.1;
   double accel_bias_sigma = 0.2;
 
@@ -74,6 +75,7 @@ struct InitConfig {
     v("focal_px", focal_px, Range{1.0, 1e5},
       "focal length that angles are turned into pixels with");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "of a corner [px]");
+    v("min_window_s", min_window_s, Range{0.05, 60.0}, "a start is made from no less [s]");
     v("max_window_s", max_window_s, Range{0.1, 60.0}, "older frames take no part [s]");
     v("keyframes", keyframes, Range{3, 100}, "of its frames that are solved for");
     v("gyro_bias_sigma", gyro_bias_sigma, Range{1e-6, 10.0}, "of the gyro's turn-on bias [rad/s]");

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vio/start_graph.hpp"
+
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <deque>
+#include <memory>
+
+#include "apvi/geometry/so3.hpp"
+#include "apvi/vio/factors.hpp"
+#include "apvi/vio/marginalization.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix9 = Eigen::Matrix<double, 9, 9>;
+
+constexpr int kIterations = 6;
+constexpr double kHuber_px = 1.5;
+constexpr double kOutlier_px = 4.0;
+constexpr double kGaugeSigma = 1e-4;  // of the first keyframe's yaw [rad] and position [m]
+
+// Terms and what they are about; addresses stay.
+class StartGraph {
+ public:
+  StartGraph(const StartProblem& problem, const RefinedStart& start, const StartSigmas& sigmas)
+      : problem_(problem),
+        sigmas_(sigmas),
+        gravity_(0.0, 0.0, -problem.gravity),
+        extrinsics_(to_block(problem.T_body_camera)),
+        inverse_depth_(start.guess.inverse_depth) {
+    add_states(start);
+    add_inertial();
+    add_priors();
+    for (std::size_t t = 0; t < problem.tracks.size(); ++t) add_track(t);
+  }
+
+  SolvedStart run() {
+    SolvedStart out;
+    out.usable = solve();
+    out.states = states_;
+    judge(out);
+    if (out.usable) out.scale_sigma = scale_sigma();
+    return out;
+  }
+
+ private:
+  struct Term {
+    const ceres::CostFunction* cost;
+    std::vector<Block> blocks;
+    bool visual;
+  };
+
+  Block pose(std::size_t k) { return {states_[k].pose.data(), kPoseSize}; }
+  Block motion(std::size_t k) { return {states_[k].motion.data(), kMotionSize}; }
+
+  void add_states(const RefinedStart& start) {
+    const StartGuess& g = start.guess;
+    const Eigen::Quaterniond R_world = so3::level_attitude(-g.gravity, gravity_);
+    for (const imu::Preintegration& motion : start.motion) {
+      const double t = motion.duration_s();
+      const auto& delta = motion.delta();
+      FrameState state;
+      state.pose =
+          to_block({R_world * delta.rotation,
+                    R_world * (g.velocity * t + 0.5 * t * t * g.gravity + delta.position)});
+      Eigen::Map<Vector3d>(state.motion.data()) =
+          R_world * (g.velocity + t * g.gravity + delta.velocity);
+      Eigen::Map<Vector3d>(state.motion.data() + 3) = g.gyro_bias;
+      Eigen::Map<Vector3d>(state.motion.data() + 6) = g.accel_bias;
+      states_.push_back(state);
+    }
+  }
+
+  void add_inertial() {
+    const auto bias = [&](int at) {
+      return Vector3d(Eigen::Map<const Vector3d>(states_.front().motion.data() + at));
+    };
+    for (std::size_t k = 1; k < states_.size(); ++k) {
+      auto delta = std::make_shared<imu::Preintegration>(problem_.noise, bias(3), bias(6));
+      const auto& samples = problem_.imu[k];
+      for (std::size_t i = 1; i < samples.size(); ++i) {
+        delta->integrate(samples[i - 1], samples[i]);
+      }
+      inertial_.emplace_back(delta, gravity_, nullptr, nullptr);
+      terms_.push_back(
+          {&inertial_.back(), {pose(k - 1), motion(k - 1), pose(k), motion(k)}, false});
+    }
+  }
+
+  // Yaw and position of the first keyframe are given, its biases are near zero.
+  void add_priors() {
+    const SE3 first = to_se3(states_.front().pose.data());
+    Matrix6 gauge = Matrix6::Zero();
+    gauge.block<1, 3>(0, 0) =
+        (first.rotation.conjugate() * Vector3d::UnitZ()).transpose() / kGaugeSigma;
+    gauge.bottomRightCorner<3, 3>().diagonal().setConstant(1.0 / kGaugeSigma);
+    pose_prior_ = std::make_unique<PosePriorFactor>(first, gauge);
+    terms_.push_back({pose_prior_.get(), {pose(0)}, false});
+
+    Matrix9 biases = Matrix9::Zero();
+    biases.diagonal().segment<3>(3).setConstant(1.0 / sigmas_.gyro_bias);
+    biases.diagonal().segment<3>(6).setConstant(1.0 / sigmas_.accel_bias);
+    motion_prior_ = std::make_unique<MotionPriorFactor>(MotionBlock{}, biases);
+    terms_.push_back({motion_prior_.get(), {motion(0)}, false});
+  }
+
+  void add_track(std::size_t track) {
+    if (!(inverse_depth_[track] > 0.0)) return;
+    const auto& views = problem_.tracks[track].views;
+    const auto view = [](const StartProblem::View& v) {
+      return ReprojectionFactor::View{v.point, Eigen::Vector2d::Zero()};
+    };
+    const auto anchor = static_cast<std::size_t>(views.front().keyframe);
+    for (std::size_t v = 1; v < views.size(); ++v) {
+      sightings_.emplace_back(view(views.front()), view(views[v]), sigmas_.focal_px / sigmas_.pixel,
+                              0.0, nullptr, nullptr);
+      terms_.push_back({&sightings_.back(),
+                        {pose(anchor),
+                         pose(static_cast<std::size_t>(views[v].keyframe)),
+                         {extrinsics_.data(), kPoseSize},
+                         {&inverse_depth_[track], 1},
+                         {&time_offset_, 1}},
+                        true});
+    }
+  }
+
+  static std::vector<double*> addresses(const Term& term) {
+    std::vector<double*> blocks;
+    for (const Block& block : term.blocks) blocks.push_back(block.data);
+    return blocks;
+  }
+
+  bool solve() {
+    ceres::Problem::Options borrowed;
+    borrowed.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    borrowed.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    borrowed.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    ceres::Problem problem(borrowed);
+    ceres::Solver::Options options;
+    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (FrameState& state : states_) {
+      problem.AddParameterBlock(state.pose.data(), kPoseSize, &manifold_);
+      problem.AddParameterBlock(state.motion.data(), kMotionSize);
+      ordering->AddElementToGroup(state.pose.data(), 1);
+      ordering->AddElementToGroup(state.motion.data(), 1);
+    }
+    problem.AddParameterBlock(extrinsics_.data(), kPoseSize, &manifold_);
+    problem.AddParameterBlock(&time_offset_, 1);
+    problem.SetParameterBlockConstant(extrinsics_.data());
+    problem.SetParameterBlockConstant(&time_offset_);
+    ordering->AddElementToGroup(extrinsics_.data(), 1);
+    ordering->AddElementToGroup(&time_offset_, 1);
+    for (const Term& term : terms_) {
+      problem.AddResidualBlock(const_cast<ceres::CostFunction*>(term.cost),
+                               term.visual ? &loss_ : nullptr, addresses(term));
+      if (term.visual) ordering->AddElementToGroup(term.blocks[3].data, 0);
+    }
+    options.linear_solver_type = ceres::DENSE_SCHUR;
+    options.linear_solver_ordering = ordering;
+    options.max_num_iterations = kIterations;
+    options.function_tolerance = 1e-3;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    return summary.IsSolutionUsable();
+  }
+
+  void judge(SolvedStart& out) const {
+    double sum = 0.0, inertial_sum = 0.0;
+    int believed = 0;
+    for (const Term& term : terms_) {
+      Eigen::VectorXd r(term.cost->num_residuals());
+      term.cost->Evaluate(addresses(term).data(), r.data(), nullptr);
+      if (!term.visual) {
+        if (r.size() == 15) inertial_sum += r.head<9>().squaredNorm();
+        continue;
+      }
+      const double inverse_depth = *term.blocks[3].data;
+      if (r.norm() * sigmas_.pixel >= kOutlier_px || inverse_depth <= 0.0) continue;
+      sum += r.squaredNorm();
+      ++believed;
+    }
+    if (believed == 0 || inertial_.empty()) return;
+    out.reprojection_rms_px = sigmas_.pixel * std::sqrt(sum / believed);
+    out.inlier_share = static_cast<double>(believed) / static_cast<double>(sightings_.size());
+    out.inertial_rms = std::sqrt(inertial_sum / (9.0 * static_cast<double>(inertial_.size())));
+  }
+
+  double scale_sigma() {
+    const Vector3d start = to_se3(states_.front().pose.data()).translation;
+    std::size_t farthest = 0;
+    Vector3d way = Vector3d::Zero();
+    for (std::size_t k = 1; k < states_.size(); ++k) {
+      const Vector3d candidate = to_se3(states_[k].pose.data()).translation - start;
+      if (candidate.norm() <= way.norm()) continue;
+      way = candidate;
+      farthest = k;
+    }
+    if (farthest == 0) return 1e9;
+    Linearizer linearizer;
+    linearizer.hold_constant(extrinsics_.data());
+    linearizer.hold_constant(&time_offset_);
+    for (const Term& term : terms_) {
+      linearizer.add(*term.cost, term.visual ? &loss_ : nullptr, term.blocks);
+    }
+    const Matrix6 information = linearizer.marginal_information(pose(farthest).data);
+    const Eigen::LDLT<Matrix6> ldlt(information);
+    Eigen::Matrix<double, 6, 1> along = Eigen::Matrix<double, 6, 1>::Zero();
+    along.tail<3>() = way.normalized();
+    const double variance = along.dot(ldlt.solve(along));
+    return variance >= 0.0 ? std::sqrt(variance) / way.norm() : 1e9;
+  }
+
+  const StartProblem& problem_;
+  const StartSigmas& sigmas_;
+  Vector3d gravity_;
+  std::vector<FrameState> states_;
+  PoseBlock extrinsics_;
+  double time_offset_ = 0.0;
+  std::vector<double> inverse_depth_;
+  PoseManifold manifold_;
+  ceres::HuberLoss loss_{kHuber_px / sigmas_.pixel};
+  std::deque<ReprojectionFactor> sightings_;
+  std::deque<ImuFactor> inertial_;
+  std::unique_ptr<PosePriorFactor> pose_prior_;
+  std::unique_ptr<MotionPriorFactor> motion_prior_;
+  std::vector<Term> terms_;
+};
+
+}  // namespace
+
+SolvedStart solve_start(const StartProblem& problem, const RefinedStart& start,
+                        const StartSigmas& sigmas) {
+  return StartGraph(problem, start, sigmas).run();
+}
+
+}  // namespace apvi::vio
