@@ -106,17 +106,11 @@ void Navigator::take(const SensorEvent& event) {
     constexpr std::size_t kMostPings = 64;
     while (raw_pings_.size() > kMostPings) raw_pings_.erase(raw_pings_.begin());
   }
-  const auto add_depth = [this](Stamp stamp, double depth, double sigma) {
-    double bias = 0.0;
-    if (localization_ && localization_->dipo().initialized()) {
-      bias = localization_->dipo().latest()->state.depth_bias_m;
-    }
-    fresh_depths_.push_back({stamp, depth - bias, sigma});
-  };
   if (const auto* p = std::get_if<PressureSample>(&event); p && rig_.pressure) {
-    add_depth(p->stamp, rig_.pressure->depth(p->pressure_pa), rig_.pressure->noise_m);
+    fresh_depths_.push_back(
+        {p->stamp, rig_.pressure->depth(p->pressure_pa), rig_.pressure->noise_m});
   } else if (const auto* d = std::get_if<DepthSample>(&event); d && rig_.depth) {
-    add_depth(d->stamp, d->depth_m, rig_.depth->noise_m);
+    fresh_depths_.push_back({d->stamp, d->depth_m, rig_.depth->noise_m});
   }
 }
 

@@ -56,11 +56,9 @@ Estimator::Estimator(const Config& config, const Rig& rig)
 }
 
 void Estimator::reset() {
-  window_ = Window{};
-  for (const CameraCalibration& camera : rig_.cameras) {
-    window_.T_body_camera.push_back(to_block(camera.T_body_camera));
-  }
+  window_ = empty_window(rig_);
   waiting_.clear();
+  depth_zero_m_.reset();
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
 }
@@ -97,7 +95,7 @@ Result Estimator::track(const TrackedFrame& tracked) {
   if (!append(tracked)) {
     return {.stamp = tracked.stamp, .status = Status::lost, .detail = "gap in the inertial data"};
   }
-  estimate(result);
+  estimate(result, config_.window.iterations);
   result.detail = why_diverged(result);
   if (!result.detail.empty()) {
     result.status = Status::lost;
@@ -108,11 +106,11 @@ Result Estimator::track(const TrackedFrame& tracked) {
 }
 
 // Solve, tidy up, measure the information, let the window move on.
-void Estimator::estimate(Result& result) {
+void Estimator::estimate(Result& result, int iterations) {
   triangulate(window_, config_.vision.min_parallax_deg * kDegree);
   attach_measurements();
   const Graph graph(window_, config_, rig_);
-  const SolveReport report = solve(graph, window_, config_);
+  const SolveReport report = solve(graph, window_, config_, iterations);
   result.solve_s = report.seconds;
   result.landmarks = graph.landmarks();
   result.sightings = graph.sightings();
@@ -212,7 +210,8 @@ void Estimator::refresh_preintegrations() {
 void Estimator::attach_measurements() {
   if (config_.graph != GraphKind::tight) return;
   const Stamp oldest = window_.frames.front()->stamp;
-  while (!pings_.empty() && pings_.front().stamp < oldest) pings_.pop_front();
+  // Not in order: the filter that puts them on the true clock changes its mind.
+  std::erase_if(pings_, [&](const DvlMeasurement& ping) { return ping.stamp < oldest; });
   while (depths_.size() > 1 && depths_[1].stamp < oldest) depths_.pop_front();
   for (const DvlMeasurement& ping : pings_) {
     const auto after =
@@ -221,7 +220,20 @@ void Estimator::attach_measurements() {
     attach(**std::prev(after), ping);
   }
   if (!config_.tight.depth) return;
-  for (const auto& frame : window_.frames) attach_depth(*frame, depths_, rig_.depth_sign());
+  for (const auto& frame : window_.frames) attach_depth(*frame);
+}
+
+// Depth is measured from wherever the window started: tide, atmosphere and the sensor's zero are
+// nobody's concern here.
+void Estimator::attach_depth(Frame& frame) {
+  const auto measured = depth_at(frame, depths_, rig_.depth_sign());
+  if (!measured || (frame.depth && frame.depth->stamp == measured->stamp)) return;
+  if (!depth_zero_m_) {
+    const SE3 pose = to_se3(frame.state.pose.data());
+    depth_zero_m_ = measured->depth_m - rig_.depth_sign() * (pose * depth_lever(rig_)).z();
+  }
+  frame.depth = measured;
+  frame.depth->depth_m -= *depth_zero_m_;
 }
 
 void Estimator::attach(Frame& frame, const DvlMeasurement& measured) const {

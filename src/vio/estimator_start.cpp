@@ -12,6 +12,9 @@
 namespace apvi::vio {
 namespace {
 
+// The first solve has farther to go than those that follow.
+constexpr int kStartIterations = 20;
+
 using Matrix15 = Eigen::Matrix<double, 15, 15>;
 
 // The aid's covariance, whose velocity is in the body frame, by the frame's tangent, whose is not.
@@ -42,7 +45,7 @@ Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
   window_.prior = make_prior(frame, Eigen::LLT<Matrix15>(information).matrixU());
   add_sightings(window_, frame, tracked);
   Result result{.stamp = tracked.stamp, .status = Status::started, .detail = "DVL-aided"};
-  estimate(result);
+  estimate(result, kStartIterations);
   return result;
 }
 
@@ -68,10 +71,14 @@ Result Estimator::start_alone(const TrackedFrame& tracked) {
     return result;
   }
   adopt(waiting_, found.states);
+  estimate(result, kStartIterations);
+  if (const std::string why = why_diverged(result); !why.empty()) {
+    window_ = empty_window(rig_);
+    return {.stamp = tracked.stamp, .detail = "a start that holds (" + why + ")"};
+  }
   waiting_.clear();
   result.status = Status::started;
   result.detail = fmt::format("visual-inertial ({})", found.detail);
-  estimate(result);
   return result;
 }
 

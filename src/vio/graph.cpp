@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "window_edges.hpp"
+
 namespace apvi::vio {
 namespace {
 
@@ -70,11 +72,8 @@ void Graph::add_dvl(Frame& frame) {
 
 void Graph::add_depth(Frame& frame) {
   if (!frame.depth) return;
-  const Eigen::Vector3d lever = rig_.pressure ? rig_.pressure->p_body_sensor
-                                : rig_.depth  ? rig_.depth->p_body_sensor
-                                              : Eigen::Vector3d::Zero();
-  depths_.emplace_back(frame.depth->depth_m, frame.depth->sigma_m, lever, rig_.depth_sign(),
-                       first(frame));
+  depths_.emplace_back(frame.depth->depth_m, frame.depth->sigma_m, depth_lever(rig_),
+                       rig_.depth_sign(), first(frame));
   terms_.push_back({.cost = &depths_.back(),
                     .loss = &sensor_loss_,
                     .blocks = {pose_block(frame)},

@@ -71,6 +71,6 @@ struct SolveReport {
 };
 
 /// Moves the window to a minimum of the graph's cost.
-SolveReport solve(const Graph& graph, Window& window, const Config& config);
+SolveReport solve(const Graph& graph, Window& window, const Config& config, int iterations);
 
 }  // namespace apvi::vio

@@ -37,7 +37,6 @@ ceres::Solver::Options solver_options(const Config& config, const Window& window
   ceres::Solver::Options options;
   options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.max_num_iterations = config.window.iterations;
   options.max_solver_time_in_seconds = config.window.max_solve_s;
   options.function_tolerance = 1e-3;
   options.num_threads = 1;  // the other core belongs to the front end
@@ -57,12 +56,13 @@ ceres::Solver::Options solver_options(const Config& config, const Window& window
 
 }  // namespace
 
-SolveReport solve(const Graph& graph, Window& window, const Config& config) {
+SolveReport solve(const Graph& graph, Window& window, const Config& config, int iterations) {
   const Stopwatch watch;
   PoseManifold manifold;
   ceres::Problem problem(problem_options());
   add_states(problem, window, config, manifold);
   ceres::Solver::Options options = solver_options(config, window);
+  options.max_num_iterations = iterations;
   std::vector<double*> blocks;
   for (const Term& term : graph.terms()) {
     blocks.clear();

@@ -11,6 +11,9 @@ namespace {
 constexpr double kNearest = 0.05;    // of a landmark in front of a camera [m]
 constexpr double kFarthest = 200.0;  // [m]
 
+// Of a ray past the point where all of them should meet, on the plane z = 1.
+constexpr double kLargestMiss = 0.03;
+
 using Sighting = Landmark::Sighting;
 
 SE3 camera_pose(const Sighting& sighting, const Window& window) {
@@ -42,8 +45,9 @@ std::optional<double> intersect(const Landmark& landmark, const Window& window,
   if (smallest_cosine > std::cos(min_parallax)) return std::nullopt;
   const Eigen::Vector3d point = A.inverse() * b;
   for (const Sighting& sighting : landmark.sightings) {
-    const double z = (camera_pose(sighting, window).inverse() * point).z();
-    if (!(z > kNearest && z < kFarthest)) return std::nullopt;
+    const Eigen::Vector3d p = camera_pose(sighting, window).inverse() * point;
+    if (!(p.z() > kNearest && p.z() < kFarthest)) return std::nullopt;
+    if ((p.head<2>() / p.z() - sighting.view.point).norm() > kLargestMiss) return std::nullopt;
   }
   return (anchor.inverse() * point).z();
 }

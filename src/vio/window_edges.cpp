@@ -69,6 +69,14 @@ void fix_first_estimates(Window& window) {
 
 }  // namespace
 
+Window empty_window(const Rig& rig) {
+  Window window;
+  for (const CameraCalibration& camera : rig.cameras) {
+    window.T_body_camera.push_back(to_block(camera.T_body_camera));
+  }
+  return window;
+}
+
 FrameState predict(const FrameState& from, const imu::Preintegration& motion,
                    const Eigen::Vector3d& gravity) {
   const SE3 pose = to_se3(from.pose.data());
@@ -101,7 +109,14 @@ DvlPing ping_factor(const DvlMeasurement& measured,
           .sqrt_information = Eigen::LLT<Eigen::Matrix3d>(information).matrixU()};
 }
 
-void attach_depth(Frame& frame, const std::deque<DepthMeasurement>& depths, double depth_sign) {
+Eigen::Vector3d depth_lever(const Rig& rig) {
+  if (rig.pressure) return rig.pressure->p_body_sensor;
+  return rig.depth ? rig.depth->p_body_sensor : Eigen::Vector3d::Zero();
+}
+
+std::optional<DepthMeasurement> depth_at(const Frame& frame,
+                                         const std::deque<DepthMeasurement>& depths,
+                                         double depth_sign) {
   const DepthMeasurement* nearest = nullptr;
   Duration best = kDepthReach;
   for (const DepthMeasurement& depth : depths) {
@@ -110,10 +125,11 @@ void attach_depth(Frame& frame, const std::deque<DepthMeasurement>& depths, doub
     best = apart;
     nearest = &depth;
   }
-  if (nearest == nullptr || (frame.depth && frame.depth->stamp == nearest->stamp)) return;
+  if (nearest == nullptr) return std::nullopt;
+  DepthMeasurement carried = *nearest;
   const double rate = depth_sign * frame.state.motion[2];
-  frame.depth = *nearest;
-  frame.depth->depth_m -= rate * seconds_between(frame.stamp, nearest->stamp);
+  carried.depth_m -= rate * seconds_between(frame.stamp, nearest->stamp);
+  return carried;
 }
 
 std::shared_ptr<Prior> make_prior(const Frame& frame, const Eigen::MatrixXd& J) {

@@ -12,6 +12,8 @@
 /// What happens at the edges of the window: how frames and measurements enter and leave.
 namespace apvi::vio {
 
+Window empty_window(const Rig& rig);
+
 /// The state after an inertial motion.
 FrameState predict(const FrameState& from, const imu::Preintegration& motion,
                    const Eigen::Vector3d& gravity);
@@ -19,8 +21,12 @@ FrameState predict(const FrameState& from, const imu::Preintegration& motion,
 DvlPing ping_factor(const DvlMeasurement& measured,
                     std::shared_ptr<const imu::Preintegration> since_frame,
                     const Eigen::Vector3d& gyro, const Rig& rig);
-/// Gives the frame the depth measured nearest to it, carried over by its vertical velocity.
-void attach_depth(Frame& frame, const std::deque<DepthMeasurement>& depths, double depth_sign);
+/// Where depth below the surface is measured, in the body frame [m].
+Eigen::Vector3d depth_lever(const Rig& rig);
+/// The depth measured nearest to the frame, carried over to it by its vertical velocity.
+std::optional<DepthMeasurement> depth_at(const Frame& frame,
+                                         const std::deque<DepthMeasurement>& depths,
+                                         double depth_sign);
 
 /// Knowledge of a frame's state: rows of J by [pose tangent, motion], zero residual.
 std::shared_ptr<Prior> make_prior(const Frame& frame, const Eigen::MatrixXd& J);

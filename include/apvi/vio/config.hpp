@@ -16,9 +16,9 @@ enum class GraphKind { paper, tight };
 enum class ContinuingTracks { marginalize, reanchor, reuse };
 
 struct WindowConfig {
-  ContinuingTracks continuing_tracks = ContinuingTracks::reanchor;
+  ContinuingTracks continuing_tracks = ContinuingTracks::marginalize;
   int keyframes = 10;
-  double keyframe_parallax_px = 10.0;
+  double keyframe_parallax_px = 20.0;
   double keyframe_survival = 0.6;
   double keyframe_interval_s = 0.5;
   int iterations = 4;

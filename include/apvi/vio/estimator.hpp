@@ -77,7 +77,7 @@ class Estimator {
   void adopt(const std::vector<TrackedFrame>& frames, const std::vector<imu::NavState>& states);
   Result track(const TrackedFrame& tracked);
 
-  void estimate(Result& result);
+  void estimate(Result& result, int iterations);
   bool append(const TrackedFrame& tracked);
   void drop_newest();
   Frame& push_frame(Stamp stamp, const FrameState& state);
@@ -86,6 +86,7 @@ class Estimator {
   void refresh_preintegrations();
   void attach_measurements();
   void attach(Frame& frame, const DvlMeasurement& measured) const;
+  void attach_depth(Frame& frame);
   std::string why_diverged(const Result& result);
 
   Config config_;
@@ -96,6 +97,7 @@ class Estimator {
   std::deque<DepthMeasurement> depths_;
   std::vector<TrackedFrame> waiting_;  // frames before the start
   Window window_;
+  std::optional<double> depth_zero_m_;  // measured depth where the window's z is zero
   bool newest_is_keyframe_ = false;
   int bad_frames_ = 0;
 };

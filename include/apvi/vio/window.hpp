@@ -23,7 +23,7 @@ struct DvlMeasurement {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
 };
 
-/// Depth below the surface, without its bias.
+/// Depth as measured.
 struct DepthMeasurement {
   Stamp stamp;
   double depth_m = 0.0;
@@ -42,7 +42,8 @@ struct Frame {
     DvlPing factor;
   };
   std::vector<Ping> pings;                ///< between this frame and the next
-  std::optional<DepthMeasurement> depth;  ///< nearest in time, carried to the frame's instant
+  /// At its instant, counted from where the window has z = 0.
+  std::optional<DepthMeasurement> depth;
   int tracks = 0;                         ///< that it was seen with
 };
 
