@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A camera and an IMU never see where the vehicle started nor its heading there. Whatever is
+// integrated out, at whatever states, the prior must not claim to know them.
+#include <gtest/gtest.h>
+
+#include "camera_window.hpp"
+#include "factor_check.hpp"
+
+namespace apvi::vio {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using test::CameraWindow;
+using Method = Linearizer::Method;
+
+void nudge(FrameState& state, Random& random, double size) {
+  state.pose = test::as_pose(test::nudged(test::as_vector(state.pose), random, size));
+  state.motion = test::as_motion(test::nudged(test::as_vector(state.motion), random, size));
+}
+
+/// The prior after two frames left one after the other, the estimate moving in between.
+Prior prior_after_two_frames(CameraWindow& window, bool use_first, Method method) {
+  Random random(23);
+  for (FrameState& state : window.frames) nudge(state, random, 0.01);
+  Linearizer oldest;
+  const auto drop = window.add_oldest(0, use_first, oldest);
+  const auto prior = std::make_shared<Prior>(oldest.marginalize(drop, method));
+  for (std::size_t k = 1; k < window.frames.size(); ++k) {
+    window.first[k].pose = window.frames[k].pose;
+  }
+  window.first[1].motion = window.frames[1].motion;
+  for (FrameState& state : window.frames) nudge(state, random, 0.03);
+  Linearizer next;
+  const auto drop_next = window.add_oldest(1, use_first, next);
+  const PriorFactor factor(prior);
+  std::vector<Block> blocks;
+  for (const auto& kept : prior->kept) blocks.push_back(kept.block);
+  next.add(factor, nullptr, blocks);
+  return next.marginalize(drop_next, method);
+}
+
+/// The shift along each axis and the turn about the vertical of the whole window.
+MatrixXd gauge(const CameraWindow& window, const Prior& prior) {
+  MatrixXd N = MatrixXd::Zero(prior.tangent_size(), 4);
+  const Vector3d up = Vector3d::UnitZ();
+  Index row = 0;
+  for (const auto& kept : prior.kept) {
+    for (std::size_t k = 0; k < window.frames.size(); ++k) {
+      if (kept.block.data == window.frames[k].pose.data()) {
+        const auto& first = window.first[k].pose;
+        const SE3 pose = to_se3(first ? first->data() : kept.block.data);
+        N.block<3, 3>(row + 3, 0).setIdentity();
+        N.block<3, 1>(row, 3) = pose.rotation.conjugate() * up;
+        N.block<3, 1>(row + 3, 3) = up.cross(pose.translation);
+      } else if (kept.block.data == window.frames[k].motion.data()) {
+        N.block<3, 1>(row, 3) = up.cross(Vector3d(kept.block.data));
+      }
+    }
+    row += kept.block.tangent();
+  }
+  return N;
+}
+
+/// What the prior claims to know of each shift [1/m²] and of the heading [1/rad²].
+Eigen::Vector4d information_on_gauge(const CameraWindow& window, const Prior& prior) {
+  return (prior.J * gauge(window, prior)).colwise().squaredNorm();
+}
+
+class Gauge : public testing::TestWithParam<Method> {};
+INSTANTIATE_TEST_SUITE_P(BothWays, Gauge, testing::Values(Method::schur, Method::square_root),
+                         [](const auto& param) {
+                           return param.param == Method::schur ? "Schur" : "SquareRoot";
+                         });
+
+TEST_P(Gauge, StaysFreeWithFirstEstimates) {
+  CameraWindow window(6, 24, 0.25, 2);
+  const Prior prior = prior_after_two_frames(window, true, GetParam());
+  ASSERT_EQ(prior.kept.size(), 5U) << "four poses and one motion";
+  const Eigen::Vector4d claimed = information_on_gauge(window, prior);
+  // Squaring leaves rounding of 1e-14 of the largest entry; QR none to speak of.
+  EXPECT_LT(claimed.maxCoeff(), GetParam() == Method::schur ? 1e-4 : 1e-15);
+  EXPECT_GT(prior.J.squaredNorm(), 1e6) << "it knows a lot of everything else";
+}
+
+TEST_P(Gauge, IsLostInHeadingWithoutThem) {
+  CameraWindow window(6, 24, 0.25, 2);
+  const Prior prior = prior_after_two_frames(window, false, GetParam());
+  const Eigen::Vector4d claimed = information_on_gauge(window, prior);
+  EXPECT_LT(claimed.head<3>().maxCoeff(), 1e-4);
+  EXPECT_GT(claimed(3), 1000.0) << "a heading that nobody saw, claimed to two degrees";
+}
+
+}  // namespace
+}  // namespace apvi::vio
