@@ -20,7 +20,13 @@ struct Observation {
   int track_length = 1;         ///< frames up to and with this one
 };
 
-/// Whether a frame can be worked with, and if not, why.
+/// Whether a frame can be worked with, and if not, why. A frame that cannot has no observations.
+///
+/// - `wrong_size`: not the camera's resolution, a pixel format that is not understood, or no image.
+/// - `featureless`: all of one brightness, or hardly a track was found again (something passed
+///   before the lens). For a short while the tracks wait for the next frame.
+/// - `repeated`: the stamp or every pixel is that of the last good frame. No track grows older.
+/// - `out_of_order`: older than a frame before it; left out as if it had not come.
 enum class FrameQuality { good, wrong_size, featureless, repeated, out_of_order };
 
 /// What became of the tracks in one frame.

@@ -46,9 +46,10 @@ class Tracker {
   Tracker(Tracker&&) noexcept;
   Tracker& operator=(Tracker&&) noexcept;
 
-  /// One frame: an image of every camera (8-bit grey or BGR; an empty one was lost).
-  /// `R_before_now`: rotation of the body since the frame before, now to before, when the gyro
-  /// knows it. Never throws for what a camera can deliver: the statistics say what was wrong.
+  /// One frame: an image of every camera (grey, BGR or BGRA of 8 or 16 bits, or floats in [0, 1];
+  /// an empty one was lost). `R_before_now`: rotation of the body since the newest frame given
+  /// before, whatever its quality, now to before, when the gyro knows it. A little bias does no
+  /// harm. Never throws for what a camera can deliver: the statistics say what was wrong.
   TrackedFrame process(const std::vector<cv::Mat>& images, Stamp stamp,
                        const std::optional<Eigen::Quaterniond>& R_before_now);
 
