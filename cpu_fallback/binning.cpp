@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <bit>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 namespace apvi::splat {
@@ -58,7 +58,9 @@ void sort_in_place(std::vector<Ranked<double>>& items) {
 void sort_in_place(std::vector<Ranked<float>>& items) {
   constexpr std::uint32_t kRadix = 1U << 11U;
   const auto digit = [](const Ranked<float>& item, std::uint32_t pass) {
-    return (std::bit_cast<std::uint32_t>(item.z) >> 11U * pass) % kRadix;
+    std::uint32_t bits = 0;
+    std::memcpy(&bits, &item.z, sizeof bits);
+    return (bits >> 11U * pass) % kRadix;
   };
   std::array<std::array<std::uint32_t, kRadix + 1>, 3> starts = {};
   for (const Ranked<float>& item : items) {

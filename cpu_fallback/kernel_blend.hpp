@@ -153,7 +153,7 @@ TileFrame frame_of(const BlendArgs<typename V::Scalar>& a, int tile) {
 template <typename V>
 struct Group {
   std::uint32_t count;
-  BlockMask blocks[kGroup];
+  BlockMask blocks[kGroup] = {};
 
   /// With `drawn_only`, splats that the first walk had no use for have no blocks.
   [[gnu::always_inline]] Group(const BlendArgs<typename V::Scalar>& a, const TileFrame& frame,

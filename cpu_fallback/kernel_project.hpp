@@ -14,7 +14,7 @@ inline constexpr double kLn2 = 0.6931471805599453;
 template <typename V>
 Camera<V> in_all_lanes(const Camera<typename V::Scalar>& camera) {
   static_assert(sizeof(Camera<V>) == sizeof(camera) / sizeof(typename V::Scalar) * sizeof(V));
-  Camera<V> out;
+  Camera<V> out = {};
   const auto all = [](const auto& from, auto& to) {
     for (int i = 0; i < static_cast<int>(sizeof(to) / sizeof(to[0])); ++i) to[i] = V(from[i]);
   };
@@ -91,11 +91,11 @@ V exponential(V x) {
 }
 
 /// Asks for rows of memory before they are needed: [begin, end) of `size` scalars each.
-template <typename V, bool kToWrite = false>
+template <typename V, bool ToWrite = false>
 void fetch_rows(const typename V::Scalar* rows, std::int64_t begin, std::int64_t end, int size) {
   constexpr int kLine = 64 / static_cast<int>(sizeof(typename V::Scalar));
   for (std::int64_t i = begin * size; i < end * size; i += kLine) {
-    __builtin_prefetch(rows + i, kToWrite ? 1 : 0);
+    __builtin_prefetch(rows + i, ToWrite ? 1 : 0);
   }
 }
 
@@ -111,10 +111,10 @@ struct Shape {
 template <typename V>
 Shape<V> load_shape(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera,
                     Batch batch) {
-  Shape<V> out;
+  Shape<V> out = {};
   V deviations[3];
   V quaternion[4];
-  V logit;
+  V logit(0);
   load_rows<3>(a.means, batch, out.mean);
   load_rows<3>(a.log_scales, batch, deviations);
   load_rows<4>(a.quaternions, batch, quaternion);

@@ -41,7 +41,7 @@ FootprintGradient<V> footprint_gradient(const Camera<V>& camera, const Projectio
   const V xx = V(0.5) * sums[6];  // minus the derivatives by the conic [[A, B], [B, C]]
   const V yy = V(0.5) * sums[8];
   const V xy = sums[9];
-  FootprintGradient<V> g;
+  FootprintGradient<V> g = {};
   g.u = A * sums[5] + B * sums[7];
   g.v = B * sums[5] + C * sums[7];
   g.z = sums[3];

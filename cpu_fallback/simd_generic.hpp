@@ -53,7 +53,7 @@ struct Pack {
   }
   template <typename F>
   static Pack from(F&& f) {
-    Pack out;
+    Pack out(0);
     for (int i = 0; i < W; ++i) out.v[i] = f(i);
     return out;
   }
@@ -85,7 +85,10 @@ struct Pack {
     return from([n](int i) { return static_cast<T>(i % n); });
   }
   static Pack ramp_down(int n) {
-    return from([n](int i) { return static_cast<T>(i / n); });
+    return from([n](int i) {
+      const int times = i / n;
+      return static_cast<T>(times);
+    });
   }
 
   friend Pack operator+(Pack a, Pack b) {

@@ -72,7 +72,7 @@ APVI_HD inline void quaternion_to_matrix_backward(const T* q, const T* V, T* g) 
 /// out = M x for a 3x3 matrix.
 template <typename T>
 APVI_HD inline void rotate(const T* M, const T* x, T* out) {
-  for (int i = 0; i < 3; ++i) out[i] = M[3 * i] * x[0] + M[3 * i + 1] * x[1] + M[3 * i + 2] * x[2];
+  for (int i = 0; i < 3; ++i, M += 3) out[i] = M[0] * x[0] + M[1] * x[1] + M[2] * x[2];
 }
 
 /// out = transpose(M) x for a 3x3 matrix.
@@ -128,7 +128,7 @@ APVI_HD inline void flatten(const Camera<T>& camera, Projection<T>& out) {
 template <typename T>
 APVI_HD inline Projection<T> project(const Camera<T>& camera, const T* mean, const T* deviations,
                                      const T* quaternion) {
-  Projection<T> out;
+  Projection<T> out = {};
   rotate(camera.R, mean, out.p);
   for (int i = 0; i < 3; ++i) {
     out.p[i] = out.p[i] + camera.t[i];
@@ -199,7 +199,7 @@ template <typename T>
 APVI_HD inline ProjectionGradient<T> project_backward(const Camera<T>& camera,
                                                       const Projection<T>& f,
                                                       const FootprintGradient<T>& g) {
-  ProjectionGradient<T> out;
+  ProjectionGradient<T> out = {};
   T V[9];
   T p[3];
   flatten_backward(camera, f, g, out.log_scale, V, p);
