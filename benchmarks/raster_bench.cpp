@@ -13,6 +13,7 @@
 #include <functional>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "apvi/core/stopwatch.hpp"
@@ -37,7 +38,7 @@ struct Arguments {
   int width = 640;
   int height = 480;
   int degree = 3;
-  int threads = 0;
+  int threads = static_cast<int>(std::thread::hardware_concurrency());  // LibTorch's is often 1
   int repeats = 15;
 };
 
@@ -193,7 +194,7 @@ class Bench {
 };
 
 void run(const Arguments& arguments) {
-  if (arguments.threads > 0) at::set_num_threads(arguments.threads);
+  at::set_num_threads(std::max(arguments.threads, 1));
   Bench bench(arguments);
   const double before_mib = status_mib("VmRSS:");
   std::ofstream("/proc/self/clear_refs") << "5";  // the peak starts anew

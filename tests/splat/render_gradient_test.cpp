@@ -43,7 +43,8 @@ struct Scene {
 Scene make_scene(int seed, bool antialiased = false, std::int64_t count = 40) {
   Scene scene = {.gaussians = make_gaussians(count, torch::kFloat64, 3, seed),
                  .view = make_view(),
-                 .options = {.antialiased = antialiased}};
+                 .options = {}};
+  scene.options.antialiased = antialiased;
   const auto f64 = torch::dtype(torch::kFloat64);
   scene.view.pose_delta = torch::randn({6}, f64) * 0.05;
   scene.options.background = torch::rand({3}, f64);
