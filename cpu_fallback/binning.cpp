@@ -20,8 +20,9 @@ struct PixelSpan {
 template <typename T>
 PixelSpan pixels_between(T low, T high, int size) {
   const T half(0.5);
-  return {static_cast<int>(std::ceil(std::max(low - half, T(0)))),
-          static_cast<int>(std::floor(std::min(high - half, static_cast<T>(size - 1)) + T(1))) - 1};
+  const auto end = static_cast<T>(size);
+  return {static_cast<int>(std::ceil(std::clamp(low - half, T(0), end))),
+          static_cast<int>(std::floor(std::clamp(high - half, T(-1), end - T(1))))};
 }
 
 /// Calls f(tile) for the tiles that hold a pixel centre of the splat's ellipse (or nearly so: a

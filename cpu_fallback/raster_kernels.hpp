@@ -13,7 +13,7 @@ namespace apvi::splat {
 /// A projected Gaussian; in float one cache line. At the pixel (x, y), with dx = x - u, dy = y - v:
 /// log2(alpha) = e_0 + e_xx dx² + e_xy dx dy + e_yy dy².
 template <typename T>
-struct alignas(16 * sizeof(T)) Splat {
+struct alignas(64) Splat {
   T u, v;
   T e_0, e_xx, e_xy, e_yy;
   T color[3];

@@ -36,11 +36,8 @@ class Recycler {
   Block take(std::size_t size) {
     const std::lock_guard lock(mutex_);
     ++taken_;
-    std::erase_if(waiting_, [this](const Block& block) {
-      const bool stale = block.since + kPatience < taken_;
-      if (stale) release(block);
-      return stale;
-    });
+    // What waits is in the order in which it came back.
+    while (!waiting_.empty() && waiting_.front().since + kPatience < taken_) drop_oldest();
     auto best = waiting_.end();
     for (auto it = waiting_.begin(); it != waiting_.end(); ++it) {
       if (it->size >= size && it->size / 2 <= size &&
@@ -60,16 +57,14 @@ class Recycler {
     block.since = taken_;
     waiting_.push_back(block);
     bytes_ += block.size;
-    while (bytes_ > kMostWaiting) {
-      release(waiting_.front());
-      waiting_.erase(waiting_.begin());
-    }
+    while (bytes_ > kMostWaiting) drop_oldest();
   }
 
  private:
-  void release(const Block& block) {
-    std::free(block.memory);
-    bytes_ -= block.size;
+  void drop_oldest() {
+    std::free(waiting_.front().memory);
+    bytes_ -= waiting_.front().size;
+    waiting_.erase(waiting_.begin());
   }
 
   std::mutex mutex_;
