@@ -89,7 +89,7 @@ class Path final : public ceres::EvaluationCallback {
     if (new_point) update();
   }
   const Placed& at(int keyframe) const { return placed_[static_cast<std::size_t>(keyframe)]; }
-  Matrix3d R_body_camera() const { return T_body_camera_.rotation.toRotationMatrix(); }
+  Matrix3d camera_rotation() const { return T_body_camera_.rotation.toRotationMatrix(); }
 
  private:
   void update() {
@@ -116,7 +116,7 @@ class SightingCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3, 3> {
                 double** jacobians) const override {
     const Placed& a = path_.at(anchor_);
     const Placed& b = path_.at(seen_.keyframe);
-    const Matrix3d R_body_camera = path_.R_body_camera();
+    const Matrix3d R_body_camera = path_.camera_rotation();
     const double inverse_depth = parameters[4][2];
     const Vector3d ray = R_body_camera * Vector3d(parameters[4][0], parameters[4][1], 1.0);
     const Vector3d apart = a.camera - b.camera;

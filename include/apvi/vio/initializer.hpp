@@ -50,12 +50,12 @@ struct InitResult {
 struct InitConfig {
   int min_frames = 8;
   int min_tracks = 30;            ///< common to first and last frame
-  double min_parallax_px = 10.0;  ///< median, rotation taken out
+  double min_parallax_px = 10.0;  ///< median over tracks, rotation taken out
   double max_reprojection_px = 2.0;
-  double max_scale_sigma = 0.1;
+  double max_scale_sigma = 0.05;
   double focal_px = 460.0;  ///< turns angles into pixels
   double pixel_sigma = 2.0;
-  double min_window_s = 0.7;
+  double min_window_s = 0.4;
   double max_window_s = 2.0;
   int keyframes = 8;
   double gyro_bias_sigma = 0.1;
@@ -67,14 +67,15 @@ struct InitConfig {
     v("min_frames", min_frames, Range{3, 100}, "frames in a start at least");
     v("min_tracks", min_tracks, Range{8, 1000}, "tracks common to its first and last frame");
     v("min_parallax_px", min_parallax_px, Range{0.0, 1000.0},
-      "median parallax between them, rotation taken out [px]");
+      "median parallax between the first and whichever frame shows most, rotation taken out [px]");
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 100.0},
       "a start with a larger root mean square is refused [px]");
     v("max_scale_sigma", max_scale_sigma, Range{1e-4, 10.0},
       "a start whose scale is less certain is refused (one sigma, relative)");
     v("focal_px", focal_px, Range{1.0, 1e5},
       "focal length that angles are turned into pixels with");
-    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "of a corner [px]");
+    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
+      "of a corner, what its track drifts over the span included [px]");
     v("min_window_s", min_window_s, Range{0.05, 60.0}, "a start is made from no less [s]");
     v("max_window_s", max_window_s, Range{0.1, 60.0}, "older frames take no part [s]");
     v("keyframes", keyframes, Range{3, 100}, "of its frames that are solved for");
@@ -85,8 +86,10 @@ struct InitConfig {
 };
 
 /// Visual-inertial start without other sensors and without rest: gyro bias from the rotation
-/// between the frames, then velocities, gravity and structure in closed form, then one nonlinear
-/// solve, then a decision by numbers.
+/// between the frames, then velocity, gravity and structure in closed form, then a solve that takes
+/// the IMU for exact, then one that weighs its noise, then a decision by numbers. Give it the
+/// frames of the last few seconds, each time there is a new one, until it succeeds; it uses the
+/// longest span of them with enough tracks in common.
 InitResult initialize(const std::vector<InitFrame>& frames, const SE3& T_body_camera,
                       const imu::Noise& noise, double gravity_magnitude, const InitConfig& config);
 

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/vio/initializer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+#include "start_scene.hpp"
+#include "vio/closed_form_start.hpp"
+#include "vio/gyro_bias_from_rays.hpp"
+
+namespace apvi {
+namespace {
+
+using Eigen::Vector3d;
+using test::StartRecording;
+using test::StartScene;
+using vio::InitConfig;
+using vio::InitStatus;
+
+StartRecording shaken(const StartScene& scene) {
+  return {scene, test::shaken_spline(scene.seed, 0.15, 0.2, Vector3d(0.3, 0.1, 0.0))};
+}
+
+InitConfig calibrated() {
+  InitConfig config;
+  config.pixel_sigma = 0.5;
+  config.accel_bias_sigma = 0.1;
+  return config;
+}
+
+TEST(Initializer, FindsMotionGravityAndALargeGyroBiasOfAShakenCamera) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const StartScene scene{.seed = seed};
+    const StartRecording recording = shaken(scene);
+    const vio::InitResult start = recording.start(calibrated());
+    ASSERT_EQ(start.status, InitStatus::success) << seed << ": " << start.detail;
+    ASSERT_EQ(start.states.size(), recording.frames().size());
+    EXPECT_NEAR(test::scale_of(start, recording), 1.0, 0.1) << seed;
+    EXPECT_LT((start.states[0].gyro_bias - scene.gyro_bias).norm(), 0.01) << seed;
+    for (std::size_t k = 0; k < start.states.size(); ++k) {
+      const imu::NavState truth = recording.truth(k);
+      EXPECT_LT(test::tilt_error(start.states[k], truth), 0.03) << seed;
+      EXPECT_LT((start.states[k].v_body - truth.v_body).norm(), 0.1) << seed;
+    }
+  }
+}
+
+TEST(Initializer, TheWorldIsUprightAndStartsWithoutYawAtZero) {
+  const vio::InitResult start = shaken({.seed = 3}).start(calibrated());
+  ASSERT_EQ(start.status, InitStatus::success) << start.detail;
+  EXPECT_NEAR(so3::yaw(start.states[0].R_world_body), 0.0, 1e-9);
+  EXPECT_LT(start.states[0].p_world.norm(), 1e-9);
+}
+
+TEST(Initializer, TheScaleIsAsUncertainAsItSays) {
+  double nees = 0.0;
+  const int seeds = 40;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    Random random(1000 + seed);
+    StartScene scene{.seed = seed};
+    scene.accel_bias = test::normal_vector(random, 0.1);
+    const StartRecording recording = shaken(scene);
+    const vio::InitResult start = recording.start(calibrated());
+    ASSERT_EQ(start.status, InitStatus::success) << seed << ": " << start.detail;
+    const double error = (test::scale_of(start, recording) - 1.0) / start.scale_sigma;
+    nees += error * error / seeds;
+  }
+  // Chi square with 40 degrees of freedom lies in 40 * [0.41, 1.92] with 99.9 %; sightings with
+  // Huber's weight and a path whose length is not just its scale leave some slack.
+  EXPECT_GT(nees, 0.3);
+  EXPECT_LT(nees, 2.0);
+}
+
+TEST(Initializer, AThirdOfTheTracksMayMoveOnTheirOwn) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const StartRecording recording = shaken({.seed = seed, .points = 200, .outliers = 0.3});
+    const vio::InitResult start = recording.start(calibrated());
+    ASSERT_EQ(start.status, InitStatus::success) << seed << ": " << start.detail;
+    EXPECT_NEAR(test::scale_of(start, recording), 1.0, 0.1) << seed;
+    EXPECT_LT(test::tilt_error(start.states[0], recording.truth(0)), 0.03) << seed;
+  }
+}
+
+TEST(Initializer, ConstantVelocityLeavesTheScaleUncertain) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const StartRecording recording({.seed = seed},
+                                   test::shaken_spline(seed, 0.0, 0.0, Vector3d(0.0, 0.5, 0.1)));
+    EXPECT_EQ(recording.start({}).status, InitStatus::scale_uncertain) << seed;
+  }
+}
+
+TEST(Initializer, RotationAloneIsNoParallax) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    StartScene scene{.seed = seed};
+    const StartRecording recording(scene, test::shaken_spline(seed, 0.0, 0.2, Vector3d::Zero()));
+    const InitStatus status = recording.start({}).status;
+    EXPECT_EQ(status, InitStatus::too_little_parallax) << seed << to_string(status);
+  }
+}
+
+TEST(Initializer, StandingStillIsNoParallax) {
+  const StartRecording recording({}, test::shaken_spline(1, 0.0, 0.0, Vector3d::Zero()));
+  EXPECT_EQ(recording.start({}).status, InitStatus::too_little_parallax);
+}
+
+TEST(Initializer, AFewTracksAreTooFew) {
+  EXPECT_EQ(shaken({.points = 20}).start({}).status, InitStatus::too_few_tracks);
+}
+
+TEST(Initializer, AFewFramesAreTooFew) {
+  EXPECT_EQ(shaken({.frames = 5}).start({}).status, InitStatus::too_few_frames);
+  EXPECT_EQ(vio::initialize({}, SE3::identity(), {}, 9.81, {}).status, InitStatus::too_few_frames);
+}
+
+TEST(Initializer, InertialSamplesThatAreMissingAreSaid) {
+  const StartRecording recording = shaken({});
+  std::vector<vio::InitFrame> frames = recording.frames();
+  frames[10].imu.clear();
+  const vio::InitResult start =
+      vio::initialize(frames, test::start_T_body_camera(), {}, 9.81, calibrated());
+  EXPECT_EQ(start.status, InitStatus::too_few_frames);
+  EXPECT_NE(start.detail.find("inertial"), std::string::npos);
+}
+
+TEST(Initializer, AWrongLengthOfGravityIsNotBelieved) {
+  const StartRecording recording = shaken({.seed = 2});
+  const vio::InitResult start =
+      vio::initialize(recording.frames(), test::start_T_body_camera(),
+                      imu::Noise{1.7e-4, 2e-3, 2e-5, 3e-4}, 8.0, calibrated());
+  EXPECT_NE(start.status, InitStatus::success);
+}
+
+TEST(Initializer, FramesBeforeTheSpanThatIsUsedGetInertialStates) {
+  const StartRecording recording = shaken({.seed = 4, .frames = 50});
+  InitConfig config = calibrated();
+  config.max_window_s = 1.2;
+  const vio::InitResult start = recording.start(config);
+  ASSERT_EQ(start.status, InitStatus::success) << start.detail;
+  EXPECT_EQ(start.first, 25U);
+  ASSERT_EQ(start.states.size(), 50U);
+  EXPECT_LT((start.states[0].v_body - recording.truth(0).v_body).norm(), 0.2);
+}
+
+TEST(Initializer, EveryStatusHasItsOwnName) {
+  std::set<std::string_view> names;
+  for (int s = 0; s <= static_cast<int>(InitStatus::scale_uncertain); ++s) {
+    names.insert(to_string(static_cast<InitStatus>(s)));
+  }
+  EXPECT_EQ(names.size(), static_cast<std::size_t>(InitStatus::scale_uncertain) + 1);
+}
+
+TEST(GyroBiasFromRays, NeedsNeitherDepthNorTranslation) {
+  const StartScene scene{.seed = 7, .pixel_noise = 0.0, .noise = {0.0, 0.0, 0.0, 0.0}};
+  const StartRecording recording = shaken(scene);
+  vio::StartProblem problem = vio::make_start_problem(recording.frames(), 0, 10);
+  problem.T_body_camera = test::start_T_body_camera();
+  const vio::GyroBias found = vio::find_gyro_bias(problem, {});
+  EXPECT_LT((found.bias - scene.gyro_bias).norm(), 1e-4);  // the samples' midpoint rule
+}
+
+TEST(MinimizeOnSphere, IsNoWorseThanAnyOtherPoint) {
+  Random random(8);
+  for (int n = 0; n < 50; ++n) {
+    Eigen::Matrix3d A;
+    A << test::random_vector(random, 1.0), test::random_vector(random, 1.0),
+        test::random_vector(random, 1.0);
+    const Eigen::Matrix3d S = A * A.transpose();
+    const Vector3d s = test::random_vector(random, 20.0);
+    const auto cost = [&](const Vector3d& x) { return x.dot(S * x) + 2.0 * s.dot(x); };
+    const Vector3d best = vio::minimize_on_sphere(S, s, 9.81);
+    EXPECT_NEAR(best.norm(), 9.81, 1e-9);
+    for (int k = 0; k < 200; ++k) {
+      const Vector3d other = 9.81 * test::normal_vector(random, 1.0).normalized();
+      EXPECT_LE(cost(best), cost(other) + 1e-9);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace apvi
