@@ -80,10 +80,9 @@ bool same_shapes(const Gaussians& a, const Gaussians& b) {
 
 }  // namespace
 
-GaussianStore::GaussianStore(const Gaussians& gaussians) {
+GaussianStore::GaussianStore(const Gaussians& gaussians) : size_(gaussians.size()) {
   check(gaussians);
   const torch::NoGradGuard no_grad;
-  size_ = gaussians.size();
   parameters_ = map(gaussians, [](const Tensor& t) { return t.detach().contiguous().clone(); });
   first_ = zeros_like(parameters_);
   second_ = zeros_like(parameters_);
