@@ -4,7 +4,6 @@
 // JSON a program run:
 //   raster_bench MAP.ply [--copies N] [--size WxH] [--degree D] [--threads T] [--repeats R]
 // draws the map N x N times, 4 m apart, from where the reference image of the garden was taken.
-#include <ATen/Parallel.h>
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -77,9 +76,10 @@ Gaussians make_map(const Arguments& arguments) {
   std::vector<Gaussians> all;
   for (int i = 0; i < arguments.copies * arguments.copies; ++i) {
     Gaussians copy = one;
-    copy.means = one.means + torch::tensor({kSpacing_m * (i % arguments.copies),
-                                            kSpacing_m * (i / arguments.copies), 0.0})
-                                 .to(torch::kFloat32);
+    const int row = i / arguments.copies;
+    const int column = i % arguments.copies;
+    copy.means =
+        one.means + torch::tensor({kSpacing_m * column, kSpacing_m * row, 0.0}).to(torch::kFloat32);
     copy.sh_rest = torch::cat({one.sh_rest.slice(1, 0, used), missing}, 1);
     all.push_back(copy);
   }
@@ -194,7 +194,7 @@ class Bench {
 };
 
 void run(const Arguments& arguments) {
-  at::set_num_threads(std::max(arguments.threads, 1));
+  torch::set_num_threads(std::max(arguments.threads, 1));
   Bench bench(arguments);
   const double before_mib = status_mib("VmRSS:");
   std::ofstream("/proc/self/clear_refs") << "5";  // the peak starts anew
@@ -208,7 +208,7 @@ void run(const Arguments& arguments) {
               R"("training_step_ms": %.2f, "training_step_least_ms": %.2f, "net_memory_mib": %.1f})"
               "\n",
               static_cast<long long>(bench.size()), arguments.width, arguments.height,
-              arguments.degree, at::get_num_threads(), raster_backend(torch::kCPU).name().data(),
+              arguments.degree, torch::get_num_threads(), raster_backend(torch::kCPU).name().data(),
               forward.median_ms, forward.least_ms, both.median_ms, both.least_ms, step.median_ms,
               step.least_ms, net_mib);
 }

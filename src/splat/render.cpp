@@ -19,7 +19,7 @@ constexpr int kMaxSide = 1 << 15;  // [px]
 constexpr std::size_t kInputs = 8;
 
 Tensor cross_matrix(const Tensor& v) {
-  const Tensor out = torch::zeros({3, 3}, v.options());
+  Tensor out = torch::zeros({3, 3}, v.options());
   const auto x = v.accessor<double, 1>();
   auto m = out.accessor<double, 2>();
   m[0][1] = -x[2];
