@@ -133,10 +133,10 @@ def profile(run, comparison):
 def expected_error(run, axes):
     """(time [s], sigma of the position error's norm over `axes` axes [m], the rotation's [deg])."""
     names = ("position_sigma", "rotation_sigma")
-    if run.health is None or any(name not in run.health for name in names):
+    if run.pings is None or any(name not in run.pings for name in names):
         return np.empty(0), np.empty(0), np.empty(0)
-    return (seconds(run.health, run.start_s), np.sqrt(axes) * run.health[names[0]],
-            np.sqrt(3.0) * run.health[names[1]])
+    return (seconds(run.pings, run.start_s), np.sqrt(axes) * run.pings[names[0]],
+            np.sqrt(3.0) * run.pings[names[1]])
 
 
 def error_panel(axes, t, error, sigma, label):

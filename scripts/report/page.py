@@ -67,7 +67,7 @@ def error_section(run, comparison):
 
 
 def nis_section(run, _):
-    if run.health is None or "nis" not in run.health or len(sensor_figures.judged(run)[0]) == 0:
+    if run.pings is None or "nis" not in run.pings or len(sensor_figures.judged(run)[0]) == 0:
         return None
     inside, above, below = sensor_figures.share_inside(run)
     caption = (f"Normalised innovation squared of every DVL ping. {100 * inside:.0f} % lie inside "
@@ -94,7 +94,7 @@ def calibration_section(run, _):
 
 
 def timeline_section(run, _):
-    if run.health is None and not run.streams:
+    if run.pings is None and not run.streams:
         return None
     caption = ("When each sensor spoke (a break is a gap of five sample times or more), and what "
                "became of every DVL ping.")

@@ -64,7 +64,7 @@ class Run:
     config: str                    # text of resolved.yaml
     log: str
     calibration: Table = None
-    health: Table = None
+    pings: Table = None
     reference: Track = None
     reference_note: str = ""       # why there is no reference
     streams: dict = dataclasses.field(default_factory=dict)  # sensor -> stamps
@@ -251,7 +251,7 @@ def load(folder):
               metrics=read_metrics(folder / "metrics.json"), config=config,
               log=read_text(folder / "log.txt"),
               calibration=read_table(folder / "calibration.csv"),
-              health=read_table(folder / "health.csv"),
+              pings=read_table(folder / "pings.csv"),
               renders=sorted((folder / "renders").glob("*.png")),
               date=datetime.datetime.fromtimestamp(trajectory.stat().st_mtime))
     path = run.setting("dataset", "path")

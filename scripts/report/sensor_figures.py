@@ -141,11 +141,11 @@ def nis_bounds(degrees):
 
 def judged(run):
     """(time [s], NIS, degrees of freedom, verdict) of the pings that have a NIS."""
-    health = run.health
-    degrees = health["degrees_of_freedom"].astype(int)
-    used = (degrees > 0) & (health["nis"] > 0.0)
-    return (seconds(health, run.start_s)[used], health["nis"][used], degrees[used],
-            health["verdict"][used])
+    pings = run.pings
+    degrees = pings["degrees_of_freedom"].astype(int)
+    used = (degrees > 0) & (pings["nis"] > 0.0)
+    return (seconds(pings, run.start_s)[used], pings["nis"][used], degrees[used],
+            pings["verdict"][used])
 
 
 def share_inside(run):
@@ -159,9 +159,9 @@ def noise_factors(run):
     """Times [s] and factors by which noises were multiplied, of the pings that changed them."""
     names = {"accel_noise_factor": "accelerometer noise", "dvl_variance_factor": "DVL variance",
              "dvl_noise_scale": "DVL variance"}
-    used = run.health["degrees_of_freedom"] > 0
-    return seconds(run.health, run.start_s)[used], {
-        words: run.health[name][used] for name, words in names.items() if name in run.health}
+    used = run.pings["degrees_of_freedom"] > 0
+    return seconds(run.pings, run.start_s)[used], {
+        words: run.pings[name][used] for name, words in names.items() if name in run.pings}
 
 
 def nis(run):
@@ -236,7 +236,7 @@ def ordered_streams(run):
 def timeline(run):
     """When each sensor said something, and what became of every ping."""
     clock = clock_of(run)
-    verdicts = run.health["verdict"] if run.health is not None else np.empty(0)
+    verdicts = run.pings["verdict"] if run.pings is not None else np.empty(0)
     names = [name for name in style.VERDICTS if (verdicts == name).any()]
     streams = ordered_streams(run)
     rows = [name for name, _ in streams]
@@ -246,7 +246,7 @@ def timeline(run):
         axes.broken_barh([(clock(a), clock(b)) for a, b in spans(stamps)], (row - 0.28, 0.56),
                          color=style.BLUE, alpha=0.75, linewidth=0)
     for row, name in enumerate(names, start=len(streams)):
-        t = clock(seconds(run.health, run.start_s)[verdicts == name])
+        t = clock(seconds(run.pings, run.start_s)[verdicts == name])
         axes.vlines(t, row - 0.28, row + 0.28, color=style.verdict_style(name)[1],
                     linewidth=np.clip(600.0 / len(t), 0.7, 2.5), rasterized=len(t) > 1000)
     axes.set_yticks(range(len(rows)), rows)

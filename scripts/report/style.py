@@ -12,7 +12,7 @@ BLUE, ORANGE, TEAL, RED, PURPLE = "#1565b0", "#dd7a17", "#12866f", "#c4303b", "#
 REFERENCE = "#a3adb8"
 AXES = (BLUE, ORANGE, TEAL)  # x, y, z
 TRACKS = {"VIO": ORANGE, "DIPO": TEAL}
-VERDICTS = {  # what health.csv calls it: (in words, colour)
+VERDICTS = {  # what pings.csv calls it: (in words, colour)
     "accepted": ("accepted", TEAL),
     "weakened": ("weakened", ORANGE),
     "rejected": ("rejected", RED),

@@ -56,7 +56,7 @@ void run(const Arguments& a) {
   if (result.interrupted) log::warning("interrupted; what was computed is kept");
   log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
             result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
-  std::fputs(eval::to_table({.fused = result.metrics, .dipo = {}, .vio = {}}).c_str(), stdout);
+  std::fputs(eval::to_table(result.metrics).c_str(), stdout);
   log::info("results in {}", options.folder.string());
 }
 

@@ -79,7 +79,11 @@ FusionResult Fuser::update(const FusionInput& given) {
 
   const bool used = hysteresis_.good() && result.verdict.accepted();
   result.directions = used ? judgement.directions.directions() : 0;
-  result.pose = output(input, used ? &judgement.directions : nullptr, result.dipo);
+  if (input.dipo || input.vio) {
+    result.pose = output(
+        input, target(input, used ? &judgement.directions : nullptr, vio_carries(input, result)),
+        result.dipo);
+  }
   if (result.pose) result.state = state_of(result, input.dipo.has_value(), used);
   remember(input, used, result.freeze.action);
   return result;
@@ -138,38 +142,52 @@ void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
   result.directions = std::move(kept);
 }
 
-PoseEstimate Fuser::fuse(const FusionInput& input, const WellConditioned* used) {
+bool Fuser::vio_carries(const FusionInput& input, const FusionResult& result) const {
+  if (config_.mode != Mode::consistent || !input.vio_includes_dipo || !input.vio) return false;
+  const bool runs = result.freeze.phase == Phase::running || result.freeze.phase == Phase::frozen;
+  return runs && result.verdict.level != Level::medium;
+}
+
+Fuser::Target Fuser::target(const FusionInput& input, const WellConditioned* used,
+                            bool vio_carries) {
+  if (input.dipo && !vio_carries) return fuse(input, used);
+  return {{input.vio->T_world_body, covariance_of(input.vio->information)}, Source::vio};
+}
+
+Fuser::Target Fuser::fuse(const FusionInput& input, const WellConditioned* used) {
   const PoseEstimate& dipo = *input.dipo;
   if (config_.mode == Mode::consistent && config_.consistent == Consistent::relative) {
     std::optional<RelativeFilter::Seen> seen;
     if (used != nullptr) seen = seen_by(*input.vio, *used);
     relative_.step(input.stamp, dipo, seen);
     const PoseEstimate estimate = relative_.estimate();
-    if (is_finite(estimate)) return estimate;
+    if (is_finite(estimate)) return {estimate, used != nullptr ? Source::both : Source::dipo};
     relative_ = RelativeFilter(config_.relative);  // a covariance of zero, or worse
-    return dipo;
+    return {dipo, Source::dipo};
   }
-  if (used == nullptr) return dipo;
+  if (used == nullptr) return {dipo, Source::dipo};
   const Matrix6& projection = used->projection;
   const Matrix6 information = projection.transpose() * input.vio->information * projection;
   if (config_.mode == Mode::paper) {
-    return fuse_independent(dipo, input.vio->T_world_body, information);
+    return {fuse_independent(dipo, input.vio->T_world_body, information), Source::both};
   }
-  return intersect(dipo, input.vio->T_world_body, information).estimate;
+  return {intersect(dipo, input.vio->T_world_body, information).estimate, Source::both};
 }
 
-std::optional<PoseEstimate> Fuser::output(const FusionInput& input, const WellConditioned* used,
-                                          const Stability& dipo) {
-  if (!input.dipo && !input.vio) return std::nullopt;
-  const PoseEstimate target =
-      input.dipo ? fuse(input, used)
-                 : PoseEstimate{input.vio->T_world_body, covariance_of(input.vio->information)};
+PoseEstimate Fuser::output(const FusionInput& input, const Target& target, const Stability& dipo) {
   const double dt = last_ ? std::max(0.0, seconds_between(last_->stamp, input.stamp)) : 0.0;
-  return slew_.follow(dt, motion(input, dipo), target);
+  const PoseEstimate pose = slew_.follow(dt, motion(input, target, dipo), target.pose);
+  last_target_ = target;
+  return pose;
 }
 
-std::optional<SE3> Fuser::motion(const FusionInput& input, const Stability& dipo) const {
-  if (!last_) return std::nullopt;
+// The output moves as its source does; at a switch, as the odometry that is trusted more.
+std::optional<SE3> Fuser::motion(const FusionInput& input, const Target& target,
+                                 const Stability& dipo) const {
+  if (!last_ || last_target_.source == Source::none) return std::nullopt;
+  if (target.source == last_target_.source) {
+    return last_target_.pose.T_world_body.inverse() * target.pose.T_world_body;
+  }
   std::optional<SE3> by_dipo;
   std::optional<SE3> by_vio;
   if (last_->dipo && input.dipo) {

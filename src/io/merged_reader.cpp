@@ -2,6 +2,7 @@
 #include "io/merged_reader.hpp"
 
 #include <algorithm>
+#include <opencv2/core.hpp>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -66,6 +67,18 @@ void MergedReader::find_start() {
   if (config_.duration_s > 0.0) until_ = from_ + Duration::from_seconds(config_.duration_s);
 }
 
+namespace {
+
+void blacken(ImageFrame& image) {
+  image.decode = [decode = std::move(image.decode)] {
+    cv::Mat pixels = decode().clone();  // the decoder may keep what it gave out
+    pixels.setTo(cv::Scalar::all(0));
+    return pixels;
+  };
+}
+
+}  // namespace
+
 bool MergedReader::hidden(const SensorEvent& event) const {
   if (!std::holds_alternative<ImageFrame>(event)) return false;
   const double t = seconds_between(*begin_, stamp_of(event));
@@ -87,7 +100,11 @@ std::optional<SensorEvent> MergedReader::next() {
       continue;
     }
     latest_ = stamp;
-    if (stamp < from_ || hidden(event)) continue;
+    if (stamp < from_) continue;
+    if (hidden(event)) {
+      if (config_.blackout == Blackout::dropped) continue;
+      blacken(std::get<ImageFrame>(event));
+    }
     ++stream->report->delivered;
     return event;
   }

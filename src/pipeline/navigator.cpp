@@ -116,10 +116,9 @@ void Navigator::take(const SensorEvent& event) {
 
 void Navigator::note_pings(const std::vector<LocalizationOutput>& outputs) {
   for (const LocalizationOutput& output : outputs) {
+    fresh_reports_.push_back(output.ping);
     const dipo::Verdict verdict = output.ping.verdict;
     if (verdict != dipo::Verdict::accepted && verdict != dipo::Verdict::weakened) continue;
-    last_ping_ = output.ping.stamp;
-    last_nis_ = output.ping.rows > 0 ? output.ping.nis / output.ping.rows : 0.0;
     const auto raw = raw_pings_.find(output.ping.stamp);
     if (raw == raw_pings_.end() || !raw->second.valid) continue;
     const imu::NavState& nav = output.estimate.state.nav;
@@ -145,8 +144,7 @@ void Navigator::complete(FrameJob& job) {
   job.imu = std::exchange(fresh_imu_, {});
   job.pings = std::exchange(fresh_pings_, {});
   job.depths = std::exchange(fresh_depths_, {});
-  job.last_ping = last_ping_;
-  job.dipo_nis = last_nis_;
+  job.reports = std::exchange(fresh_reports_, {});
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
   if (localization_) {
     if (const auto estimate = localization_->dipo().at(job.stamp)) {

@@ -3,7 +3,11 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <chrono>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -11,7 +15,9 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/pipeline/navigator.hpp"
 #include "apvi/pipeline/run_folder.hpp"
+#include "apvi/pipeline/visual_pipeline.hpp"
 #include "apvi/version.hpp"
 
 namespace apvi::pipeline {
@@ -40,8 +46,14 @@ std::size_t total_dropped(const io::StreamReport& report) {
   return sum;
 }
 
-eval::Json counts_json(const Localization& localization, const io::SequenceReader& reader) {
+eval::Json counts_json(const Navigator& navigator, const io::SequenceReader& reader) {
   eval::Json json = eval::Json::object();
+  for (const auto& [sensor, report] : reader.report()) {
+    json["dropped_samples"][sensor] = total_dropped(report);
+  }
+  json["abandoned_frames"] = navigator.abandoned_frames();
+  if (!navigator.has_dipo()) return json;
+  const Localization& localization = navigator.localization();
   for (const auto& [verdict, count] : localization.counts().pings) {
     json["dvl"][std::string(dipo::to_string(verdict))] = count;
   }
@@ -51,9 +63,6 @@ eval::Json counts_json(const Localization& localization, const io::SequenceReade
   json["imu_gaps"] = localization.dipo().gaps();
   json["imu_saturated"] = localization.dipo().saturated_samples();
   json["zero_velocity_updates"] = localization.dipo().zero_velocity_updates();
-  for (const auto& [sensor, report] : reader.report()) {
-    json["dropped_samples"][sensor] = total_dropped(report);
-  }
   return json;
 }
 
@@ -80,50 +89,146 @@ eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
 
 // What one pass over the recording leaves behind.
 struct Pass {
-  Trajectory trajectory;
+  Trajectory fused;
+  Trajectory dipo;
+  Trajectory vio;
   double length_m = 0.0;
-  double accel_factor = 1.0;  // what the adaptive noise ended with
+  double accel_factor = 1.0;    // what the adaptive noise ended with
+  std::vector<double> frame_s;  // both stages of a frame
   std::optional<Stamp> first;
   Stamp last;
   bool interrupted = false;
 };
 
-std::string status_detail(const Localization& localization, const Pass& pass) {
-  if (!localization.dipo().initialized()) {
-    return "waiting for " + localization.dipo().waiting_for();
-  }
-  return fmt::format("{} poses, {:.1f} m", pass.trajectory.size(), pass.length_m);
+StampedPose stamped(Stamp stamp, const imu::NavState& nav) {
+  return {stamp, {nav.R_world_body, nav.p_world}};
 }
 
-void add_pose(Pass& pass, const dipo::Estimate& estimate) {
-  const imu::NavState& nav = estimate.state.nav;
-  std::vector<StampedPose>& poses = pass.trajectory.poses;
+void add_pose(Pass& pass, const StampedPose& pose) {
+  std::vector<StampedPose>& poses = pass.fused.poses;
   if (!poses.empty()) {
-    pass.length_m += (nav.p_world - poses.back().T_world_body.translation).norm();
+    const Eigen::Vector3d& before = poses.back().T_world_body.translation;
+    pass.length_m += (pose.T_world_body.translation - before).norm();
   }
-  poses.push_back({estimate.stamp, {nav.R_world_body, nav.p_world}});
+  poses.push_back(pose);
 }
 
-Pass localize(io::SequenceReader& reader, Localization& localization, RunFolder& folder,
-              const std::function<bool()>& interrupted) {
-  Pass pass;
-  StatusLine status("localizing");
-  std::size_t count = 0;
-  while (const auto event = reader.next()) {
-    pass.last = stamp_of(*event);
-    if (!pass.first) pass.first = pass.last;
-    for (const LocalizationOutput& output : localization.process(*event)) {
-      folder.write(output);
-      add_pose(pass, output.estimate);
-      pass.accel_factor = output.ping.accel_factor;
-    }
-    if (++count % 1024 == 0) status.update(reader.fraction(), status_detail(localization, pass));
-    if (interrupted()) {
-      pass.interrupted = true;
-      break;
-    }
+/// The sensors of a run as they are: asked for, and in the recording.
+struct Sensors {
+  bool dvl = false;
+  std::size_t cameras = 0;
+};
+
+Sensors find_sensors(const RunConfig& config, const Rig& rig, const io::SequenceReader& reader) {
+  const auto wanted = [&](const char* name) {
+    return std::ranges::find(config.sensors.use, name) != config.sensors.use.end();
+  };
+  Sensors sensors;
+  sensors.dvl = wanted("dvl") && rig.dvl.has_value();
+  if (wanted("camera") && reader.report().contains("camera")) {
+    sensors.cameras = std::min<std::size_t>(rig.cameras.size(), config.vio.stereo ? 2 : 1);
   }
-  return pass;
+  if (sensors.dvl || sensors.cameras > 0) return sensors;
+  fail_input(
+      "{}: nothing to localize with: neither a DVL nor a camera is in the recording and in "
+      "sensors.use",
+      config.dataset.path);
+}
+
+/// One run over a recording: the stages, the files they fill, and what is kept for the evaluation.
+class Runner {
+ public:
+  Runner(const RunConfig& config, const Rig& rig, const Sensors& sensors, RunFolder& folder)
+      : config_(config),
+        folder_(folder),
+        navigator_(config.dipo, rig, sensors.dvl, sensors.cameras) {
+    if (sensors.cameras == 0) return;
+    visual_.emplace(config, rig, sensors.cameras, [this](const FrameOutput& o) { take(o); });
+  }
+
+  Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
+    StatusLine status("localizing");
+    std::size_t count = 0;
+    while (const auto event = reader.next()) {
+      pass_.last = stamp_of(*event);
+      if (!pass_.first) pass_.first = pass_.last;
+      if (config_.run.mode == RunMode::realtime) keep_pace();
+      process(*event);
+      if (++count % 256 == 0) status.update(reader.fraction(), detail());
+      if (interrupted()) {
+        pass_.interrupted = true;
+        break;
+      }
+    }
+    if (visual_) visual_->finish();
+    return std::move(pass_);
+  }
+
+  const Navigator& navigator() const { return navigator_; }
+  const VisualPipeline* visual() const { return visual_ ? &*visual_ : nullptr; }
+
+ private:
+  void process(const SensorEvent& event) {
+    Navigator::Output output = navigator_.process(event);
+    for (const LocalizationOutput& ping : output.pings) {
+      folder_.write(ping);
+      const StampedPose pose = stamped(ping.estimate.stamp, ping.estimate.state.nav);
+      pass_.dipo.poses.push_back(pose);
+      if (!visual_) add_pose(pass_, pose);
+      pass_.accel_factor = ping.ping.accel_factor;
+    }
+    for (FrameJob& job : output.frames) visual_->push(std::move(job));
+  }
+
+  // From the last stage's thread. The status line reads what is guarded here.
+  void take(const FrameOutput& output) {
+    folder_.write(output);
+    const std::scoped_lock lock(mutex_);
+    if (const auto pose = output.fused()) add_pose(pass_, *pose);
+    if (output.vio.has_state()) pass_.vio.poses.push_back(stamped(output.stamp, output.vio.state));
+    if (!output.dropped) {
+      pass_.frame_s.push_back(output.timing.track_s + output.timing.localize_s);
+    }
+    waiting_for_ = output.fused() ? "" : output.vio.detail;
+  }
+
+  void keep_pace() const {
+    const double ahead = seconds_between(*pass_.first, pass_.last) - watch_.seconds();
+    if (ahead > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(ahead));
+  }
+
+  std::string detail() {
+    const std::scoped_lock lock(mutex_);
+    if (!pass_.fused.empty()) {
+      return fmt::format("{} poses, {:.1f} m", pass_.fused.size(), pass_.length_m);
+    }
+    if (navigator_.has_dipo() && !navigator_.localization().dipo().initialized()) {
+      return "waiting for " + navigator_.localization().dipo().waiting_for();
+    }
+    return "waiting for " + waiting_for_;
+  }
+
+  const RunConfig& config_;
+  RunFolder& folder_;
+  Stopwatch watch_;
+  Navigator navigator_;
+  std::mutex mutex_;
+  Pass pass_;
+  std::string waiting_for_ = "the camera";
+  std::optional<VisualPipeline> visual_;  // last: its threads end before what they fill
+};
+
+eval::Json vio_json(const VisualPipeline& visual, const Pass& pass) {
+  const fusion::FreezePolicy& policy = visual.localizer().freeze_policy();
+  eval::Json json{{"failures", policy.counts().failures},
+                  {"freeze_frames", policy.counts().freeze_frames},
+                  {"drop_frames", policy.counts().drop_frames},
+                  {"resets", policy.counts().resets},
+                  {"reinit_times_s", policy.reinit_times()},
+                  {"success", !pass.vio.empty() &&
+                                  (policy.outages().empty() || policy.outages().back().recovered)}};
+  if (const auto start = visual.localizer().vio_start_s()) json["init_time_s"] = *start;
+  return json;
 }
 
 // Innovations that the largest accelerometer noise does not explain have another cause.
@@ -131,8 +236,28 @@ void warn_if_sensors_disagree(const RunConfig& config, const Pass& pass) {
   if (pass.accel_factor < 0.5 * config.dipo.adaptation.max_accel_factor) return;
   log::warning(
       "DVL and IMU disagree to the end: look at the DVL's mounting and axes with `apvi doctor`, "
-      "and "
-      "at dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
+      "and at dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
+}
+
+std::string waited_for(const Runner& runner) {
+  if (!runner.navigator().has_dipo()) return "a start of visual-inertial odometry";
+  return runner.navigator().localization().dipo().waiting_for();
+}
+
+eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
+                               const io::SequenceReader& reader, const Pass& pass,
+                               const Sensors& sensors) {
+  eval::RunTrajectories metrics;
+  metrics.fused = evaluate(config, rig, reader, pass.first, pass.fused);
+  if (sensors.dvl) metrics.dipo = evaluate(config, rig, reader, pass.first, pass.dipo);
+  if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reader, pass.first, pass.vio);
+  return metrics;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 }  // namespace
@@ -144,30 +269,36 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
   const auto reader = io::open_sequence(config.dataset, config.sensors.use);
   const config::Node rig_node = rig_of(config, reader->rig());
   const Rig rig = make_rig(rig_node);
-  Localization localization(config.dipo, rig);
-  RunFolder folder(options.folder, options.overwrite);
+  const Sensors sensors = find_sensors(config, rig, *reader);
+  RunFolder folder(options.folder, options.overwrite, sensors.cameras > 0);
   log::open_file(folder.file("log.txt"));
   write_resolved(config, rig_node, folder.file("resolved.yaml"));
   log::info("{} -> {}", config.dataset.path, folder.path().string());
 
   const Stopwatch watch;
-  const Pass pass = localize(*reader, localization, folder, options.interrupted);
+  Runner runner(config, rig, sensors, folder);
+  const Pass pass = runner.run(*reader, options.interrupted);
   folder.close();
   warn_if_sensors_disagree(config, pass);
   RunResult result{.interrupted = pass.interrupted,
-                   .poses = pass.trajectory.size(),
+                   .poses = pass.fused.size(),
                    .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
                    .wall_s = watch.seconds(),
-                   .metrics = evaluate(config, rig, *reader, pass.first, pass.trajectory)};
-  const eval::RunTrajectories metrics{.fused = result.metrics, .dipo = result.metrics, .vio = {}};
-  eval::merge_metrics(folder.file("metrics.json"),
-                      {{"trajectory", eval::to_json(metrics)},
-                       {"counts", counts_json(localization, *reader)},
-                       {"speed", speed_json(result)},
-                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}});
+                   .metrics = evaluate(config, rig, *reader, pass, sensors)};
+  eval::Json speed = speed_json(result);
+  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
+  eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
+                      {"counts", counts_json(runner.navigator(), *reader)},
+                      {"speed", speed},
+                      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
+  if (const VisualPipeline* visual = runner.visual()) {
+    sections["vio"] = vio_json(*visual, pass);
+    sections["dropped"]["images"] = visual->dropped_images();
+  }
+  eval::merge_metrics(folder.file("metrics.json"), sections);
   if (result.poses == 0 && !result.interrupted) {
     fail_run("{}: no pose was estimated: waited for {} to the end; `apvi doctor` says more",
-             config.dataset.path, localization.dipo().waiting_for());
+             config.dataset.path, waited_for(runner));
   }
   return result;
 }

@@ -25,20 +25,13 @@ void check(const RunConfig& config) {
     if (std::find(kSensors.begin(), kSensors.end(), name) == kSensors.end()) {
       fail_input("sensors.use: {} is none of: {}", name, fmt::join(kSensors, ", "));
     }
-    if (name == "camera") {
-      fail_input(
-          "sensors.use: camera: visual-inertial odometry is not part of this version; use "
-          "[imu, dvl, pressure]");
-    }
   }
-  for (const char* needed : {"imu", "dvl"}) {
-    if (std::find(config.sensors.use.begin(), config.sensors.use.end(), needed) ==
-        config.sensors.use.end()) {
-      fail_input("sensors.use: {} is missing; DVL-inertial odometry needs imu and dvl", needed);
-    }
-  }
-  if (config.run.mode != RunMode::sequential) {
-    fail_input("run.mode: without a camera there is one thread; use sequential");
+  const auto uses = [&](const char* name) {
+    return std::ranges::find(config.sensors.use, name) != config.sensors.use.end();
+  };
+  if (!uses("imu")) fail_input("sensors.use: imu is missing; every estimator needs it");
+  if (!uses("dvl") && !uses("camera")) {
+    fail_input("sensors.use: dvl or camera is missing; without either there is no odometry");
   }
   const double most = config.dipo.history_s;
   if (config.dipo.dvl.time_offset.estimate && config.dipo.dvl.time_offset.sigma > most) {

@@ -22,10 +22,18 @@ constexpr const char* kCalibrationHeader =
     "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad "
     "s^-1],"
     "accel_bias_x [m s^-2],accel_bias_y [m s^-2],accel_bias_z [m s^-2],accel_bias_sigma [m s^-2]\n";
-constexpr const char* kHealthHeader =
+constexpr const char* kPingHeader =
     "#timestamp "
     "[ns],verdict,nis,degrees_of_freedom,accel_noise_factor,dvl_variance_factor,position_sigma [m],"
     "rotation_sigma [deg],velocity_sigma [m s^-1]\n";
+
+constexpr const char* kHealthHeader =
+    "#timestamp [ns],state,level,reason,measured,threshold,vio,tracked,detected,stable,spread,"
+    "brightness,landmarks,sightings,reprojection [px],rotation_eigenvalue_1 [rad^-2],"
+    "rotation_eigenvalue_2 [rad^-2],rotation_eigenvalue_3 [rad^-2],position_eigenvalue_1 [m^-2],"
+    "position_eigenvalue_2 [m^-2],position_eigenvalue_3 [m^-2],dipo,dipo_measured,phase,action\n";
+constexpr const char* kTimingHeader =
+    "#timestamp [ns],track [s],solve [s],information [s],marginalize [s],localize [s],dropped\n";
 
 // One sigma of a block, per axis.
 double sigma(const dipo::Matrix& P, int index, int count) {
@@ -48,7 +56,7 @@ std::string calibration_line(const dipo::Estimate& e) {
       g.y(), g.z(), sigma(P, imu::kGyroBias, 3), a.x(), a.y(), a.z(), sigma(P, imu::kAccelBias, 3));
 }
 
-std::string health_line(const LocalizationOutput& output) {
+std::string ping_line(const LocalizationOutput& output) {
   const dipo::Matrix& P = output.estimate.covariance;
   const dipo::Report& ping = output.ping;
   constexpr double kDegrees = 57.29577951308232;
@@ -56,6 +64,29 @@ std::string health_line(const LocalizationOutput& output) {
                      output.estimate.stamp.ns, dipo::to_string(ping.verdict), ping.nis, ping.rows,
                      ping.accel_factor, ping.dvl_variance_factor, sigma(P, imu::kPosition, 3),
                      kDegrees * sigma(P, imu::kTheta, 3), sigma(P, imu::kVelocity, 3));
+}
+
+std::string frame_line(const FrameOutput& o) {
+  const vio::FrameStatistics& seen = o.statistics;
+  const fusion::FusionResult& f = o.fusion;
+  const fusion::Eigenvalues e = f.eigenvalues.value_or(fusion::Eigenvalues{});
+  return fmt::format(
+      "{},{},{},{},{:.4g},{:.4g},{},{},{},{},{:.3f},{:.1f},{},{},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g}"
+      ","
+      "{:.4g},{:.4g},{},{:.4g},{},{}\n",
+      o.stamp.ns, fusion::to_string(f.state), fusion::to_string(f.verdict.level),
+      fusion::to_string(f.verdict.reason), f.verdict.measured, f.verdict.threshold,
+      vio::to_string(o.vio.status), seen.tracked, seen.detected, seen.stable, seen.spread,
+      seen.brightness, o.vio.landmarks, o.vio.sightings, o.vio.reprojection_rms_px, e.rotation[0],
+      e.rotation[1], e.rotation[2], e.position[0], e.position[1], e.position[2],
+      fusion::to_string(f.dipo.reason), f.dipo.measured, fusion::to_string(f.freeze.phase),
+      fusion::to_string(f.freeze.action));
+}
+
+std::string timing_line(const FrameOutput& o) {
+  const FrameTiming& t = o.timing;
+  return fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{}\n", o.stamp.ns, t.track_s, t.solve_s,
+                     t.information_s, t.marginalize_s, t.localize_s, o.dropped ? 1 : 0);
 }
 
 std::ofstream open_file(const fs::path& path, const char* header) {
@@ -67,7 +98,8 @@ std::ofstream open_file(const fs::path& path, const char* header) {
 
 }  // namespace
 
-RunFolder::RunFolder(const fs::path& path, bool overwrite) : path_(path) {
+RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
+    : path_(path), camera_(camera) {
   if (fs::exists(path) && !fs::is_directory(path)) {
     fail_input("{}: this is a file; a run needs a folder", path.string());
   }
@@ -78,32 +110,55 @@ RunFolder::RunFolder(const fs::path& path, bool overwrite) : path_(path) {
   std::error_code error;
   fs::create_directories(path, error);
   if (error) fail_run("{}: cannot make this folder: {}", path.string(), error.message());
-  for (const char* stale : {"metrics.json", "report.html"}) fs::remove(file(stale), error);
+  for (const char* stale :
+       {"metrics.json", "report.html", "vio.tum", "keyframes.tum", "health.csv", "timing.csv"}) {
+    fs::remove(file(stale), error);
+  }
   trajectory_ = open_file(file("trajectory.tum"), "");
   dipo_ = open_file(file("dipo.tum"), "");
   calibration_ = open_file(file("calibration.csv"), kCalibrationHeader);
+  pings_ = open_file(file("pings.csv"), kPingHeader);
+  if (!camera) return;
+  vio_ = open_file(file("vio.tum"), "");
+  keyframes_ = open_file(file("keyframes.tum"), "");
   health_ = open_file(file("health.csv"), kHealthHeader);
+  timing_ = open_file(file("timing.csv"), kTimingHeader);
 }
 
 void RunFolder::write(const LocalizationOutput& output) {
   const imu::NavState& nav = output.estimate.state.nav;
   const std::string line = io::tum_line({output.estimate.stamp, {nav.R_world_body, nav.p_world}});
-  trajectory_ << line;
+  if (!camera_) trajectory_ << line;
   dipo_ << line;
   calibration_ << calibration_line(output.estimate);
-  health_ << health_line(output);
-  check();
+  pings_ << ping_line(output);
+  for (const std::ofstream* out : {&dipo_, &calibration_, &pings_}) check(*out);
+}
+
+void RunFolder::write(const FrameOutput& output) {
+  if (const auto pose = output.fused()) trajectory_ << io::tum_line(*pose);
+  if (output.vio.has_state()) {
+    const imu::NavState& nav = output.vio.state;
+    const std::string line = io::tum_line({output.stamp, {nav.R_world_body, nav.p_world}});
+    vio_ << line;
+    if (output.vio.keyframe) keyframes_ << line;
+  }
+  health_ << frame_line(output);
+  timing_ << timing_line(output);
+  for (const std::ofstream* out : {&trajectory_, &vio_, &health_, &timing_}) check(*out);
 }
 
 void RunFolder::close() {
-  for (std::ofstream* out : {&trajectory_, &dipo_, &calibration_, &health_}) out->flush();
-  check();
+  for (std::ofstream* out :
+       {&trajectory_, &dipo_, &calibration_, &pings_, &vio_, &keyframes_, &health_, &timing_}) {
+    if (!out->is_open()) continue;
+    out->flush();
+    check(*out);
+  }
 }
 
-void RunFolder::check() const {
-  if (!trajectory_ || !dipo_ || !calibration_ || !health_) {
-    fail_run("{}: cannot be written any more; is the disk full?", path_.string());
-  }
+void RunFolder::check(const std::ofstream& out) const {
+  if (!out) fail_run("{}: cannot be written any more; is the disk full?", path_.string());
 }
 
 }  // namespace apvi::pipeline

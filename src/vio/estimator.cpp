@@ -39,6 +39,8 @@ std::string_view to_string(Status status) {
       return "tracking";
     case Status::blind:
       return "blind";
+    case Status::frozen:
+      return "frozen";
     case Status::lost:
       return "lost";
   }
@@ -61,6 +63,7 @@ void Estimator::reset() {
   depth_zero_m_.reset();
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
+  frozen_ = false;
 }
 
 void Estimator::add(const ImuSample& sample) {
@@ -84,18 +87,23 @@ Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>&
     result = {.stamp = tracked.stamp, .status = Status::blind, .detail = "stamp goes backward"};
     result.state = to_nav_state(window_.newest().state);
   } else {
-    result = started() ? track(tracked) : start(tracked, aid);
+    result = started() ? track(tracked, aid) : start(tracked, aid);
   }
   if (result.status == Status::lost) reset();
   return result;
 }
 
-Result Estimator::track(const TrackedFrame& tracked) {
+Result Estimator::track(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
   Result result{.stamp = tracked.stamp, .status = Status::tracking};
   if (!append(tracked)) {
     return {.stamp = tracked.stamp, .status = Status::lost, .detail = "gap in the inertial data"};
   }
+  if (frozen_ && aid) lean_on(*aid);
   estimate(result, config_.window.iterations);
+  if (frozen_) {
+    result.status = Status::frozen;
+    return result;
+  }
   result.detail = why_diverged(result);
   if (!result.detail.empty()) {
     result.status = Status::lost;
@@ -119,17 +127,56 @@ void Estimator::estimate(Result& result, int iterations) {
   Frame& newest = window_.newest();
   result.state = to_nav_state(newest.state);
   Stopwatch watch;
-  result.information = newest_information(graph, window_, config_);
+  const Informations informations = newest_informations(graph, window_, config_);
+  result.information = informations.absolute;
+  result.window_information = informations.over_window;
+  result.window_s = seconds_between(window_.frames.front()->stamp, newest.stamp);
   result.information_s = watch.seconds();
   newest_is_keyframe_ = window_.frames.size() == 1 || is_keyframe(window_, config_, rig_);
   result.keyframe = newest_is_keyframe_;
   watch.reset();
-  if (newest_is_keyframe_ && static_cast<int>(window_.frames.size()) > config_.window.keyframes) {
-    marginalize_oldest(graph, window_, config_);
-  }
+  if (newest_is_keyframe_) make_room(graph);
   result.marginalize_s = watch.seconds();
   forget_given_up(window_);
   refresh_preintegrations();
+}
+
+void Estimator::make_room(const Graph& graph) {
+  const auto room = static_cast<std::size_t>(config_.window.keyframes);
+  if (!frozen_) {
+    if (window_.frames.size() > room) marginalize_oldest(graph, window_, config_);
+    return;
+  }
+  const auto held = std::ranges::count_if(window_.frames, [](const auto& f) { return f->frozen; });
+  if (window_.frames.size() <= static_cast<std::size_t>(held) + room) return;
+  remove_frame(window_, static_cast<std::size_t>(held));
+}
+
+void Estimator::lean_on(const Aid& aid) {
+  Frame& newest = window_.newest();
+  newest.state = to_frame_state(aid.state);
+  newest.lean = prior_from(newest, aid, config_.start.yaw_position_sigma);
+}
+
+void Estimator::freeze() {
+  if (config_.graph == GraphKind::tight || !started()) return;
+  frozen_ = true;
+  newest_is_keyframe_ = true;
+  window_.prior.reset();
+  for (const auto& frame : window_.frames) frame->frozen = true;
+  for (auto& [id, landmark] : window_.landmarks) landmark.frozen = landmark.triangulated();
+}
+
+void Estimator::release() {
+  if (!frozen_) return;
+  frozen_ = false;
+  while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
+  for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
+  const auto leaning = std::ranges::find_if(window_.frames, [](const auto& f) { return f->lean != nullptr; });
+  if (leaning == window_.frames.end()) return reset();
+  while (window_.frames.front() != *leaning) remove_frame(window_, 0);
+  window_.prior = window_.frames.front()->lean;
+  for (const auto& frame : window_.frames) frame->lean.reset();
 }
 
 std::string Estimator::why_diverged(const Result& result) {
@@ -196,6 +243,7 @@ void Estimator::refresh_preintegrations() {
     Frame& frame = *window_.frames[k];
     const Eigen::Map<const Eigen::Vector3d> gyro_bias(before.state.motion.data() + 3);
     const Eigen::Map<const Eigen::Vector3d> accel_bias(before.state.motion.data() + 6);
+    if (!frame.from_previous) continue;
     const imu::Preintegration& sum = *frame.from_previous;
     if ((sum.gyro_bias() - gyro_bias).norm() < kStaleGyroBias &&
         (sum.accel_bias() - accel_bias).norm() < kStaleAccelBias) {

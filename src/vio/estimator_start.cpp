@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 
-#include "apvi/geometry/so3.hpp"
 #include "apvi/vio/estimator.hpp"
 #include "graph.hpp"
 #include "window_edges.hpp"
@@ -14,20 +12,6 @@ namespace {
 
 // The first solve has farther to go than those that follow.
 constexpr int kStartIterations = 20;
-
-using Matrix15 = Eigen::Matrix<double, 15, 15>;
-
-// The aid's covariance, whose velocity is in the body frame, by the frame's tangent, whose is not.
-Matrix15 to_frame_covariance(const Aid& aid, double least_sigma) {
-  const Eigen::Matrix3d R = aid.state.R_world_body.toRotationMatrix();
-  Matrix15 T = Matrix15::Identity();
-  T.block<3, 3>(imu::kVelocity, imu::kTheta) = -R * so3::hat(aid.state.v_body);
-  T.block<3, 3>(imu::kVelocity, imu::kVelocity) = R;
-  Matrix15 covariance = T * aid.covariance * T.transpose();
-  covariance.diagonal().head<6>().array() += least_sigma * least_sigma;
-  covariance.diagonal().tail<9>().array() += 1e-10;
-  return covariance;
-}
 
 }  // namespace
 
@@ -40,9 +24,7 @@ Result Estimator::start(const TrackedFrame& tracked, const std::optional<Aid>& a
 // grows, landmarks join as their rays open. Nothing is waited for.
 Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
   Frame& frame = push_frame(tracked.stamp, to_frame_state(aid.state));
-  const Matrix15 covariance = to_frame_covariance(aid, config_.start.yaw_position_sigma);
-  const Matrix15 information = covariance.inverse();
-  window_.prior = make_prior(frame, Eigen::LLT<Matrix15>(information).matrixU());
+  window_.prior = prior_from(frame, aid, config_.start.yaw_position_sigma);
   add_sightings(window_, frame, tracked);
   Result result{.stamp = tracked.stamp, .status = Status::started, .detail = "DVL-aided"};
   estimate(result, kStartIterations);

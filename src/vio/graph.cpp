@@ -25,11 +25,12 @@ Graph::Graph(Window& window, const Config& config, const Rig& rig)
       vision_loss_(config.vision.huber_px / config.vision.pixel_sigma),
       sensor_loss_(config.tight.huber_sigmas) {
   terms_.reserve(2048);
-  add_prior();
+  add_prior(window_.prior, nullptr);
   add_inertial();
   for (const auto& frame : window.frames) {
     add_dvl(*frame);
     add_depth(*frame);
+    add_prior(frame->lean, frame.get());
   }
   for (auto& [id, landmark] : window.landmarks) add_landmark(landmark);
 }
@@ -38,11 +39,11 @@ const FirstEstimate* Graph::first(const Frame& frame) const {
   return config_.window.first_estimates ? &frame.first : nullptr;
 }
 
-void Graph::add_prior() {
-  if (!window_.prior) return;
-  prior_ = std::make_unique<PriorFactor>(window_.prior);
-  Term term{.cost = prior_.get(), .blocks = {}};
-  for (const Prior::Kept& kept : window_.prior->kept) term.blocks.push_back(kept.block);
+void Graph::add_prior(const std::shared_ptr<const Prior>& prior, const Frame* frame) {
+  if (!prior) return;
+  priors_.emplace_back(prior);
+  Term term{.cost = &priors_.back(), .blocks = {}, .frame = frame};
+  for (const Prior::Kept& kept : prior->kept) term.blocks.push_back(kept.block);
   terms_.push_back(std::move(term));
 }
 
@@ -51,6 +52,7 @@ void Graph::add_inertial() {
   for (std::size_t k = 1; k < window_.frames.size(); ++k) {
     Frame& i = *window_.frames[k - 1];
     Frame& j = *window_.frames[k];
+    if (!j.from_previous) continue;
     inertial_.emplace_back(j.from_previous, gravity, first(i), first(j));
     terms_.push_back({.cost = &inertial_.back(),
                       .blocks = {pose_block(i), motion_block(i), pose_block(j), motion_block(j)},

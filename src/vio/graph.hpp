@@ -36,7 +36,7 @@ class Graph {
   int sightings() const { return static_cast<int>(reprojections_.size() + crosses_.size()); }
 
  private:
-  void add_prior();
+  void add_prior(const std::shared_ptr<const Prior>& prior, const Frame* frame);
   void add_inertial();
   void add_dvl(Frame& frame);
   void add_depth(Frame& frame);
@@ -53,7 +53,7 @@ class Graph {
   std::vector<Term> terms_;
   int landmarks_ = 0;
   // Deques keep the addresses of what they hold.
-  std::unique_ptr<PriorFactor> prior_;
+  std::deque<PriorFactor> priors_;
   std::deque<ReprojectionFactor> reprojections_;
   std::deque<CrossCameraFactor> crosses_;
   std::deque<StereoFactor> stereos_;

@@ -22,7 +22,9 @@ void add_states(ceres::Problem& problem, Window& window, const Config& config,
   for (const auto& frame : window.frames) {
     problem.AddParameterBlock(frame->state.pose.data(), kPoseSize, &manifold);
     problem.AddParameterBlock(frame->state.motion.data(), kMotionSize);
-    if (frame->frozen) problem.SetParameterBlockConstant(frame->state.pose.data());
+    if (!frame->frozen) continue;
+    problem.SetParameterBlockConstant(frame->state.pose.data());
+    problem.SetParameterBlockConstant(frame->state.motion.data());
   }
   for (PoseBlock& extrinsics : window.T_body_camera) {
     problem.AddParameterBlock(extrinsics.data(), kPoseSize, &manifold);

@@ -108,6 +108,12 @@ void triangulate(Window& window, double min_parallax) {
   }
 }
 
+void remove_frame(Window& window, std::size_t index) {
+  remove_sightings(window, *window.frames[index]);
+  window.frames.erase(window.frames.begin() + static_cast<std::ptrdiff_t>(index));
+  if (index < window.frames.size()) window.frames[index]->from_previous.reset();
+}
+
 void remove_unseen(Window& window) {
   std::erase_if(window.landmarks, [](const auto& entry) { return entry.second.sightings.empty(); });
 }

@@ -8,8 +8,12 @@
 #include <map>
 #include <set>
 
+#include "apvi/geometry/so3.hpp"
+
 namespace apvi::vio {
 namespace {
+
+using Matrix15 = Eigen::Matrix<double, 15, 15>;
 
 constexpr Duration kDepthReach{60'000'000};
 
@@ -22,11 +26,18 @@ bool in_graph(const Landmark& landmark, const Config& config) {
          static_cast<int>(landmark.sightings.size()) >= config.vision.min_sightings;
 }
 
-void hold_calibration(Linearizer& linearizer, const Window& window, const Config& config) {
+void hold_what_is_given(Linearizer& linearizer, const Window& window, const Config& config) {
   if (!config.vision.estimate_extrinsics) {
     for (const PoseBlock& block : window.T_body_camera) linearizer.hold_constant(block.data());
   }
   if (!config.vision.estimate_time_offset) linearizer.hold_constant(&window.time_offset_s);
+  for (const auto& frame : window.frames) {
+    if (frame->frozen) linearizer.hold_constant(frame->state.pose.data());
+    if (frame->frozen) linearizer.hold_constant(frame->state.motion.data());
+  }
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (landmark.frozen) linearizer.hold_constant(&landmark.inverse_depth);
+  }
 }
 
 // Landmarks that leave together with the frame they are anchored in.
@@ -143,6 +154,19 @@ std::shared_ptr<Prior> make_prior(const Frame& frame, const Eigen::MatrixXd& J) 
   return prior;
 }
 
+std::shared_ptr<Prior> prior_from(const Frame& frame, const Aid& aid, double least_sigma) {
+  // The aid's velocity is in the body frame, the window's is not.
+  const Eigen::Matrix3d R = aid.state.R_world_body.toRotationMatrix();
+  Matrix15 T = Matrix15::Identity();
+  T.block<3, 3>(imu::kVelocity, imu::kTheta) = -R * so3::hat(aid.state.v_body);
+  T.block<3, 3>(imu::kVelocity, imu::kVelocity) = R;
+  Matrix15 covariance = T * aid.covariance * T.transpose();
+  covariance.diagonal().head<6>().array() += least_sigma * least_sigma;
+  covariance.diagonal().tail<9>().array() += 1e-10;
+  const Matrix15 information = covariance.inverse();
+  return make_prior(frame, Eigen::LLT<Matrix15>(information).matrixU());
+}
+
 double reprojection_error_px(const Landmark& landmark, const Landmark::Sighting& sighting,
                              const Window& window, const Rig& rig) {
   const auto camera = static_cast<std::size_t>(sighting.camera);
@@ -211,22 +235,27 @@ bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
   return parallax / common * focal(rig, 0) >= c.keyframe_parallax_px;
 }
 
-Eigen::Matrix<double, 6, 6> newest_information(const Graph& graph, Window& window,
-                                               const Config& config) {
+Informations newest_informations(const Graph& graph, const Window& window, const Config& config) {
   Linearizer linearizer;
-  hold_calibration(linearizer, window, config);
+  hold_what_is_given(linearizer, window, config);
   for (const Term& term : graph.terms()) {
     if (term.landmark != nullptr && !term.landmark->triangulated()) continue;
     linearizer.add(*term.cost, term.loss, term.blocks);
   }
-  return linearizer.marginal_information(window.newest().state.pose.data());
+  const double* newest = window.newest().state.pose.data();
+  Informations found;
+  found.absolute = linearizer.marginal_information(newest);
+  if (window.frames.size() < 2) return found;
+  linearizer.hold_constant(window.frames.front()->state.pose.data());
+  found.over_window = linearizer.marginal_information(newest);
+  return found;
 }
 
 void marginalize_oldest(const Graph& graph, Window& window, const Config& config) {
   Frame* oldest = window.frames.front().get();
   const std::set<const Landmark*> landmarks = leaving(window, config);
   Linearizer linearizer;
-  hold_calibration(linearizer, window, config);
+  hold_what_is_given(linearizer, window, config);
   for (const Term& term : graph.terms()) {
     if (concerns(term, oldest, landmarks)) linearizer.add(*term.cost, term.loss, term.blocks);
   }
@@ -243,9 +272,7 @@ void marginalize_oldest(const Graph& graph, Window& window, const Config& config
     const bool reuse = config.window.continuing_tracks == ContinuingTracks::reuse;
     if (!reuse || landmark.sightings.back().frame != &window.newest()) landmark.sightings.clear();
   }
-  remove_sightings(window, *oldest);
-  window.frames.erase(window.frames.begin());
-  window.frames.front()->from_previous.reset();
+  remove_frame(window, 0);
 }
 
 }  // namespace apvi::vio

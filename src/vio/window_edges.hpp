@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "apvi/sensors/rig.hpp"
+#include "apvi/vio/aid.hpp"
 #include "apvi/vio/config.hpp"
 #include "apvi/vio/window.hpp"
 #include "graph.hpp"
@@ -30,6 +31,9 @@ std::optional<DepthMeasurement> depth_at(const Frame& frame,
 
 /// Knowledge of a frame's state: rows of J by [pose tangent, motion], zero residual.
 std::shared_ptr<Prior> make_prior(const Frame& frame, const Eigen::MatrixXd& J);
+/// What an aid says of a frame whose state was taken from it; heading and position are never taken
+/// for better known than `least_sigma`.
+std::shared_ptr<Prior> prior_from(const Frame& frame, const Aid& aid, double least_sigma);
 
 /// Error of a sighting in pixels; of a landmark behind the camera, very large.
 double reprojection_error_px(const Landmark& landmark, const Landmark::Sighting& sighting,
@@ -44,8 +48,13 @@ double newest_rms_px(const Window& window, const Rig& rig);
 /// has lost many of its tracks, or is much later.
 bool is_keyframe(const Window& window, const Config& config, const Rig& rig);
 
-Eigen::Matrix<double, 6, 6> newest_information(const Graph& graph, Window& window,
-                                               const Config& config);
+/// Information of the newest pose with everything else integrated out: as it is, and with the
+/// oldest pose held.
+struct Informations {
+  Eigen::Matrix<double, 6, 6> absolute = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> over_window = Eigen::Matrix<double, 6, 6>::Zero();
+};
+Informations newest_informations(const Graph& graph, const Window& window, const Config& config);
 /// The oldest frame leaves; what it knew goes into the prior.
 void marginalize_oldest(const Graph& graph, Window& window, const Config& config);
 

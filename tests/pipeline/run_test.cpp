@@ -39,14 +39,14 @@ TEST(Run, WritesATrajectoryMetricsAndTheResolvedConfiguration) {
   test::write_dive(tmp, "dive", {});
   const RunResult result = run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
   EXPECT_GT(result.poses, 250U);
-  EXPECT_LT(result.metrics.ate.value->rmse, 0.2);
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.2);
   const Trajectory trajectory = io::read_trajectory(tmp.path() / "run" / "trajectory.tum");
   EXPECT_EQ(trajectory.size(), result.poses);
   const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
-  EXPECT_NEAR(metrics["trajectory"]["ate_rmse_m"].get<double>(), result.metrics.ate.value->rmse,
+  EXPECT_NEAR(metrics["trajectory"]["ate_rmse_m"].get<double>(), result.metrics.fused.ate.value->rmse,
               1e-9);
   EXPECT_GT(metrics["counts"]["dvl"]["accepted"].get<int>(), 250);
-  for (const char* name : {"dipo.tum", "calibration.csv", "health.csv", "log.txt"}) {
+  for (const char* name : {"dipo.tum", "calibration.csv", "pings.csv", "log.txt"}) {
     EXPECT_GT(fs::file_size(tmp.path() / "run" / name), 0U) << name;
   }
 }
@@ -119,7 +119,7 @@ TEST(Run, BrokenSamplesNeverBecomeBrokenPoses) {
   const test::TmpDir tmp;
   test::write_dive(tmp, "dive", {.broken_samples = true});
   const RunResult result = run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
-  EXPECT_LT(result.metrics.ate.value->rmse, 0.5);
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.5);
   for (const StampedPose& pose : io::read_trajectory(tmp.path() / "run" / "trajectory.tum").poses) {
     EXPECT_TRUE(pose.T_world_body.translation.allFinite());
   }
@@ -141,7 +141,7 @@ double ate_of(const fs::path& config_file, const fs::path& dataset, const fs::pa
               std::vector<std::string> overrides = {}) {
   overrides.push_back("dataset.path=" + dataset.string());
   return run(load_run_config(config_file, overrides), {.folder = folder, .overwrite = true})
-      .metrics.ate.value->rmse;
+      .metrics.fused.ate.value->rmse;
 }
 
 const fs::path kConfigs = fs::path(APVI_SOURCE_DIR) / "configs";

@@ -51,7 +51,7 @@ def calibration_lines():
         "0.1,0.2,0.3,0.02\n" for ns, *_ in poses())
 
 
-def health_lines():
+def ping_lines():
     rows = [f"{ns},{'rejected,90.0' if i == 30 else 'accepted,2.5'},3,10,1,0.1,0.5,0.02\n"
             for i, (ns, *_) in enumerate(poses())]
     rows[0] = f"{START_NS},no_lock,0,0,10,1,0.1,0.5,0.02\n"
@@ -93,7 +93,7 @@ class RunFolder:
         self.run.mkdir()
         self.dataset.mkdir()
         for name, text in (("trajectory.tum", tum_lines()), ("dipo.tum", tum_lines()),
-                           ("calibration.csv", calibration_lines()), ("health.csv", health_lines()),
+                           ("calibration.csv", calibration_lines()), ("pings.csv", ping_lines()),
                            ("metrics.json", json.dumps(METRICS)),
                            ("log.txt", "a line of the log\n"), ("resolved.yaml", self.resolved())):
             self.write(self.run / name, text)
@@ -136,7 +136,7 @@ class Case(unittest.TestCase):
 
     def keep_only_poses(self):
         """Fewer figures are faster."""
-        for name in ("dipo.tum", "calibration.csv", "health.csv", "metrics.json", "log.txt",
+        for name in ("dipo.tum", "calibration.csv", "pings.csv", "metrics.json", "log.txt",
                      "resolved.yaml"):
             (self.folder.run / name).unlink()
 
@@ -211,7 +211,7 @@ class PartOfARun(Case):
         self.assert_sections(html, "Trajectory", "Metrics", "Configuration")
 
     def test_half_a_line_at_the_end_of_a_killed_run_is_no_error(self):
-        for name in ("trajectory.tum", "health.csv", "calibration.csv"):
+        for name in ("trajectory.tum", "pings.csv", "calibration.csv"):
             with open(self.folder.run / name, "a", encoding="utf-8") as file:
                 file.write("17000000")
         self.assertEqual(len(pictures_in(self.make())), 7)
@@ -245,13 +245,13 @@ class Program(Case):
             self.assertEqual(result.stderr.count("\n"), 1)
 
     def test_a_damaged_file_is_named_with_its_line(self):
-        path = self.folder.run / "health.csv"
-        lines = health_lines().split("\n")
+        path = self.folder.run / "pings.csv"
+        lines = ping_lines().split("\n")
         lines[4] = "1,accepted"
         self.folder.write(path, "\n".join(lines))
         result = report(self.folder.run)
         self.assertEqual(result.returncode, 2)
-        self.assertIn("health.csv:5: 2 columns, the header names 9", result.stderr)
+        self.assertIn("pings.csv:5: 2 columns, the header names 9", result.stderr)
 
     def test_the_page_can_be_put_elsewhere(self):
         self.keep_only_poses()

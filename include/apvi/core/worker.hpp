@@ -42,6 +42,8 @@ class Worker {
   }
 
   std::size_t dropped() const { return queue_.dropped(); }
+  /// Elements in the queue.
+  std::size_t waiting() const { return queue_.size(); }
 
  private:
   void loop(std::stop_token stop) {

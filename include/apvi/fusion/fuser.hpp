@@ -32,6 +32,9 @@ struct FusionInput {
   std::optional<PoseEstimate> dipo;  ///< nothing: not in this run, or not started
   vio::FrameStatistics statistics;
   std::optional<VioEstimate> vio;  ///< nothing: not started, or no solution
+  /// VIO's graph holds the DVL and the depth too: nothing of DIPO is left to fuse, and VIO goes on
+  /// without vision. `consistent` then takes VIO's pose for as long as it does not contradict DIPO.
+  bool vio_includes_dipo = false;
 };
 
 struct FusionResult {
@@ -73,11 +76,19 @@ class Fuser {
   Judgement judge(const FusionInput& input, const Stability& dipo) const;
   Verdict judge_agreement(const FusionInput& input, const Stability& dipo) const;
   void judge_degeneracy(const VioEstimate& vio, Judgement& result) const;
+  enum class Source { none, dipo, vio, both };
+  struct Target {
+    PoseEstimate pose;
+    Source source = Source::none;
+  };
+
+  bool vio_carries(const FusionInput& input, const FusionResult& result) const;
   // `used`: the directions of VIO's pose that enter; null: none.
-  std::optional<PoseEstimate> output(const FusionInput& input, const WellConditioned* used,
-                                     const Stability& dipo);
-  PoseEstimate fuse(const FusionInput& input, const WellConditioned* used);
-  std::optional<SE3> motion(const FusionInput& input, const Stability& dipo) const;
+  Target target(const FusionInput& input, const WellConditioned* used, bool vio_carries);
+  Target fuse(const FusionInput& input, const WellConditioned* used);
+  PoseEstimate output(const FusionInput& input, const Target& target, const Stability& dipo);
+  std::optional<SE3> motion(const FusionInput& input, const Target& target,
+                            const Stability& dipo) const;
   void remember(const FusionInput& input, bool used, Action action);
 
   Config config_;
@@ -87,6 +98,7 @@ class Fuser {
   RelativeFilter relative_;
   Slew slew_;
   std::optional<FusionInput> last_;
+  Target last_target_;
   std::deque<Pair> agreed_;  // accepted frames within the window of step 2
 };
 

@@ -17,6 +17,8 @@
 namespace apvi::io {
 
 enum class DatasetFormat { automatic, folder, euroc, tank, rosbag };
+/// How images are hidden: turned black, or never delivered.
+enum class Blackout { black, dropped };
 enum class PressureUnit { automatic, pa, hpa, kpa };
 
 /// Names of topics in a bag; an empty one is guessed from the message type and usual names.
@@ -49,6 +51,7 @@ struct DatasetConfig {
   double start_s = 0.0;
   double duration_s = 0.0;
   std::vector<std::array<double, 2>> blackout_s;
+  Blackout blackout = Blackout::black;
   PressureUnit pressure_unit = PressureUnit::automatic;
   double max_time_jump_s = 60.0;
   TopicConfig topics;
@@ -69,6 +72,9 @@ struct DatasetConfig {
     v("start_s", start_s, Range{0.0, 1e9}, "skip this much of the beginning [s]");
     v("duration_s", duration_s, Range{0.0, 1e9}, "use this much, 0 for all [s]");
     v("blackout_s", blackout_s, "spans [from, to] after the start whose images are hidden [s]");
+    v("blackout", blackout,
+      Choices<Blackout>{{"black", Blackout::black}, {"dropped", Blackout::dropped}},
+      "what becomes of hidden images: black ones, or none");
     v("pressure_unit", pressure_unit,
       Choices<PressureUnit>{{"auto", PressureUnit::automatic},
                             {"Pa", PressureUnit::pa},

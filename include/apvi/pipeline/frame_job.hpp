@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "apvi/dipo/dipo.hpp"
 #include "apvi/sensors/samples.hpp"
 #include "apvi/vio/estimator.hpp"
 #include "apvi/vio/observation.hpp"
@@ -21,8 +22,7 @@ struct FrameJob {
   std::vector<vio::DvlMeasurement> pings;  ///< since the job before
   std::vector<vio::DepthMeasurement> depths;
   std::optional<vio::Aid> dipo;                    ///< the acoustic odometry at the stamp
-  std::optional<Stamp> last_ping;                  ///< newest ping that it has used
-  double dipo_nis = 0.0;                           ///< of that ping, over its degrees of freedom
+  std::vector<dipo::Report> reports;               ///< of pings since the job before
   std::optional<Eigen::Quaterniond> R_before_now;  ///< body rotation since the job before
 };
 

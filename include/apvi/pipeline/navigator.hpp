@@ -48,8 +48,7 @@ class Navigator {
   std::map<Stamp, DvlSample> raw_pings_;
   std::vector<vio::DvlMeasurement> fresh_pings_;
   std::vector<vio::DepthMeasurement> fresh_depths_;
-  std::optional<Stamp> last_ping_;
-  double last_nis_ = 0.0;
+  std::vector<dipo::Report> fresh_reports_;
   std::deque<FrameJob> waiting_;
   std::optional<Stamp> last_frame_;
   std::size_t abandoned_frames_ = 0;

@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "apvi/eval/trajectory_metrics.hpp"
+#include "apvi/eval/metrics_file.hpp"
 #include "apvi/pipeline/run_config.hpp"
 
 namespace apvi::pipeline {
@@ -21,7 +21,7 @@ struct RunResult {
   std::size_t poses = 0;
   double sequence_s = 0.0;  ///< span of the samples that were read
   double wall_s = 0.0;      ///< time it took
-  eval::TrajectoryMetrics metrics;
+  eval::RunTrajectories metrics;
 };
 
 /// Runs localization over a recording into a run folder and evaluates it against the recording's

@@ -8,17 +8,19 @@
 #include "apvi/config/fields.hpp"
 #include "apvi/dipo/config.hpp"
 #include "apvi/eval/trajectory_metrics.hpp"
+#include "apvi/fusion/config.hpp"
 #include "apvi/io/sequence.hpp"
+#include "apvi/vio/config.hpp"
 
 namespace apvi::pipeline {
 
 enum class RunMode { sequential, replay, realtime };
 
 struct SensorsSection {
-  std::vector<std::string> use = {"imu", "dvl", "pressure"};
+  std::vector<std::string> use = {"camera", "imu", "dvl", "pressure"};
   template <typename V>
   void visit(V& v) {
-    v("use", use, "which sensors: any of imu, dvl, pressure");
+    v("use", use, "which sensors, where the recording has them: any of camera, imu, dvl, pressure");
   }
 };
 
@@ -59,6 +61,9 @@ struct RunConfig {
   RunSection run;
   LocalizationSection localization;
   dipo::Config dipo;
+  vio::Config vio;
+  fusion::Config fusion;
+  fusion::FreezeConfig freeze;
   eval::EvalOptions eval;
 
   template <typename V>
@@ -69,6 +74,9 @@ struct RunConfig {
     v("run", run, "how it is run");
     v("localization", localization, "where poses come from");
     v("dipo", dipo, "DVL, IMU and pressure odometry");
+    v("vio", vio, "visual-inertial odometry");
+    v("fusion", fusion, "the judge of both, and how they are fused");
+    v("freeze", freeze, "what happens to the window while vision is gone");
     v("eval", eval, "comparison with the reference");
   }
 };

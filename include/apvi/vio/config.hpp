@@ -43,7 +43,7 @@ struct WindowConfig {
     v("keyframe_interval_s", keyframe_interval_s, Range{0.05, 60.0},
       "and so much time since it [s]");
     v("iterations", iterations, Range{1, 100}, "of Levenberg-Marquardt per frame at most");
-    v("max_solve_s", max_solve_s, Range{0.001, 10.0}, "time cap of one solve [s]");
+    v("max_solve_s", max_solve_s, Range{0.001, 10.0}, "time cap of one solve in real time [s]");
     v("square_root", square_root,
       "marginalize by QR of the Jacobian instead of the Schur complement");
     v("first_estimates", first_estimates,
@@ -143,6 +143,7 @@ struct TightConfig {
 /// The `vio` section: visual-inertial odometry.
 struct Config {
   GraphKind graph = GraphKind::tight;
+  bool stereo = true;
   TrackerConfig tracker;
   WindowConfig window;
   VisionConfig vision;
@@ -160,6 +161,7 @@ struct Config {
     v("graph", graph,
       config::Choices<GraphKind>{{"paper", GraphKind::paper}, {"tight", GraphKind::tight}},
       "camera and IMU alone; or DVL and pressure in the same graph");
+    v("stereo", stereo, "use a second camera where the rig has one");
     v("tracker", tracker, "the front end");
     v("window", window, "the sliding window");
     v("vision", vision, "landmarks");

@@ -8,22 +8,18 @@
 
 #include "apvi/imu/sample_buffer.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "apvi/vio/aid.hpp"
 #include "apvi/vio/config.hpp"
 #include "apvi/vio/window.hpp"
 
 namespace apvi::vio {
-
-/// The state as another estimator knows it (DIPO): what a start and a frozen window lean on.
-struct Aid {
-  imu::NavState state = {};
-  imu::NavMatrix covariance = imu::NavMatrix::Identity();  ///< order of imu::NavIndex
-};
 
 enum class Status {
   waiting,   ///< no state yet
   started,   ///< this frame is the first with a state
   tracking,  ///< as it should be
   blind,     ///< no landmark takes part: inertial (and DVL) only
+  frozen,    ///< older frames are held, the aid supplies the poses
   lost,      ///< gave up in this frame; starts anew with the next
 };
 std::string_view to_string(Status status);
@@ -36,7 +32,10 @@ struct Result {
   imu::NavState state = {};
   /// Of the newest pose with everything else integrated out; tangent [rotation, position].
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-  int landmarks = 0;  ///< that took part
+  /// The same with the oldest pose held: of the motion over the window. Zero with one frame.
+  Eigen::Matrix<double, 6, 6> window_information = Eigen::Matrix<double, 6, 6>::Zero();
+  double window_s = 0.0;  ///< from the oldest frame to this one
+  int landmarks = 0;      ///< that took part
   int sightings = 0;
   double reprojection_rms_px = 0.0;  ///< over the newest frame's sightings
   bool keyframe = false;
@@ -67,6 +66,15 @@ class Estimator {
   /// Forgets everything but the sensors' samples.
   void reset();
 
+  /// The paper's window freezing: frames that are in the window and the points they saw first are
+  /// held as they are, and new frames lean on the aid, until `release`. Does nothing with DVL and
+  /// depth in the graph: such a window goes on without vision by itself.
+  void freeze();
+  /// What was held leaves, without entering the prior; the frames since go on, from where the aid
+  /// put the first of them.
+  void release();
+  bool frozen() const { return frozen_; }
+
   bool started() const { return !window_.frames.empty(); }
   const Window& window() const { return window_; }
 
@@ -75,7 +83,9 @@ class Estimator {
   Result start_with_aid(const TrackedFrame& tracked, const Aid& aid);
   Result start_alone(const TrackedFrame& tracked);
   void adopt(const std::vector<TrackedFrame>& frames, const std::vector<imu::NavState>& states);
-  Result track(const TrackedFrame& tracked);
+  Result track(const TrackedFrame& tracked, const std::optional<Aid>& aid);
+  void lean_on(const Aid& aid);
+  void make_room(const class Graph& graph);
 
   void estimate(Result& result, int iterations);
   bool append(const TrackedFrame& tracked);
@@ -99,6 +109,7 @@ class Estimator {
   Window window_;
   std::optional<double> depth_zero_m_;  // measured depth where the window's z is zero
   bool newest_is_keyframe_ = false;
+  bool frozen_ = false;
   int bad_frames_ = 0;
 };
 

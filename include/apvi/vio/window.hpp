@@ -36,15 +36,16 @@ struct Frame {
   FrameState state;
   FirstEstimate first;
   bool frozen = false;
-  std::shared_ptr<imu::Preintegration> from_previous;  ///< null for the oldest
+  std::shared_ptr<imu::Preintegration> from_previous;  ///< null: not linked to the frame before
   struct Ping {
     DvlMeasurement measured;
     DvlPing factor;
   };
-  std::vector<Ping> pings;                ///< between this frame and the next
+  std::vector<Ping> pings;  ///< between this frame and the next
   /// At its instant, counted from where the window has z = 0.
   std::optional<DepthMeasurement> depth;
-  int tracks = 0;                         ///< that it was seen with
+  std::shared_ptr<const Prior> lean;  ///< what the aid says of the state while the window is frozen
+  int tracks = 0;                     ///< that it was seen with
 };
 
 /// A point of the world, anchored in the first frame of the window that sees it.
@@ -84,6 +85,8 @@ void add_sightings(Window& window, Frame& frame, const TrackedFrame& tracked);
 void remove_sightings(Window& window, const Frame& frame);
 /// Gives a depth to every landmark whose rays meet under `min_parallax` [rad] at least.
 void triangulate(Window& window, double min_parallax);
+/// The frame leaves without a trace; the one behind it is no longer linked to what was before.
+void remove_frame(Window& window, std::size_t index);
 /// Landmarks without sightings are forgotten.
 void remove_unseen(Window& window);
 
