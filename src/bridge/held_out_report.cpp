@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "apvi/bridge/image_files.hpp"
+#include "apvi/core/log.hpp"
 #include "apvi/mapping/evaluation.hpp"
 
 namespace apvi::bridge {
@@ -36,8 +37,14 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
                   map.medium.has_value(), folder);
   }
   eval::Json json = eval::Json::object();
+  const auto perceptual = splat::Lpips::load(splat::LpipsNet::alex);
+  if (perceptual) {
+    json["lpips_net"] = splat::net_name(perceptual->net());
+  } else {
+    log::info("LPIPS: {}", splat::kLpipsAbsent);
+  }
   const mapping::ImageMetrics metrics =
-      mapping::evaluate_images(map, keyframes, keyframes.held_out());
+      mapping::evaluate_images(map, keyframes, keyframes.held_out(), perceptual);
   put(json, "psnr_db", metrics.psnr_db);
   put(json, "ssim", metrics.ssim);
   put(json, "ms_ssim", metrics.ms_ssim);

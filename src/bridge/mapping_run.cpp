@@ -24,8 +24,9 @@
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/mapping/evaluation.hpp"
+#include "apvi/mapping/initial_map.hpp"
+#include "apvi/mapping/initial_medium.hpp"
 #include "apvi/mapping/trainer.hpp"
-#include "apvi/splat/medium_estimate.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/version.hpp"
 #include "held_out_report.hpp"
@@ -134,9 +135,10 @@ class Training {
     const mapping::TrainerOptions options = trainer_options(config);
     const mapping::InitialMapOptions initial = {.sh_degree = options.sh_degree,
                                                 .opacity = config.mapping.initial_opacity};
+    const splat::Gaussians map = mapping::initial_map(initial_points(config, store), initial);
     std::optional<splat::Medium> water;
-    if (config.mapping.medium) water = splat::coastal_medium();
-    return {store, mapping::initial_map(initial_points(config, store), initial), options, water};
+    if (config.mapping.medium) water = mapping::initial_medium(map, store);
+    return {store, map, options, water};
   }
 
   fs::path curve_file() const { return options_.folder / "mapping.csv"; }

@@ -57,6 +57,9 @@ class Loader {
     if (!poses_.has_rotation) {
       fail_input("{}: the given poses have no rotations; a map needs them", config.dataset.path);
     }
+    images_.rig = pipeline::rig_of(config, reader.rig());
+    images_.T_body_camera = camera_.T_body_camera;
+    images_.camera_delay = Duration::from_seconds(camera_.time_offset_s);
   }
 
   void take(const ImageFrame& frame) {

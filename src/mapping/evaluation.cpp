@@ -3,48 +3,80 @@
 
 #include <torch/torch.h>
 
-#include <cmath>
+#include <algorithm>
+
+#include "apvi/splat/metrics.hpp"
 
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
 
-double psnr(const Tensor& image, const Tensor& target) {
-  const double mse = (image.clamp(0.0, 1.0) - target).square().mean().item<double>();
-  return -10.0 * std::log10(std::max(mse, 1e-12));
+constexpr std::int64_t kLeastLpipsSide = 32;  // [px]
+
+Tensor rendered(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
+  return take_picture(map, keyframes.view(i, 1)).as_seen.to(torch::kCPU).clamp(0.0, 1.0);
 }
 
-// In bytes, to hold all images at once.
-Tensor median_image(const KeyframeStore& keyframes) {
+Tensor training_median(const KeyframeStore& keyframes) {
   std::vector<Tensor> images;
-  for (const std::size_t i : keyframes.training()) images.push_back(keyframes[i].image);
-  return std::get<0>(torch::stack(images).median(0)).to(torch::kFloat32) / 255.0;
+  for (const std::size_t i : keyframes.training()) {
+    images.push_back(keyframes.image(i, 1, torch::kCPU));
+  }
+  return splat::median_image(images);
 }
+
+/// A mean of what may be absent for some images: absent then.
+class Mean {
+ public:
+  void add(const std::optional<double>& value) {
+    complete_ = complete_ && value.has_value();
+    sum_ += value.value_or(0.0);
+    ++count_;
+  }
+  std::optional<double> value() const {
+    return complete_ && count_ > 0 ? std::optional(sum_ / count_) : std::nullopt;
+  }
+
+ private:
+  double sum_ = 0.0;
+  int count_ = 0;
+  bool complete_ = true;
+};
 
 }  // namespace
 
 std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
                                 const std::vector<std::size_t>& which) {
-  if (which.empty()) return std::nullopt;
-  double sum = 0.0;
+  Mean mean;
   for (const std::size_t i : which) {
-    const Tensor image = take_picture(map, keyframes.view(i, 1)).as_seen;
-    sum += psnr(image, keyframes.image(i, 1, image.device()));
+    mean.add(splat::psnr(rendered(map, keyframes, i), keyframes.image(i, 1, torch::kCPU)));
   }
-  return sum / static_cast<double>(which.size());
+  return mean.value();
 }
 
 ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
-                             const std::vector<std::size_t>& which) {
-  ImageMetrics metrics;
-  if (which.empty()) return metrics;
-  metrics.psnr_db = mean_psnr(map, keyframes, which);
-  const Tensor median = median_image(keyframes);
-  double sum = 0.0;
-  for (const std::size_t i : which) sum += psnr(median, keyframes.image(i, 1, torch::kCPU));
-  metrics.psnr_median_image_db = sum / static_cast<double>(which.size());
-  return metrics;
+                             const std::vector<std::size_t>& which,
+                             const std::optional<splat::Lpips>& perceptual) {
+  if (which.empty()) return {};
+  const Tensor median = training_median(keyframes);
+  Mean psnr, ssim, ms_ssim, lpips, control;
+  for (const std::size_t i : which) {
+    const Tensor image = rendered(map, keyframes, i);
+    const Tensor truth = keyframes.image(i, 1, torch::kCPU);
+    psnr.add(splat::psnr(image, truth));
+    ssim.add(splat::ssim(image, truth));
+    ms_ssim.add(splat::ms_ssim(image, truth));
+    control.add(splat::psnr(median, truth));
+    const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kLeastLpipsSide;
+    lpips.add(perceptual && large_enough ? std::optional((*perceptual)(image, truth))
+                                         : std::nullopt);
+  }
+  return {.psnr_db = psnr.value(),
+          .ssim = ssim.value(),
+          .ms_ssim = ms_ssim.value(),
+          .lpips = lpips.value(),
+          .psnr_median_image_db = control.value()};
 }
 
 }  // namespace apvi::mapping

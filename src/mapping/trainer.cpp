@@ -42,6 +42,14 @@ splat::Gaussians on_device(const splat::Gaussians& gaussians) {
   return moved;
 }
 
+splat::Medium on_device(const splat::Medium& medium) {
+  const auto moved = [](const Tensor& values) {
+    return values.detach().to(splat::active_device(), torch::kFloat32);
+  };
+  return {
+      .beta_d = moved(medium.beta_d), .beta_b = moved(medium.beta_b), .b_inf = moved(medium.b_inf)};
+}
+
 }  // namespace
 
 Trainer::Trainer(const KeyframeStore& keyframes, const splat::Gaussians& initial,
@@ -55,7 +63,7 @@ Trainer::Trainer(const KeyframeStore& keyframes, const splat::Gaussians& initial
       corrections_(keyframes.size(), options.poses, options.exposure) {
   TORCH_CHECK(!keyframes.training().empty(), "trainer: there are no keyframes to learn from");
   TORCH_CHECK(initial.size() > 0, "trainer: the initial map is empty");
-  if (medium) medium_.emplace(*medium);
+  if (medium) medium_.emplace(on_device(*medium));
 }
 
 double Trainer::progress() const {
@@ -101,12 +109,14 @@ splat::GaussianRates Trainer::rates() const {
   const LearningRates& r = options_.rates;
   const double first = std::log(std::max(1e-20, r.means));
   const double last = std::log(std::max(1e-20, r.means_final));
+  const double late = std::max(0.0, 2.0 * progress() - 1.0);
+  const double factor = std::pow(r.late_factor, late);
   return {.means = extent_ * std::exp(first + progress() * (last - first)),
-          .log_scales = r.log_scales,
-          .quaternions = r.quaternions,
-          .logit_opacities = r.logit_opacities,
-          .sh_dc = r.sh_dc,
-          .sh_rest = r.sh_rest};
+          .log_scales = factor * r.log_scales,
+          .quaternions = factor * r.quaternions,
+          .logit_opacities = factor * r.logit_opacities,
+          .sh_dc = factor * r.sh_dc,
+          .sh_rest = factor * r.sh_rest};
 }
 
 Tensor Trainer::image_of(std::size_t view, const splat::View& camera,

@@ -9,13 +9,13 @@
 namespace apvi::bridge {
 
 struct RenderRequest {
-  std::filesystem::path source;  ///< run folder or .ply file
-  std::filesystem::path path;  ///< trajectory to render along: of the run's body, or of the camera
-  std::filesystem::path camera;  ///< camera.json: one view, or the lens for `path`
-  std::filesystem::path out;     ///< folder
-  bool restore = false;          ///< also without water
-  bool depth = false;            ///< also depth
-  bool as_float = false;         ///< PFM instead of PNG
+  std::filesystem::path source;    ///< run folder or .ply file
+  std::filesystem::path path{};    ///< to render along: of the run's body, or of the camera
+  std::filesystem::path camera{};  ///< camera.json: one view, or the lens for `path`
+  std::filesystem::path out;       ///< folder
+  bool restore = false;            ///< also without water
+  bool depth = false;              ///< also depth
+  bool as_float = false;           ///< PFM instead of PNG
 };
 
 /// Draws a map along a path or from one camera into `out`; a run folder without either along its

@@ -24,6 +24,10 @@ struct RatesSection : mapping::LearningRates {
     v("logit_opacities", logit_opacities, positive, "of the opacities, before the sigmoid");
     v("sh_dc", sh_dc, positive, "of the constant colours");
     v("sh_rest", sh_rest, positive, "of the other spherical harmonics");
+    v("late_factor", late_factor, config::Range{1e-6, 1.0},
+      "what all but that of the centres are multiplied by at the end, after falling for half of "
+      "the "
+      "training");
   }
 };
 

@@ -7,6 +7,7 @@
 
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/rendering.hpp"
+#include "apvi/splat/lpips.hpp"
 
 namespace apvi::mapping {
 
@@ -21,9 +22,11 @@ struct ImageMetrics {
   std::optional<double> psnr_median_image_db;
 };
 
-/// Compares keyframes with what the map shows from their given poses.
+/// Compares keyframes with what the map shows from their given poses; LPIPS by `perceptual`, if
+/// there is one.
 ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
-                             const std::vector<std::size_t>& which);
+                             const std::vector<std::size_t>& which,
+                             const std::optional<splat::Lpips>& perceptual);
 
 /// The mean peak signal-to-noise ratio alone [dB]; nothing without keyframes.
 std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,

@@ -16,7 +16,8 @@ enum class Densification {
 };
 
 /// Adam's learning rates. That of the means is in scene extents and falls exponentially to
-/// `_final`.
+/// `_final`; the others fall in the second half of the training to `late_factor` of what they were,
+/// so that the map comes to rest.
 struct LearningRates {
   double means = 1.6e-4;
   double means_final = 1.6e-6;
@@ -25,12 +26,13 @@ struct LearningRates {
   double logit_opacities = 2.5e-2;
   double sh_dc = 2.5e-3;
   double sh_rest = 1.25e-4;
+  double late_factor = 0.1;
 };
 
 /// Growth and pruning. `begin` and `end` are parts of the whole training, 0 to 1.
 struct DensifyOptions {
   Densification kind = Densification::gradient;
-  int max_gaussians = 150000;
+  int max_gaussians = 100000;
   int interval = 100;  ///< iterations between two rounds
   double begin = 0.03;
   double end = 0.6;

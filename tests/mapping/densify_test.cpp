@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/densify.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+
+#include "support/posed_scene.hpp"
+#include "support/torch_reference.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using test::tensors_near;
+using torch::Tensor;
+
+constexpr double kExtent = 1.0;
+
+DensifyOptions options() {
+  return {.gradient_threshold = 0.5,
+          .dense_fraction = 0.2,
+          .prune_opacity = 0.005,
+          .prune_weight = 0.01,
+          .prune_scale = 0.9};
+}
+
+/// Statistics of two views that saw everything alike.
+DensityStatistics statistics(const Tensor& gradient, const Tensor& weight) {
+  DensityStatistics result(gradient.size(0));
+  for (int i = 0; i < 2; ++i) {
+    result.observe({.visible = torch::ones({gradient.size(0)}, torch::kBool),
+                    .radii_px = torch::ones_like(gradient),
+                    .max_weight = weight,
+                    .mean2d_gradient = gradient});
+  }
+  return result;
+}
+
+splat::Gaussians three() {
+  splat::Gaussians map = test::wall_of_gaussians(3);
+  map.log_scales[1].fill_(std::log(0.5F));
+  return map;
+}
+
+TEST(Densify, DoublesSmallGaussiansAndSplitsLargeOnes) {
+  const splat::Gaussians map = three();
+  splat::GaussianStore store(map);
+  const DensifyResult result =
+      densify(store, statistics(torch::tensor({0.6F, 0.6F, 0.1F}), torch::ones({3})), options(),
+              kExtent, 100, 0);
+  EXPECT_EQ(result.cloned, 1);
+  EXPECT_EQ(result.split, 1);
+  ASSERT_EQ(store.size(), 5);  // 0, 2, the double of 0, the halves of 1
+  const splat::Gaussians& grown = store.view();
+  EXPECT_TRUE(torch::equal(grown.means[2], map.means[0]));
+  EXPECT_TRUE(torch::equal(grown.means[0], map.means[0]));
+  EXPECT_NEAR(grown.log_scales[3][0].item<float>(), std::log(0.5 / 1.6), 1e-6);
+  EXPECT_LT((grown.means[3] - map.means[1]).norm().item<float>(), 3.0F);
+  EXPECT_FALSE(torch::equal(grown.means[3], grown.means[4]));
+}
+
+TEST(Densify, TheTwoLetThroughWhatTheOneDid) {
+  splat::GaussianStore store(three());
+  densify(store, statistics(torch::tensor({0.6F, 0.1F, 0.1F}), torch::ones({3})), options(),
+          kExtent, 100, 0);
+  const Tensor opacity = store.view().logit_opacities.detach().sigmoid();
+  const double one = 1.0 / (1.0 + std::exp(-2.0));
+  EXPECT_NEAR(opacity[0].item<float>(), opacity[3].item<float>(), 1e-6);
+  EXPECT_NEAR(std::pow(1.0 - opacity[0].item<float>(), 2), 1.0 - one, 1e-5);
+}
+
+TEST(Densify, GrowsTheStrongestWhenThereIsNotRoomForAll) {
+  const splat::Gaussians map = test::wall_of_gaussians(10);
+  splat::GaussianStore store(map);
+  const Tensor gradient = torch::arange(1, 11).to(torch::kFloat32);
+  densify(store, statistics(gradient, torch::ones({10})), options(), kExtent, 12, 0);
+  ASSERT_EQ(store.size(), 12);
+  EXPECT_TRUE(torch::equal(store.view().means.slice(0, 10), map.means.slice(0, 8)));
+}
+
+TEST(Densify, RemovesWhatIsFaintHugeOrIdle) {
+  splat::Gaussians map = test::wall_of_gaussians(5);
+  map.logit_opacities[0] = -8.0;
+  map.log_scales[1][2] = 0.0;
+  splat::GaussianStore store(map);
+  Tensor weight = torch::ones({5});
+  weight[2] = 0.001;
+  const DensifyResult result =
+      densify(store, statistics(torch::zeros({5}), weight), options(), kExtent, 100, 0);
+  EXPECT_EQ(result.pruned, 3);
+  EXPECT_TRUE(torch::equal(store.view().means, map.means.slice(0, 3)));
+}
+
+TEST(Densify, SparesWhatWasSeenOnceOnly) {
+  const splat::Gaussians map = test::wall_of_gaussians(2);
+  DensityStatistics seen_once(2);
+  seen_once.observe({.visible = torch::ones({2}, torch::kBool),
+                     .radii_px = torch::ones({2}),
+                     .max_weight = torch::zeros({2}),
+                     .mean2d_gradient = torch::zeros({2})});
+  EXPECT_FALSE(useless(map, seen_once, options(), kExtent).any().item<bool>());
+}
+
+TEST(DensityStatistics, AverageOverTheViewsThatSaw) {
+  DensityStatistics stats(2);
+  for (const bool seen : {true, false, true}) {
+    stats.observe({.visible = torch::tensor({true, seen}),
+                   .radii_px = torch::ones({2}),
+                   .max_weight = torch::tensor({0.2F, seen ? 0.5F : 0.0F}),
+                   .mean2d_gradient = torch::tensor({3.0F, seen ? 4.0F : 0.0F})});
+  }
+  EXPECT_TRUE(tensors_near(stats.mean_gradient(), torch::tensor({3.0F, 4.0F}), 1e-6));
+  EXPECT_TRUE(tensors_near(stats.max_weight(), torch::tensor({0.2F, 0.5F}), 1e-6));
+  stats.extend(1);
+  EXPECT_EQ(stats.size(), 3);
+  EXPECT_EQ(stats.views()[2].item<float>(), 0.0F);
+}
+
+}  // namespace
+}  // namespace apvi::mapping
