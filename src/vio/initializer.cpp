@@ -19,7 +19,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMinInliers = 0.6;      // of all sightings
+constexpr double kMinInliers = 0.5;      // of all sightings
 constexpr double kMinBelieved = 0.5;     // of all tracks, in the rotation
 constexpr double kMaxBiasSigmas = 3.0;   // of the prior, for the accelerometer bias
 constexpr double kMaxInertialRms = 1.0;  // in sigmas of the IMU's noise: the camera contradicts it
@@ -156,6 +156,9 @@ Span choose_span(const std::vector<InitFrame>& frames, const InitConfig& config)
 // Why the solved start is not to be believed; nothing when it is.
 std::optional<InitResult> doubt(const SolvedStart& solved, const InitConfig& config) {
   if (!solved.usable) return refuse(InitStatus::ill_conditioned, "no solution");
+  if (!(solved.scale_sigma < config.max_scale_sigma)) {
+    return refuse(InitStatus::scale_uncertain, fmt::format("{:.1f} %", 100.0 * solved.scale_sigma));
+  }
   if (solved.inlier_share < kMinInliers ||
       solved.reprojection_rms_px > config.max_reprojection_px) {
     return refuse(InitStatus::reprojection_too_large,
@@ -170,9 +173,6 @@ std::optional<InitResult> doubt(const SolvedStart& solved, const InitConfig& con
   if (solved.inertial_rms > kMaxInertialRms) {
     return refuse(InitStatus::gravity_wrong,
                   fmt::format("inertial terms {:.1f} sigma", solved.inertial_rms));
-  }
-  if (!(solved.scale_sigma < config.max_scale_sigma)) {
-    return refuse(InitStatus::scale_uncertain, fmt::format("{:.1f} %", 100.0 * solved.scale_sigma));
   }
   return std::nullopt;
 }

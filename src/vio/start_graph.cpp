@@ -34,11 +34,12 @@ class StartGraph {
         sigmas_(sigmas),
         gravity_(0.0, 0.0, -problem.gravity),
         extrinsics_(to_block(problem.T_body_camera)),
-        inverse_depth_(start.guess.inverse_depth) {
+        inverse_depth_(start.guess.inverse_depth),
+        refined_share_(start.inlier_share) {
     add_states(start);
     add_inertial();
     add_priors();
-    for (std::size_t t = 0; t < problem.tracks.size(); ++t) add_track(t);
+    for (std::size_t t = 0; t < start.tracks.size(); ++t) add_track(start.tracks[t], t);
   }
 
   SolvedStart run() {
@@ -111,9 +112,9 @@ class StartGraph {
     terms_.push_back({motion_prior_.get(), {motion(0)}, false});
   }
 
-  void add_track(std::size_t track) {
-    if (!(inverse_depth_[track] > 0.0)) return;
-    const auto& views = problem_.tracks[track].views;
+  void add_track(const StartProblem::Track& track, std::size_t index) {
+    const auto& views = track.views;
+    if (views.empty()) return;
     const auto view = [](const StartProblem::View& v) {
       return ReprojectionFactor::View{v.point, Eigen::Vector2d::Zero()};
     };
@@ -125,7 +126,7 @@ class StartGraph {
                         {pose(anchor),
                          pose(static_cast<std::size_t>(views[v].keyframe)),
                          {extrinsics_.data(), kPoseSize},
-                         {&inverse_depth_[track], 1},
+                         {&inverse_depth_[index], 1},
                          {&time_offset_, 1}},
                         true});
     }
@@ -189,7 +190,8 @@ class StartGraph {
     }
     if (believed == 0 || inertial_.empty()) return;
     out.reprojection_rms_px = sigmas_.pixel * std::sqrt(sum / believed);
-    out.inlier_share = static_cast<double>(believed) / static_cast<double>(sightings_.size());
+    out.inlier_share =
+        refined_share_ * static_cast<double>(believed) / static_cast<double>(sightings_.size());
     out.inertial_rms = std::sqrt(inertial_sum / (9.0 * static_cast<double>(inertial_.size())));
   }
 
@@ -225,6 +227,7 @@ class StartGraph {
   PoseBlock extrinsics_;
   double time_offset_ = 0.0;
   std::vector<double> inverse_depth_;
+  double refined_share_ = 0.0;  // of all sightings, believed after the refinement
   PoseManifold manifold_;
   ceres::HuberLoss loss_{kHuber_px / sigmas_.pixel};
   std::deque<ReprojectionFactor> sightings_;

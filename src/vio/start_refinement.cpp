@@ -195,6 +195,7 @@ class Refinement {
     out.covariance = covariance();
     out.guess = {x_.gravity, x_.velocity, x_.gyro_bias, x_.accel_bias, {}};
     for (const Vector3d& point : x_.points) out.guess.inverse_depth.push_back(point.z());
+    out.tracks = believed_tracks();
     out.motion = motion_;
     return out;
   }
@@ -253,6 +254,19 @@ class Refinement {
     }
     out.rms_px = believed > 0 ? sigmas_.pixel * std::sqrt(sum / believed) : 1e9;
     out.inlier_share = static_cast<double>(believed) / static_cast<double>(sightings_.size());
+  }
+
+  std::vector<StartProblem::Track> believed_tracks() const {
+    std::vector<StartProblem::Track> tracks(problem_.tracks.size());
+    for (const Sighting& s : sightings_) {
+      if (s.believed) tracks[s.track].views.push_back(s.view);
+    }
+    for (std::size_t t = 0; t < tracks.size(); ++t) {
+      auto& views = tracks[t].views;
+      const int anchor = problem_.tracks[t].views.front().keyframe;
+      if (views.size() < 3 || views.front().keyframe != anchor) views.clear();
+    }
+    return tracks;
   }
 
   // Inverse of the information with the depths eliminated.

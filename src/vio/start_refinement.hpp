@@ -16,9 +16,11 @@ struct RefinedStart {
   using Matrix12 = Eigen::Matrix<double, 12, 12>;
 
   StartGuess guess;
-  Matrix12 covariance = Matrix12::Zero();   ///< singular along gravity, whose length is given
-  double rms_px = 0.0;                      ///< of the sightings that are believed
-  double inlier_share = 0.0;                ///< of all sightings
+  Matrix12 covariance = Matrix12::Zero();  ///< singular along gravity, whose length is given
+  double rms_px = 0.0;                     ///< of the sightings that are believed
+  double inlier_share = 0.0;               ///< of all sightings
+  /// Of each track, what is believed: its views, the first among them, or none.
+  std::vector<StartProblem::Track> tracks;
   std::vector<imu::Preintegration> motion;  ///< from the first keyframe to each, at the biases
   bool converged = false;
 };

@@ -135,7 +135,7 @@ TEST(Initializer, AWrongLengthOfGravityIsNotBelieved) {
 TEST(Initializer, FramesBeforeTheSpanThatIsUsedGetInertialStates) {
   const StartRecording recording = shaken({.seed = 4, .frames = 50});
   InitConfig config = calibrated();
-  config.max_window_s = 1.2;
+  config.max_window_s = 1.22;
   const vio::InitResult start = recording.start(config);
   ASSERT_EQ(start.status, InitStatus::success) << start.detail;
   EXPECT_EQ(start.first, 25U);
