@@ -54,7 +54,7 @@ std::string colmap_images(const mapping::KeyframeStore& keyframes) {
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const SE3 T = to_se3(keyframes[i].T_camera_world);
     const auto& q = T.rotation;
-    const auto& t = T.translation;
+    const Eigen::Vector3d t = T.translation + Eigen::Vector3d::Zero();  // no -0
     fmt::format_to(std::back_inserter(text),
                    "{} {:.12g} {:.12g} {:.12g} {:.12g} {:.9g} {:.9g} {:.9g} 1 {}.png\n\n", i + 1,
                    q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z(), keyframes[i].name);

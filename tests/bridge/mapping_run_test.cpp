@@ -71,8 +71,8 @@ class MappingRunTest : public testing::Test {
 };
 
 TEST_F(MappingRunTest, LeavesEverythingThatARunFolderHolds) {
-  const MappingRunResult result = run_mapping(config(60), options());
-  EXPECT_EQ(result.iterations, 60);
+  const MappingRunResult result = run_mapping(config(200), options());
+  EXPECT_EQ(result.iterations, 200);
   EXPECT_GT(result.psnr_db, 20.0);
   const eval::Json metrics = eval::read_metrics(run_folder() / "metrics.json");
   EXPECT_EQ(metrics["mapping"]["heldout_views"], 3);

@@ -26,7 +26,7 @@ struct LearningRates {
   double logit_opacities = 2.5e-2;
   double sh_dc = 2.5e-3;
   double sh_rest = 1.25e-4;
-  double late_factor = 0.1;
+  double late_factor = 1.0;
 };
 
 /// Growth and pruning. `begin` and `end` are parts of the whole training, 0 to 1.
