@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apvi/config/fields.hpp"
+#include "apvi/config/sweep.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/sensors/rig.hpp"
@@ -41,6 +42,10 @@ std::string check_file(const fs::path& file) {
     sim::SceneConfig scene;
     config::read(node, scene);
     return "scene";
+  }
+  if (has_any(node, {"base", "cases", "grid"})) {
+    config::load_sweep(file);
+    return "sweep";
   }
   load_run_config(file, {});
   return "run configuration";
@@ -77,6 +82,8 @@ void print_markdown() {
           rig_documentation());
   section("Scenes", "`apvi sim FILE`: files in `configs/scenes/`.",
           config::to_markdown(config::document(sim::SceneConfig{})));
+  section("Sweeps", "`apvi sweep FILE`: files in `configs/ablations/`, `configs/sweeps/`.",
+          config::to_markdown(config::document(config::SweepFile{})));
 }
 
 // One aligned line per key, with its meaning below.
@@ -113,7 +120,7 @@ void add_config(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "config", "prints every configuration key with default, range and meaning; checks files");
-  command->add_option("--check", a->files, "check these files: runs, scenes, rigs")
+  command->add_option("--check", a->files, "check these files: runs, scenes, rigs, sweeps")
       ->type_name("FILE");
   command->add_flag("--markdown", a->markdown, "print docs/config.md");
   command->callback([a] { run_config(*a); });

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/config/sweep.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <set>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/text.hpp"
+
+namespace apvi::config {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxCases = 100'000;
+
+struct Alternative {
+  std::string label;
+  std::string folder;  // part of a folder's name; empty: none
+  Node keys;           // a map, its keys dotted or nested
+};
+struct Axis {
+  std::string name;
+  std::vector<Alternative> alternatives;
+};
+
+void set_key(Node& root, std::string_view path, const Node& value) {
+  std::vector<std::string_view> words;
+  text::split(path, '.', words);
+  Node* node = &root;
+  for (const std::string_view word : words) {
+    if (word.empty()) fail_at(value, path, "an empty word between dots");
+    node = &node->member(word);
+  }
+  if (value.kind != Node::Kind::map) {
+    *node = value;
+    return;
+  }
+  for (const auto& [key, item] : value.members) set_key(*node, key, item);
+}
+
+void lay_over(Node& root, const Node& keys, const std::string& where) {
+  if (keys.is_null()) return;
+  if (keys.kind != Node::Kind::map) fail_at(keys, where, "expected keys below this one");
+  for (const auto& [key, value] : keys.members) set_key(root, key, value);
+}
+
+// A value as a person would name it: a file without folder and ending, a list with + between.
+std::string label_of(const Node& value) {
+  if (value.kind == Node::Kind::list) {
+    std::string label;
+    for (const Node& item : value.items) label += (label.empty() ? "" : "+") + label_of(item);
+    return label;
+  }
+  if (value.is_null()) return "null";
+  std::string text = value.text;
+  if (text.find('/') == std::string::npos && !text.ends_with(".yaml")) return text;
+  while (text.ends_with('/')) text.pop_back();
+  return fs::path(text).stem().string();
+}
+
+std::string fit_for_a_folder(std::string name) {
+  for (char& c : name) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0;
+    if (!plain && std::string_view("+-._").find(c) == std::string_view::npos) c = '_';
+  }
+  if (name.starts_with('.')) name.front() = '_';
+  return name == "cases" ? "_cases" : name;  // that folder is the sweep's own
+}
+
+Axis named_axis(const std::string& name, const Node& node) {
+  Axis axis{name, {}};
+  for (const auto& [label, keys] : node.members) {
+    if (!keys.is_null() && keys.kind != Node::Kind::map) {
+      fail_at(keys, name + "." + label, "expected keys below this one, like {run.seed: 3}");
+    }
+    axis.alternatives.push_back({label, fit_for_a_folder(label), keys});
+  }
+  return axis;
+}
+
+Axis key_axis(const std::string& key, const Node& node) {
+  Axis axis{key, {}};
+  const std::string word = key.substr(key.rfind('.') + 1);
+  for (const Node& value : node.items) {
+    Alternative a{label_of(value), "", {}};
+    a.folder = fit_for_a_folder(key == "base" ? a.label : word + "-" + a.label);
+    a.keys.member(key) = value;
+    axis.alternatives.push_back(std::move(a));
+  }
+  return axis;
+}
+
+Axis axis_of(const std::string& name, const Node& node) {
+  Axis axis;
+  if (node.kind == Node::Kind::map) axis = named_axis(name, node);
+  if (node.kind == Node::Kind::list) axis = key_axis(name, node);
+  if (axis.alternatives.empty()) {
+    fail_at(node, name, "expected a list of values, or alternatives by name");
+  }
+  std::set<std::string> labels;
+  for (Alternative& a : axis.alternatives) {
+    if (!labels.insert(a.folder).second) a.folder += fmt::format("_{}", labels.size() + 1);
+    labels.insert(a.folder);
+  }
+  return axis;
+}
+
+std::vector<Axis> axes_of(const SweepFile& file) {
+  std::vector<Axis> axes;
+  if (!file.cases.is_null()) {
+    if (file.cases.kind != Node::Kind::map) {
+      fail_at(file.cases, "cases", "expected alternatives by name");
+    }
+    axes.push_back(axis_of("case", file.cases));
+  }
+  if (file.grid.is_null()) return axes;
+  if (file.grid.kind != Node::Kind::map) fail_at(file.grid, "grid", "expected keys with lists");
+  for (const auto& [name, node] : file.grid.members) axes.push_back(axis_of(name, node));
+  return axes;
+}
+
+int positive_int(const Node& node) {
+  int value = 0;
+  internal::read_scalar(node, "seeds", value);
+  internal::check_limit(node, "seeds", value, Range{0, 2147483647});
+  return value;
+}
+
+std::vector<std::optional<int>> seeds_of(const Node& seeds) {
+  if (seeds.is_null()) return {std::nullopt};
+  std::vector<std::optional<int>> list;
+  if (seeds.kind == Node::Kind::list) {
+    for (const Node& seed : seeds.items) list.emplace_back(positive_int(seed));
+  } else {
+    const int count = positive_int(seeds);
+    if (count > static_cast<int>(kMaxCases)) fail_at(seeds, "seeds", "too many");
+    for (int seed = 1; seed <= count; ++seed) list.emplace_back(seed);
+  }
+  if (list.empty()) fail_at(seeds, "seeds", "expected one at least");
+  return list;
+}
+
+// Paths of configuration files are relative to the sweep file, as those under `inherit` are.
+Node absolute_files(const Node& base, const fs::path& folder) {
+  Node files;
+  files.kind = Node::Kind::list;
+  const std::vector<Node> names =
+      base.kind == Node::Kind::list ? base.items : std::vector<Node>{base};
+  for (const Node& name : names) {
+    if (name.kind != Node::Kind::scalar) fail_at(name, "base", "expected a file name");
+    Node file = name;
+    file.text = fs::absolute(folder / name.text).lexically_normal().string();
+    if (!fs::exists(file.text)) fail_at(name, "base", "no such file: " + name.text);
+    files.items.push_back(std::move(file));
+  }
+  return files;
+}
+
+SweepCase make_case(const SweepFile& file, const std::vector<Axis>& axes,
+                    const std::vector<std::size_t>& index, const fs::path& path) {
+  SweepCase result;
+  Node keys;
+  keys.kind = Node::Kind::map;
+  if (!file.base.is_null()) keys.member("base") = file.base;
+  lay_over(keys, file.set, "set");
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const Alternative& a = axes[i].alternatives[index[i]];
+    lay_over(keys, a.keys, axes[i].name);
+    result.choices.emplace_back(axes[i].name, a.label);
+    if (!a.folder.empty()) result.group += (result.group.empty() ? "" : "_") + a.folder;
+  }
+  if (result.group.empty()) result.group = fit_for_a_folder(path.stem().string());
+  const Node* base = keys.find("base");
+  if (base == nullptr) {
+    fail_input("{}: base: missing; name the configuration file that the cases change",
+               path.string());
+  }
+  result.config.member("inherit") = absolute_files(*base, path.parent_path());
+  std::erase_if(keys.members, [](const auto& member) { return member.first == "base"; });
+  merge(result.config, keys);
+  return result;
+}
+
+// The next combination, the last axis turning fastest; false after the last.
+bool advance(std::vector<std::size_t>& index, const std::vector<Axis>& axes) {
+  for (std::size_t i = axes.size(); i-- > 0;) {
+    if (++index[i] < axes[i].alternatives.size()) return true;
+    index[i] = 0;
+  }
+  return false;
+}
+
+}  // namespace
+
+fs::path SweepCase::folder() const {
+  return seed ? fs::path(group) / fmt::format("seed-{}", *seed) : fs::path(group);
+}
+
+Sweep load_sweep(const fs::path& path) {
+  Sweep sweep;
+  read(load_with_inheritance(path), sweep.file);
+  SweepFile& file = sweep.file;
+  const bool simulates = file.command == SweepFile::Command::sim;
+  if (file.seed_key.empty()) file.seed_key = simulates ? "seed" : "run.seed";
+  const std::vector<Axis> axes = axes_of(file);
+  const std::vector<std::optional<int>> seeds = seeds_of(file.seeds);
+  std::size_t count = seeds.size();
+  for (const Axis& axis : axes) {
+    count *= axis.alternatives.size();
+    if (count > kMaxCases) fail_input("{}: more than {} cases", path.string(), kMaxCases);
+  }
+  std::vector<std::size_t> index(axes.size(), 0);
+  std::set<std::string> groups;
+  do {
+    SweepCase one = make_case(file, axes, index, path);
+    while (!groups.insert(one.group).second) one.group += "_2";
+    for (const std::optional<int>& seed : seeds) {
+      SweepCase& added = sweep.cases.emplace_back(one);
+      added.seed = seed;
+      if (!seed) continue;
+      Node value;
+      value.kind = Node::Kind::scalar;
+      value.text = std::to_string(*seed);
+      set_key(added.config, file.seed_key, value);
+    }
+  } while (advance(index, axes));
+  return sweep;
+}
+
+}  // namespace apvi::config
