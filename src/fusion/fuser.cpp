@@ -176,7 +176,7 @@ Fuser::Target Fuser::fuse(const FusionInput& input, const WellConditioned* used)
 
 PoseEstimate Fuser::output(const FusionInput& input, const Target& target, const Stability& dipo) {
   const double dt = last_ ? std::max(0.0, seconds_between(last_->stamp, input.stamp)) : 0.0;
-  const PoseEstimate pose = slew_.follow(dt, motion(input, target, dipo), target.pose);
+  PoseEstimate pose = slew_.follow(dt, motion(input, target, dipo), target.pose);
   last_target_ = target;
   return pose;
 }

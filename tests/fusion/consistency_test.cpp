@@ -122,6 +122,7 @@ TEST(FusionConsistency, TheRelativeFilterIsConsistentAndBetterThanBoth) {
   EXPECT_LT(fused.position_m, std::min(dipo.position_m, vio.position_m));
   EXPECT_LT(fused.heading_deg, std::min(dipo.heading_deg, vio.heading_deg));
   record("relative_half_shared", score(setup, relative(0.5)));
+  record("relative_default", score(setup, relative(RelativeConfig{}.shared_noise)));
 }
 
 TEST(FusionConsistency, IntersectionIsNeverOverconfidentButBringsLess) {

@@ -48,7 +48,7 @@ class DipoStability {
  private:
   struct PastSigma {
     Stamp stamp;
-    double position;  // [m]
+    double position = 0.0;  // [m]
   };
   Stability check_pings(Stamp now) const;
   Stability check_covariance(Stamp now, const Matrix6& covariance);

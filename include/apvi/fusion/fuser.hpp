@@ -57,7 +57,7 @@ class Fuser {
   /// What became of a DVL ping, as soon as it is known.
   void add(const dipo::Report& ping) { stability_.add(ping); }
   /// One frame; stamps must not go back. Never throws for what the subsystems say.
-  FusionResult update(const FusionInput& input);
+  FusionResult update(const FusionInput& given);
 
   const FreezePolicy& freeze_policy() const { return freeze_; }
 
