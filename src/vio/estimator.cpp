@@ -60,7 +60,6 @@ Estimator::Estimator(const Config& config, const Rig& rig)
 void Estimator::reset() {
   window_ = empty_window(rig_);
   waiting_.clear();
-  depth_zero_m_.reset();
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
   frozen_ = false;
@@ -172,7 +171,8 @@ void Estimator::release() {
   frozen_ = false;
   while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
-  const auto leaning = std::ranges::find_if(window_.frames, [](const auto& f) { return f->lean != nullptr; });
+  const auto leaning =
+      std::ranges::find_if(window_.frames, [](const auto& f) { return f->lean != nullptr; });
   if (leaning == window_.frames.end()) return reset();
   while (window_.frames.front() != *leaning) remove_frame(window_, 0);
   window_.prior = window_.frames.front()->lean;
@@ -276,12 +276,11 @@ void Estimator::attach_measurements() {
 void Estimator::attach_depth(Frame& frame) {
   const auto measured = depth_at(frame, depths_, rig_.depth_sign());
   if (!measured || (frame.depth && frame.depth->stamp == measured->stamp)) return;
-  if (!depth_zero_m_) {
+  if (!window_.depth_zero_m) {
     const SE3 pose = to_se3(frame.state.pose.data());
-    depth_zero_m_ = measured->depth_m - rig_.depth_sign() * (pose * depth_lever(rig_)).z();
+    window_.depth_zero_m = measured->depth_m - rig_.depth_sign() * (pose * depth_lever(rig_)).z();
   }
   frame.depth = measured;
-  frame.depth->depth_m -= *depth_zero_m_;
 }
 
 void Estimator::attach(Frame& frame, const DvlMeasurement& measured) const {

@@ -78,7 +78,7 @@ void Graph::add_depth(Frame& frame) {
                        rig_.depth_sign(), first(frame));
   terms_.push_back({.cost = &depths_.back(),
                     .loss = &sensor_loss_,
-                    .blocks = {pose_block(frame)},
+                    .blocks = {pose_block(frame), {&*window_.depth_zero_m, 1}},
                     .frame = &frame});
 }
 

@@ -20,8 +20,10 @@ bool DepthFactor::Evaluate(double const* const* parameters, double* residuals,
                            double** jacobians) const {
   const Rigid now(parameters[0]);
   const double z = now.p.z() + now.R.row(2).dot(p_body_sensor_);
-  residuals[0] = (sign_ * z - depth_m_) / sigma_m_;
-  if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+  residuals[0] = (sign_ * z + parameters[1][0] - depth_m_) / sigma_m_;
+  if (jacobians == nullptr) return true;
+  if (jacobians[1] != nullptr) jacobians[1][0] = 1.0 / sigma_m_;
+  if (jacobians[0] == nullptr) return true;
   const Rigid at(pose_point(first_, parameters[0]));
   Eigen::Map<Eigen::Matrix<double, 1, 7>> J(jacobians[0]);
   J.setZero();

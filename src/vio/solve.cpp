@@ -30,6 +30,7 @@ void add_states(ceres::Problem& problem, Window& window, const Config& config,
     problem.AddParameterBlock(extrinsics.data(), kPoseSize, &manifold);
     if (!config.vision.estimate_extrinsics) problem.SetParameterBlockConstant(extrinsics.data());
   }
+  if (window.depth_zero_m) problem.AddParameterBlock(&*window.depth_zero_m, 1);
   problem.AddParameterBlock(&window.time_offset_s, 1);
   if (!config.vision.estimate_time_offset) problem.SetParameterBlockConstant(&window.time_offset_s);
 }
@@ -52,6 +53,9 @@ ceres::Solver::Options solver_options(const Config& config, const Window& window
     ordering->AddElementToGroup(const_cast<double*>(extrinsics.data()), 1);
   }
   ordering->AddElementToGroup(const_cast<double*>(&window.time_offset_s), 1);
+  if (window.depth_zero_m) {
+    ordering->AddElementToGroup(const_cast<double*>(&*window.depth_zero_m), 1);
+  }
   options.linear_solver_ordering = ordering;
   return options;
 }

@@ -391,9 +391,10 @@ TEST(DepthFactor, CountsTheLeverArmAndItsJacobianEqualsNumericDifferences) {
   const Vector3d lever(0.2, -0.3, 0.4);
   for (const double sign : {1.0, -1.0}) {
     const SE3 pose = test::random_pose(random, 1.0, 5.0);
-    const double depth = sign * (pose * lever).z();
+    const double zero = random.uniform(-2.0, 2.0);
+    const double depth = sign * (pose * lever).z() + zero;
     const DepthFactor plain(depth, 0.02, lever, sign, nullptr);
-    Values x{as_vector(to_block(pose))};
+    Values x{as_vector(to_block(pose)), {zero}};
     EXPECT_LT(residual(plain, x).norm(), 1e-10);
     x = all_nudged(x, random, 0.2);
     expect_jacobians(plain, x);
@@ -405,7 +406,7 @@ TEST(DepthFactor, CountsTheLeverArmAndItsJacobianEqualsNumericDifferences) {
 
 TEST(DepthFactor, IsOneStandardDeviationOffWhereTheDepthIs) {
   const DepthFactor factor(5.0, 0.02, Vector3d::Zero(), -1.0, nullptr);
-  const Values x{as_vector(to_block({Eigen::Quaterniond::Identity(), {1.0, 2.0, -5.02}}))};
+  const Values x{as_vector(to_block({Eigen::Quaterniond::Identity(), {1.0, 2.0, -4.02}})), {1.0}};
   EXPECT_NEAR(residual(factor, x)(0), 1.0, 1e-9);
 }
 

@@ -67,7 +67,10 @@ struct VisionConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "of a corner on a long track [px]");
+    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
+      "of a residual on a long track: the noise of two corners, where it is anchored and where it "
+      "is "
+      "seen [px]");
     v("huber_px", huber_px, Range{0.01, 1000.0}, "larger residuals count linearly [px]");
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 1000.0},
       "a landmark with a larger mean error is given up [px]");

@@ -107,7 +107,6 @@ class Estimator {
   std::deque<DepthMeasurement> depths_;
   std::vector<TrackedFrame> waiting_;  // frames before the start
   Window window_;
-  std::optional<double> depth_zero_m_;  // measured depth where the window's z is zero
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
   int bad_frames_ = 0;

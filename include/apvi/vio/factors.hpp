@@ -144,8 +144,9 @@ class DvlDisplacementFactor final : public ceres::SizedCostFunction<3, 7, 9, 7> 
   const FirstEstimate* first_j_;
 };
 
-/// Depth below the surface at a frame. Block: pose. `sign` as Rig::depth_sign.
-class DepthFactor final : public ceres::SizedCostFunction<1, 7> {
+/// Depth as measured at a frame. Blocks: pose; depth that is measured where the world has z = 0
+/// [m], which nobody knows better than the first samples tell. `sign` as Rig::depth_sign.
+class DepthFactor final : public ceres::SizedCostFunction<1, 7, 1> {
  public:
   DepthFactor(double depth_m, double sigma_m, const Eigen::Vector3d& p_body_sensor, double sign,
               const FirstEstimate* first);

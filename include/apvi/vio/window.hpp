@@ -42,7 +42,7 @@ struct Frame {
     DvlPing factor;
   };
   std::vector<Ping> pings;  ///< between this frame and the next
-  /// At its instant, counted from where the window has z = 0.
+  /// As it would have been measured at its instant.
   std::optional<DepthMeasurement> depth;
   std::shared_ptr<const Prior> lean;  ///< what the aid says of the state while the window is frozen
   int tracks = 0;                     ///< that it was seen with
@@ -70,7 +70,8 @@ struct Window {
   std::set<std::int64_t> given_up;  ///< tracks that are no longer believed
   std::shared_ptr<const Prior> prior;
   std::vector<PoseBlock> T_body_camera;
-  double time_offset_s = 0.0;  ///< of the cameras, besides the rig's
+  std::optional<double> depth_zero_m;  ///< depth that is measured where z = 0; none measured: none
+  double time_offset_s = 0.0;          ///< of the cameras, besides the rig's
 
   Frame& newest() { return *frames.back(); }
   const Frame& newest() const { return *frames.back(); }
