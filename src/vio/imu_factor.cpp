@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -152,9 +154,12 @@ bool ImuFactor::Evaluate(double const* const* parameters, double* residuals,
   Eigen::Map<Vector15>{residuals} =
       sqrt_information_.triangularView<Eigen::Lower>() * now.residual();
   if (jacobians == nullptr) return true;
-  const Point at(*delta_, gravity_, pose_point(first_i_, parameters[0]),
-                 motion_point(first_i_, parameters[1]), pose_point(first_j_, parameters[2]),
-                 motion_point(first_j_, parameters[3]));
+  const double* const first[] = {
+      pose_point(first_i_, parameters[0]), motion_point(first_i_, parameters[1]),
+      pose_point(first_j_, parameters[2]), motion_point(first_j_, parameters[3])};
+  const Point at = std::equal(std::begin(first), std::end(first), parameters)
+                       ? now
+                       : Point(*delta_, gravity_, first[0], first[1], first[2], first[3]);
   const Eigen::Matrix<double, 9, 6> by_bias = delta_->bias_jacobian();
   const Columns columns(sqrt_information_, at, by_bias);
   if (jacobians[0] != nullptr) columns.pose_i(jacobians[0]);

@@ -89,7 +89,7 @@ void NormalEquations::add_landmark(const std::vector<int>& terms) {
     }
   }
   std::ranges::sort(seen_from_);
-  seen_from_.erase(std::ranges::unique(seen_from_).begin(), seen_from_.end());
+  seen_from_.erase(std::unique(seen_from_.begin(), seen_from_.end()), seen_from_.end());
   remove_landmark(information, gradient);
   for (const int block : seen_from_) h_.segment(column(block), size(block)).setZero();
 }

@@ -26,7 +26,8 @@ class NormalEquations {
 
   int column(int block) const { return plan_.column[static_cast<std::size_t>(block)]; }
   int size(int block) const { return column(block + 1) - column(block); }
-  const Eigen::MatrixXd& H() const { return H_; }
+  /// The lower half of H.
+  const Eigen::MatrixXd& information() const { return H_; }
 
  private:
   /// A part of a term that has columns.

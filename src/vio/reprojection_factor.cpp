@@ -76,13 +76,16 @@ void add_other_camera(Matrix23& rotation, Matrix23& position, const Chain& c, co
   position -= lambda * c.by_body_j;
 }
 
-/// Where the blocks of one factor are.
-struct Blocks {
-  const double* pose_i;
-  const double* pose_j;
-  const double* camera_a;
-  const double* camera_b;
+/// One view at given poses.
+struct Sight {
+  Rigid i, j;
+  Vector3d ray;  ///< in the anchor, z = 1
   double lambda;
+  Transfer t;
+
+  Sight(const double* pose_i, const double* pose_j, const Rigid& a, const Rigid& b,
+        const Vector3d& bearing_i, double inverse_depth)
+      : i(pose_i), j(pose_j), ray(bearing_i), lambda(inverse_depth), t(i, j, a, b, ray, lambda) {}
 };
 
 // Slots of the Jacobians; null where nobody asks. With one camera both of its slots are the same.
@@ -95,51 +98,63 @@ struct Slots {
   double* offset;
 };
 
-void write_cameras(const Slots& out, const Chain& c, const Transfer& t, const Rigid& a,
-                   const Vector3d& bearing_i, double lambda) {
+void write_cameras(const Slots& out, const Chain& c, const Sight& at, const Rigid& a) {
   Matrix23 rotation = Matrix23::Zero();
   Matrix23 position = Matrix23::Zero();
   if (out.camera_a != nullptr) {
-    add_anchor_camera(rotation, position, c, a, bearing_i, lambda);
-    if (out.camera_b == out.camera_a) add_other_camera(rotation, position, c, t, lambda);
+    add_anchor_camera(rotation, position, c, a, at.ray, at.lambda);
+    if (out.camera_b == out.camera_a) add_other_camera(rotation, position, c, at.t, at.lambda);
     write_pose(out.camera_a, rotation, position);
   }
   if (out.camera_b != nullptr && out.camera_b != out.camera_a) {
     rotation.setZero();
     position.setZero();
-    add_other_camera(rotation, position, c, t, lambda);
+    add_other_camera(rotation, position, c, at.t, at.lambda);
     write_pose(out.camera_b, rotation, position);
   }
 }
 
-void write_jacobians(const Slots& out, const Blocks& at, const Rigid& a, const Rigid& b,
-                     const View& view_i, const View& view_j, double dt, double weight) {
-  const Rigid i(at.pose_i);
-  const Rigid j(at.pose_j);
-  const Vector3d ray = bearing(view_i, dt);
-  const Transfer t(i, j, a, b, ray, at.lambda);
-  const Chain c(t, i, j, b, weight);
+/// A term between two frames: what it measured and where its cameras are.
+struct Seen {
+  const View& i;
+  const View& j;
+  const Rigid& a;
+  const Rigid& b;
+  double weight;
+};
+
+void write_jacobians(const Slots& out, const Seen& seen, const Sight& at) {
+  const Chain c(at.t, at.i, at.j, seen.b, seen.weight);
   if (out.pose_i != nullptr) {
-    write_pose(out.pose_i, -times_hat(c.by_body_i, t.in_body_i), at.lambda * c.by_world);
+    write_pose(out.pose_i, -times_hat(c.by_body_i, at.t.in_body_i), at.lambda * c.by_world);
   }
   if (out.pose_j != nullptr) {
-    write_pose(out.pose_j, times_hat(c.by_body_j, t.in_body_j), -at.lambda * c.by_world);
+    write_pose(out.pose_j, times_hat(c.by_body_j, at.t.in_body_j), -at.lambda * c.by_world);
   }
-  write_cameras(out, c, t, a, ray, at.lambda);
+  write_cameras(out, c, at, seen.a);
   if (out.lambda != nullptr) {
     Eigen::Map<Vector2d>{out.lambda} =
-        c.by_body_i * a.p + c.by_world * (i.p - j.p) - c.by_body_j * b.p;
+        c.by_body_i * seen.a.p + c.by_world * (at.i.p - at.j.p) - c.by_body_j * seen.b.p;
   }
   if (out.offset != nullptr) {
     Eigen::Map<Vector2d>{out.offset} =
-        c.by_body_i * (a.R.leftCols<2>() * view_i.velocity) - weight * view_j.velocity;
+        c.by_body_i * (seen.a.R.leftCols<2>() * seen.i.velocity) - seen.weight * seen.j.velocity;
   }
 }
 
-Vector2d residual(const Blocks& at, const Rigid& a, const Rigid& b, const View& view_i,
-                  const View& view_j, double dt, double weight) {
-  const Transfer t(Rigid(at.pose_i), Rigid(at.pose_j), a, b, bearing(view_i, dt), at.lambda);
-  return weight * (project(t.in_camera_j) - view_j.point - dt * view_j.velocity);
+/// The residual at poses i and j, Jacobians at the points of linearisation.
+void evaluate(const Seen& seen, const double* const poses[2], const double* const points[2],
+              double lambda, double dt, double* residuals, const Slots* out) {
+  const Vector3d ray = bearing(seen.i, dt);
+  const Sight now(poses[0], poses[1], seen.a, seen.b, ray, lambda);
+  Eigen::Map<Vector2d>{residuals} =
+      seen.weight * (project(now.t.in_camera_j) - seen.j.point - dt * seen.j.velocity);
+  if (out == nullptr) return;
+  if (points[0] == poses[0] && points[1] == poses[1]) {
+    write_jacobians(*out, seen, now);
+  } else {
+    write_jacobians(*out, seen, Sight(points[0], points[1], seen.a, seen.b, ray, lambda));
+  }
 }
 
 }  // namespace
@@ -150,16 +165,18 @@ ReprojectionFactor::ReprojectionFactor(const View& i, const View& j, double weig
 
 bool ReprojectionFactor::Evaluate(double const* const* parameters, double* residuals,
                                   double** jacobians) const {
-  Blocks at{parameters[0], parameters[1], parameters[2], parameters[2], *parameters[3]};
+  const Rigid camera(parameters[2]);
+  const double* const points[] = {pose_point(first_i_, parameters[0]),
+                                  pose_point(first_j_, parameters[1])};
+  const Seen seen{i_, j_, camera, camera, weight_};
   const double dt = *parameters[4] - offset_s_;
-  const Rigid camera(at.camera_a);
-  Eigen::Map<Vector2d>{residuals} = residual(at, camera, camera, i_, j_, dt, weight_);
-  if (jacobians == nullptr) return true;
-  at.pose_i = pose_point(first_i_, at.pose_i);
-  at.pose_j = pose_point(first_j_, at.pose_j);
+  if (jacobians == nullptr) {
+    evaluate(seen, parameters, points, *parameters[3], dt, residuals, nullptr);
+    return true;
+  }
   const Slots out{jacobians[0], jacobians[1], jacobians[2],
                   jacobians[2], jacobians[3], jacobians[4]};
-  write_jacobians(out, at, camera, camera, i_, j_, dt, weight_);
+  evaluate(seen, parameters, points, *parameters[3], dt, residuals, &out);
   return true;
 }
 
@@ -169,17 +186,19 @@ CrossCameraFactor::CrossCameraFactor(const View& i, const View& j, double weight
 
 bool CrossCameraFactor::Evaluate(double const* const* parameters, double* residuals,
                                  double** jacobians) const {
-  Blocks at{parameters[0], parameters[1], parameters[2], parameters[3], *parameters[4]};
+  const Rigid a(parameters[2]);
+  const Rigid b(parameters[3]);
+  const double* const points[] = {pose_point(first_i_, parameters[0]),
+                                  pose_point(first_j_, parameters[1])};
+  const Seen seen{i_, j_, a, b, weight_};
   const double dt = *parameters[5] - offset_s_;
-  const Rigid a(at.camera_a);
-  const Rigid b(at.camera_b);
-  Eigen::Map<Vector2d>{residuals} = residual(at, a, b, i_, j_, dt, weight_);
-  if (jacobians == nullptr) return true;
-  at.pose_i = pose_point(first_i_, at.pose_i);
-  at.pose_j = pose_point(first_j_, at.pose_j);
+  if (jacobians == nullptr) {
+    evaluate(seen, parameters, points, *parameters[4], dt, residuals, nullptr);
+    return true;
+  }
   const Slots out{jacobians[0], jacobians[1], jacobians[2],
                   jacobians[3], jacobians[4], jacobians[5]};
-  write_jacobians(out, at, a, b, i_, j_, dt, weight_);
+  evaluate(seen, parameters, points, *parameters[4], dt, residuals, &out);
   return true;
 }
 

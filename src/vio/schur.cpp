@@ -36,7 +36,7 @@ Eigen::MatrixXd information_by_schur(const LinearTerms& terms, const Elimination
   NormalEquations equations(terms, plan);
   for (int block = 0; block < plan.going; ++block) equations.eliminate(block);
   const Index n = plan.columns() - plan.going_columns();
-  return equations.H().bottomRightCorner(n, n).selfadjointView<Eigen::Lower>();
+  return equations.information().bottomRightCorner(n, n).selfadjointView<Eigen::Lower>();
 }
 
 }  // namespace apvi::vio

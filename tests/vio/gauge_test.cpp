@@ -65,7 +65,8 @@ MatrixXd gauge(const CameraWindow& window, const Prior& prior) {
 
 /// What the prior claims to know of each shift [1/m²] and of the heading [1/rad²].
 Eigen::Vector4d information_on_gauge(const CameraWindow& window, const Prior& prior) {
-  return (prior.J * gauge(window, prior)).colwise().squaredNorm();
+  const MatrixXd claimed = prior.J * gauge(window, prior);
+  return claimed.colwise().squaredNorm().transpose();
 }
 
 class Gauge : public testing::TestWithParam<Method> {};
