@@ -7,7 +7,6 @@
 namespace apvi::vio {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using View = ReprojectionFactor::View;
