@@ -60,7 +60,7 @@ Gaussians split_halves(const Gaussians& parents, std::uint64_t seed) {
 
 // Those to grow, the strongest first when there is not room for all.
 Tensor growing(const Tensor& gradient, double threshold, std::int64_t room) {
-  const Tensor candidates = gradient > threshold;
+  Tensor candidates = gradient > threshold;
   const auto count = candidates.sum().item<std::int64_t>();
   if (count <= room) return candidates;
   Tensor chosen = torch::zeros_like(candidates);
