@@ -199,7 +199,7 @@ TEST(DatasetFolder, CutsTheConfiguredSpanAndHidesImages) {
   config.start_s = 2.0;
   config.duration_s = 3.0;
   config.blackout_s = {{2.5, 3.0}, {4.0, 4.1}};
-  config.blackout = Blackout::dropped;
+  config.blackout = io::Blackout::dropped;
   const auto out = read_out(config);
   EXPECT_EQ(out.delivered("imu"), 30U);
   EXPECT_EQ(out.delivered("camera"), 24U);
