@@ -24,6 +24,8 @@ namespace {
 
 using torch::Tensor;
 
+static_assert(kMostShDegree == splat::kMaxShDegree);
+
 // Separate streams of random numbers, so that one more draw in one place changes no other.
 enum class Stream : std::uint64_t { order = 1, split = 2, insertion = 3 };
 

@@ -61,6 +61,7 @@ class MappingRunTest : public testing::Test {
     config.mapping.trainer.iterations = iterations;
     config.mapping.trainer.sh_degree = 0;
     config.mapping.trainer.coarsest = 1;
+    config.mapping.densify.kind = mapping::Densification::none;  // the wall is there already
     config.eval.heldout_every = 4;
     return config;
   }
@@ -73,7 +74,7 @@ class MappingRunTest : public testing::Test {
 TEST_F(MappingRunTest, LeavesEverythingThatARunFolderHolds) {
   const MappingRunResult result = run_mapping(config(200), options());
   EXPECT_EQ(result.iterations, 200);
-  EXPECT_GT(result.psnr_db, 20.0);
+  EXPECT_GT(result.psnr_db, 19.0);
   const eval::Json metrics = eval::read_metrics(run_folder() / "metrics.json");
   EXPECT_EQ(metrics["mapping"]["heldout_views"], 3);
   EXPECT_DOUBLE_EQ(metrics["mapping"]["psnr_db"].get<double>(), result.psnr_db);

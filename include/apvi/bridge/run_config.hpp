@@ -120,7 +120,7 @@ struct MappingConfig {
     v("coarsest", trainer.coarsest, Range{1, 8}, "the training begins with images reduced by this");
     v("coarse_until", trainer.coarse_until, Range{0.0, 1.0},
       "part of the training after which they are whole");
-    v("sh_degree", trainer.sh_degree, Range{0, splat::kMaxShDegree},
+    v("sh_degree", trainer.sh_degree, Range{0, mapping::kMostShDegree},
       "of the spherical harmonics: how colours change with direction");
     v("sh_interval", trainer.sh_interval, Range{1, 100000000}, "iterations until one degree more");
     v("ssim_weight", trainer.ssim_weight, Range{0.0, 1.0}, "of D-SSIM in the loss; the rest is L1");

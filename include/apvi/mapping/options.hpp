@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-#include "apvi/splat/gaussians.hpp"
-
 namespace apvi::mapping {
+
+inline constexpr int kMostShDegree = 3;  ///< splat::kMaxShDegree, without LibTorch's headers
 
 /// Where a map gets new Gaussians from, besides those it starts with.
 enum class Densification {
@@ -64,7 +64,7 @@ struct TrainerOptions {
   int iterations = 7000;       ///< with growth and falling rates
   int final_iterations = 0;    ///< after them, without growth, at the final rates
   double time_budget_s = 0.0;  ///< 0: none; else the iterations are spread over at most this
-  int sh_degree = splat::kMaxShDegree;
+  int sh_degree = kMostShDegree;
   int sh_interval = 1000;  ///< iterations until one more degree is used
   double ssim_weight = 0.2;
   int coarsest = 4;            ///< reduction of the images at the start: 1, 2 or 4
