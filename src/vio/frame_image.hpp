@@ -21,7 +21,8 @@ struct FrameImage {
   double contrast = 0.0;         ///< standard deviation of `grey`
 
   /// Of `even` at half its size (CV_16SC2, Scharr). The pyramid holds image, gradient, image, …
-  const cv::Mat& half_gradient() const { return pyramid[3]; }
+  /// Empty when the image is hardly larger than a patch.
+  cv::Mat half_gradient() const { return pyramid.size() > 3 ? pyramid[3] : cv::Mat(); }
 };
 
 /// 8-bit grey of an image of 8 or 16 bits or of floats in [0, 1], grey, BGR or BGRA. False for

@@ -121,6 +121,7 @@ struct Tracker::Impl {
 };
 
 FrameQuality Tracker::Impl::take_image(const std::vector<cv::Mat>& images, Stamp stamp) {
+  current.brightness = 0.0;  // until an image says otherwise
   if (newest && stamp < *newest) return FrameQuality::out_of_order;
   if (newest && stamp == *newest) return FrameQuality::repeated;
   newest = stamp;

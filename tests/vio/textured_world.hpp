@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cmath>
+#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -23,7 +25,7 @@ struct Wall {
   double distance = 6.0;
   double left = -1e9;
   double right = 1e9;
-  Eigen::Vector2d shift = Eigen::Vector2d::Zero();  ///< by how much it has moved [m]
+  std::array<double, 2> shift{};  ///< by how much it has moved, x and y [m]
 };
 
 inline cv::Mat random_texture(int size, std::uint64_t seed) {
@@ -34,7 +36,7 @@ inline cv::Mat random_texture(int size, std::uint64_t seed) {
     for (int i = 0; i < size * size; ++i) {
       noise.at<float>(i / size, i % size) = static_cast<float>(random.normal());
     }
-    cv::GaussianBlur(noise, noise, {}, sigma, sigma, cv::BORDER_WRAP);
+    cv::GaussianBlur(noise, noise, {}, sigma, sigma, cv::BORDER_REFLECT_101);
     texture += noise * (25.0 * 2.0 * sigma);  // every scale with much the same contrast
   }
   cv::Mat grey;
@@ -66,7 +68,7 @@ class TexturedWorld {
     for (std::size_t i = 0; i < walls.size(); ++i) {
       const double length = (walls[i].distance - from.z()) / ray.z();
       const Eigen::Vector3d p = from + length * ray;
-      const double x = p.x() - walls[i].shift.x();
+      const double x = p.x() - walls[i].shift[0];
       if (ray.z() <= 1e-3 || length <= 0.0 || x < walls[i].left || x > walls[i].right) continue;
       if (!nearest || p.z() < nearest->second.z()) nearest = {i, p};
     }
@@ -76,14 +78,16 @@ class TexturedWorld {
   cv::Mat view(const CameraModel& camera, const SE3& T_world_camera) const {
     constexpr double kTexelsPerMetre = 80.0;
     const auto& p = camera.parameters();
+    const std::vector<Eigen::Vector3d>& rays = rays_of(camera);
+    const Eigen::Matrix3d R = T_world_camera.rotation.toRotationMatrix();
     cv::Mat map(p.height, p.width, CV_32FC2, cv::Scalar(-1.0, -1.0));
     for (int i = 0; i < p.width * p.height; ++i) {
-      const auto ray = camera.unproject({i % p.width, i / p.width});
-      if (!ray) continue;
-      const auto found = hit(T_world_camera.translation, T_world_camera.rotation * *ray);
+      const Eigen::Vector3d ray = R * rays[static_cast<std::size_t>(i)];
+      const auto found = hit(T_world_camera.translation, ray);
       if (!found) continue;
       const auto& [wall, point] = *found;
-      const Eigen::Vector2d at = point.head<2>() - walls[wall].shift;
+      const Eigen::Vector2d at =
+          point.head<2>() - Eigen::Vector2d(walls[wall].shift[0], walls[wall].shift[1]);
       // Another part of the texture for each wall.
       const double u = kTexelsPerMetre * at.x() + 300.0 * static_cast<double>(wall);
       const double v = kTexelsPerMetre * at.y();
@@ -111,7 +115,22 @@ class TexturedWorld {
   cv::Mat texture = random_texture(1024, 7);
 
  private:
-  double wrapped(double t) const { return t - 1024.0 * std::floor(t / 1024.0); }
+  static double wrapped(double t) { return t - 1024.0 * std::floor(t / 1024.0); }
+
+  // Zero where the lens has no inverse. Kept for each camera, told apart by its focal length:
+  // they take longer than the picture.
+  const std::vector<Eigen::Vector3d>& rays_of(const CameraModel& camera) const {
+    const auto& p = camera.parameters();
+    auto& rays = rays_[p.fx];
+    if (!rays.empty()) return rays;
+    for (int i = 0; i < p.width * p.height; ++i) {
+      rays.push_back(
+          camera.unproject({i % p.width, i / p.width}).value_or(Eigen::Vector3d::Zero()));
+    }
+    return rays;
+  }
+
+  mutable std::map<double, std::vector<Eigen::Vector3d>> rays_;
 };
 
 /// A far wall and a nearer one that covers its right half.

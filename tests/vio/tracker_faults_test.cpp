@@ -113,9 +113,10 @@ TEST(TrackerFaults, ImagesOfAnotherSizeOrNoneAtAllAreNamed) {
 
 TEST(TrackerFaults, FormatsThatCannotBeReadAreNamed) {
   Dive dive(two_walls());
+  int k = 0;
   for (const int type : {CV_8UC2, CV_64F, CV_8S, CV_32S}) {
     const cv::Mat image(360, 480, type, cv::Scalar::all(1));
-    EXPECT_EQ(dive.frame(type, image).statistics.quality, FrameQuality::wrong_size);
+    EXPECT_EQ(dive.frame(k++, image).statistics.quality, FrameQuality::wrong_size);
   }
 }
 

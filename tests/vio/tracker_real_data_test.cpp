@@ -76,7 +76,7 @@ TEST(TrackerOnRealData, KeepsEnoughTracksNearTheirEpipolarLines) {
     if (k < 5) continue;
     constexpr double kFocal = 458.0;
     const auto pairs = pairs_between(frames[k - 5], frames[k]);
-    const auto motion = best_motion(pairs, Quaterniond::Identity(), 1.0 / kFocal);
+    const auto motion = best_motion(pairs, std::nullopt, 1.0 / kFocal);
     ASSERT_TRUE(motion);
     for (const PointPair& pair : pairs) {
       distances.push_back(kFocal * epipolar_distance(motion->essential(), pair));
