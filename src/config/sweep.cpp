@@ -50,7 +50,10 @@ void lay_over(Node& root, const Node& keys, const std::string& where) {
 std::string label_of(const Node& value) {
   if (value.kind == Node::Kind::list) {
     std::string label;
-    for (const Node& item : value.items) label += (label.empty() ? "" : "+") + label_of(item);
+    for (const Node& item : value.items) {
+      if (!label.empty()) label += '+';
+      label += label_of(item);
+    }
     return label;
   }
   if (value.is_null()) return "null";
@@ -73,7 +76,8 @@ Axis named_axis(const std::string& name, const Node& node) {
   Axis axis{name, {}};
   for (const auto& [label, keys] : node.members) {
     if (!keys.is_null() && keys.kind != Node::Kind::map) {
-      fail_at(keys, name + "." + label, "expected keys below this one, like {run.seed: 3}");
+      fail_at(keys, fmt::format("{}.{}", name, label),
+              "expected keys below this one, like {run.seed: 3}");
     }
     axis.alternatives.push_back({label, fit_for_a_folder(label), keys});
   }

@@ -106,7 +106,7 @@ void ChildProcess::kill() {
 
 std::filesystem::path own_program() {
   std::error_code error;
-  const auto path = std::filesystem::read_symlink("/proc/self/exe", error);
+  auto path = std::filesystem::read_symlink("/proc/self/exe", error);
   if (error) fail_run("/proc/self/exe: cannot be read: {}", error.message());
   return path;
 }

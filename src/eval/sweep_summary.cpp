@@ -29,7 +29,7 @@ const std::vector<std::string> kUsualColumns{"trajectory.ate_rmse_m",
 void add_numbers(const Json& json, const std::string& path,
                  std::vector<std::pair<std::string, double>>& numbers) {
   for (const auto& [key, value] : json.items()) {
-    const std::string name = path.empty() ? key : path + "." + key;
+    const std::string name = path.empty() ? key : fmt::format("{}.{}", path, key);
     if (value.is_object()) {
       add_numbers(value, name, numbers);
     } else if (value.is_boolean()) {
