@@ -153,7 +153,7 @@ void print_epipolar(const Recording& recording, const Outcome& outcome, std::siz
 }  // namespace apvi::bench
 
 int main(int argc, char** argv) {
-  using namespace apvi;
+  namespace bench = apvi::bench;
   if (argc != 2 && argc != 5) {
     fmt::print(stderr, "usage: tracker_bench DATASET [gyro bias x y z]\n");
     return 2;
