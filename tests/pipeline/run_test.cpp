@@ -43,8 +43,8 @@ TEST(Run, WritesATrajectoryMetricsAndTheResolvedConfiguration) {
   const Trajectory trajectory = io::read_trajectory(tmp.path() / "run" / "trajectory.tum");
   EXPECT_EQ(trajectory.size(), result.poses);
   const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
-  EXPECT_NEAR(metrics["trajectory"]["ate_rmse_m"].get<double>(), result.metrics.fused.ate.value->rmse,
-              1e-9);
+  EXPECT_NEAR(metrics["trajectory"]["ate_rmse_m"].get<double>(),
+              result.metrics.fused.ate.value->rmse, 1e-9);
   EXPECT_GT(metrics["counts"]["dvl"]["accepted"].get<int>(), 250);
   for (const char* name : {"dipo.tum", "calibration.csv", "pings.csv", "log.txt"}) {
     EXPECT_GT(fs::file_size(tmp.path() / "run" / name), 0U) << name;
