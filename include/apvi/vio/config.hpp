@@ -128,7 +128,6 @@ struct HealthConfig {
 
 struct TightConfig {
   bool velocity = true;
-  bool displacement = false;
   bool depth = true;
   double huber_sigmas = 3.0;
 
