@@ -135,7 +135,6 @@ struct TightConfig {
   void visit(V& v) {
     using config::Range;
     v("velocity", velocity, "a factor per DVL ping");
-    v("displacement", displacement, "a factor per keyframe interval from the summed up velocities");
     v("depth", depth, "a factor per frame from the pressure or depth sensor");
     v("huber_sigmas", huber_sigmas, Range{0.1, 1000.0},
       "larger residuals of theirs count linearly");
