@@ -68,7 +68,10 @@ FrameOutput Localizer::process(const FrameJob& job,
   if (output.vio.has_state() && !vio_start_s_) {
     vio_start_s_ = seconds_between(*first_frame_, job.stamp);
   }
-  if (job.dipo && !T_output_dipo_) align(*job.dipo, output.vio);
+  if (job.dipo && !T_output_dipo_) {
+    const bool took_over = output.vio.status == vio::Status::started && aided;
+    align(*job.dipo, output.vio, output.vio.has_state() && !took_over);
+  }
   fusion::FusionInput input;
   input.stamp = job.stamp;
   input.statistics = output.statistics;
@@ -100,8 +103,7 @@ std::optional<vio::Aid> Localizer::moved(const std::optional<vio::Aid>& dipo) co
   return aid;
 }
 
-void Localizer::align(const vio::Aid& dipo, const vio::Result& vio) {
-  const bool vio_was_first = vio.has_state() && vio.detail.find("DVL-aided") == std::string::npos;
+void Localizer::align(const vio::Aid& dipo, const vio::Result& vio, bool vio_was_first) {
   if (!vio_was_first) {
     T_output_dipo_ = SE3::identity();
     return;

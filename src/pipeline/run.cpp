@@ -74,13 +74,19 @@ eval::Json speed_json(const RunResult& result) {
   return json;
 }
 
-eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
-                                 const io::SequenceReader& reader, std::optional<Stamp> first,
-                                 const Trajectory& estimate) {
+// Nothing when the recording has no reference.
+std::optional<Trajectory> reference_of(const RunConfig& config, const io::SequenceReader& reader,
+                                       std::optional<Stamp> first) {
   auto reference = reader.reference();
-  if (!reference || estimate.empty()) return eval::evaluate_alone(estimate);
   const bool whole = config.dataset.start_s == 0.0 && config.dataset.duration_s == 0.0;
-  if (!whole && first) reference = eval::seen_part(*reference, *first, config.dataset.duration_s);
+  if (!reference || whole || !first) return reference;
+  return eval::seen_part(*reference, *first, config.dataset.duration_s);
+}
+
+eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
+                                 const std::optional<Trajectory>& reference,
+                                 const Trajectory& estimate) {
+  if (!reference || estimate.empty()) return eval::evaluate_alone(estimate);
   eval::EvalOptions options = config.eval;
   options.estimate_world = rig.world;
   options.reference_world = eval::reference_world(*reference, rig.world);
@@ -247,10 +253,11 @@ std::string waited_for(const Runner& runner) {
 eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
                                const io::SequenceReader& reader, const Pass& pass,
                                const Sensors& sensors) {
+  const std::optional<Trajectory> reference = reference_of(config, reader, pass.first);
   eval::RunTrajectories metrics;
-  metrics.fused = evaluate(config, rig, reader, pass.first, pass.fused);
-  if (sensors.dvl) metrics.dipo = evaluate(config, rig, reader, pass.first, pass.dipo);
-  if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reader, pass.first, pass.vio);
+  metrics.fused = evaluate(config, rig, reference, pass.fused);
+  if (sensors.dvl) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
+  if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reference, pass.vio);
   return metrics;
 }
 

@@ -70,11 +70,11 @@ void Estimator::add(const ImuSample& sample) {
 }
 
 void Estimator::add(const DvlMeasurement& measurement) {
-  pings_.push_back(measurement);
+  if (config_.graph == GraphKind::tight) pings_.push_back(measurement);
 }
 
 void Estimator::add(const DepthMeasurement& measurement) {
-  depths_.push_back(measurement);
+  if (config_.graph == GraphKind::tight) depths_.push_back(measurement);
 }
 
 Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
@@ -117,15 +117,16 @@ void Estimator::estimate(Result& result, int iterations) {
   triangulate(window_, config_.vision.min_parallax_deg * kDegree);
   attach_measurements();
   const Graph graph(window_, config_, rig_);
-  const SolveReport report = solve(graph, window_, config_, iterations);
-  result.solve_s = report.seconds;
+  Stopwatch watch;
+  solve(graph, window_, config_, iterations);
+  result.solve_s = watch.seconds();
   result.landmarks = graph.landmarks();
   result.sightings = graph.sightings();
   give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
   result.reprojection_rms_px = newest_rms_px(window_, rig_);
   Frame& newest = window_.newest();
   result.state = to_nav_state(newest.state);
-  Stopwatch watch;
+  watch.reset();
   const Informations informations = newest_informations(graph, window_, config_);
   result.information = informations.absolute;
   result.window_information = informations.over_window;

@@ -83,8 +83,7 @@ void Graph::add_depth(Frame& frame) {
 }
 
 void Graph::add_landmark(Landmark& landmark) {
-  if (!landmark.triangulated()) return;
-  if (static_cast<int>(landmark.sightings.size()) < config_.vision.min_sightings) return;
+  if (!takes_part(landmark, config_.vision.min_sightings)) return;
   ++landmarks_;
   for (std::size_t k = 1; k < landmark.sightings.size(); ++k) {
     add_sighting(landmark, landmark.sightings[k]);

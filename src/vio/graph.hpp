@@ -62,15 +62,7 @@ class Graph {
   std::deque<DepthFactor> depths_;
 };
 
-struct SolveReport {
-  int iterations = 0;
-  double initial_cost = 0.0;
-  double final_cost = 0.0;
-  double seconds = 0.0;
-  bool usable = false;
-};
-
 /// Moves the window to a minimum of the graph's cost.
-SolveReport solve(const Graph& graph, Window& window, const Config& config, int iterations);
+void solve(const Graph& graph, Window& window, const Config& config, int iterations);
 
 }  // namespace apvi::vio

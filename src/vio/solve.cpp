@@ -2,7 +2,6 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include "apvi/core/stopwatch.hpp"
 #include "graph.hpp"
 
 namespace apvi::vio {
@@ -62,8 +61,7 @@ ceres::Solver::Options solver_options(const Config& config, const Window& window
 
 }  // namespace
 
-SolveReport solve(const Graph& graph, Window& window, const Config& config, int iterations) {
-  const Stopwatch watch;
+void solve(const Graph& graph, Window& window, const Config& config, int iterations) {
   PoseManifold manifold;
   ceres::Problem problem(problem_options());
   add_states(problem, window, config, manifold);
@@ -83,11 +81,6 @@ SolveReport solve(const Graph& graph, Window& window, const Config& config, int 
   }
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  return {.iterations = static_cast<int>(summary.iterations.size()) - 1,
-          .initial_cost = summary.initial_cost,
-          .final_cost = summary.final_cost,
-          .seconds = watch.seconds(),
-          .usable = summary.IsSolutionUsable()};
 }
 
 }  // namespace apvi::vio

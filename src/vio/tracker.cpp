@@ -93,7 +93,7 @@ struct Tracker::Impl {
   void forget();
   bool glitch(std::size_t found, Stamp stamp) const;
   void keep(Stamp stamp);
-  std::optional<Quaterniond> R_now_last() const;
+  std::optional<Quaterniond> rotation_since_last() const;
   std::vector<cv::Point2f> turned_pixels() const;
   std::vector<Track> followed(double dt, FrameStatistics& statistics) const;
   std::vector<Track> rigid(const std::vector<Track>& now, FrameStatistics& statistics);
@@ -147,7 +147,7 @@ bool Tracker::Impl::remembers(Stamp stamp) const {
 }
 
 // Of the camera since the last good frame.
-std::optional<Quaterniond> Tracker::Impl::R_now_last() const {
+std::optional<Quaterniond> Tracker::Impl::rotation_since_last() const {
   if (!R_last_now) return std::nullopt;
   const Quaterniond& R_body_camera = camera.T_body_camera.rotation;
   return R_body_camera.conjugate() * R_last_now->conjugate() * R_body_camera;
@@ -156,7 +156,7 @@ std::optional<Quaterniond> Tracker::Impl::R_now_last() const {
 // Where the tracks would be now if the camera had only turned.
 std::vector<cv::Point2f> Tracker::Impl::turned_pixels() const {
   std::vector<cv::Point2f> pixels = pixels_of(tracks);
-  const std::optional<Quaterniond> R = R_now_last();
+  const std::optional<Quaterniond> R = rotation_since_last();
   if (!R) return pixels;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     const auto pixel = camera.model.project(*R * tracks[i].point.homogeneous());
@@ -191,7 +191,7 @@ std::vector<Track> Tracker::Impl::followed(double dt, FrameStatistics& statistic
 
 std::vector<Track> Tracker::Impl::rigid(const std::vector<Track>& now,
                                         FrameStatistics& statistics) {
-  const std::vector<char> stays = rigidity.check(points_of(now), R_now_last());
+  const std::vector<char> stays = rigidity.check(points_of(now), rotation_since_last());
   std::vector<Track> kept;
   for (std::size_t i = 0; i < now.size(); ++i) {
     if (stays[i] != 0) kept.push_back(now[i]);

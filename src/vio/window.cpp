@@ -16,11 +16,6 @@ constexpr double kLargestMiss = 0.03;
 
 using Sighting = Landmark::Sighting;
 
-SE3 camera_pose(const Sighting& sighting, const Window& window) {
-  const auto camera = static_cast<std::size_t>(sighting.camera);
-  return to_se3(sighting.frame->state.pose.data()) * to_se3(window.T_body_camera.at(camera).data());
-}
-
 Eigen::Vector3d ray(const Sighting& sighting) {
   return sighting.view.point.homogeneous();
 }
@@ -66,6 +61,15 @@ void drop_sightings(Landmark& landmark, const Window& window, const Frame& frame
 }
 
 }  // namespace
+
+SE3 camera_pose(const Landmark::Sighting& sighting, const Window& window) {
+  const auto camera = static_cast<std::size_t>(sighting.camera);
+  return to_se3(sighting.frame->state.pose.data()) * to_se3(window.T_body_camera.at(camera).data());
+}
+
+bool takes_part(const Landmark& landmark, int min_sightings) {
+  return landmark.triangulated() && static_cast<int>(landmark.sightings.size()) >= min_sightings;
+}
 
 Eigen::Vector3d position(const Landmark& landmark, const Window& window) {
   const Sighting& anchor = landmark.sightings.front();

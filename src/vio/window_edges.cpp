@@ -21,11 +21,6 @@ double focal(const Rig& rig, int camera) {
   return rig.cameras[static_cast<std::size_t>(camera)].model.parameters().fx;
 }
 
-bool in_graph(const Landmark& landmark, const Config& config) {
-  return landmark.triangulated() &&
-         static_cast<int>(landmark.sightings.size()) >= config.vision.min_sightings;
-}
-
 void hold_what_is_given(Linearizer& linearizer, const Window& window, const Config& config) {
   if (!config.vision.estimate_extrinsics) {
     for (const PoseBlock& block : window.T_body_camera) linearizer.hold_constant(block.data());
@@ -46,7 +41,7 @@ std::set<const Landmark*> leaving(const Window& window, const Config& config) {
   std::set<const Landmark*> found;
   for (const auto& [id, landmark] : window.landmarks) {
     if (landmark.sightings.empty() || landmark.sightings.front().frame != oldest) continue;
-    if (!in_graph(landmark, config)) continue;
+    if (!takes_part(landmark, config.vision.min_sightings)) continue;
     const bool continues = landmark.sightings.back().frame == &window.newest();
     if (continues && config.window.continuing_tracks == ContinuingTracks::reanchor) continue;
     found.insert(&landmark);
@@ -169,9 +164,7 @@ std::shared_ptr<Prior> prior_from(const Frame& frame, const Aid& aid, double lea
 
 double reprojection_error_px(const Landmark& landmark, const Landmark::Sighting& sighting,
                              const Window& window, const Rig& rig) {
-  const auto camera = static_cast<std::size_t>(sighting.camera);
-  const SE3 T_world_camera =
-      to_se3(sighting.frame->state.pose.data()) * to_se3(window.T_body_camera[camera].data());
+  const SE3 T_world_camera = camera_pose(sighting, window);
   const Eigen::Vector3d p = T_world_camera.inverse() * position(landmark, window);
   if (p.z() < 0.01) return std::numeric_limits<double>::infinity();
   return (p.head<2>() / p.z() - sighting.view.point).norm() * focal(rig, sighting.camera);

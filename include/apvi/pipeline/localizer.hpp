@@ -53,7 +53,7 @@ class Localizer {
 
  private:
   std::optional<vio::Aid> moved(const std::optional<vio::Aid>& dipo) const;
-  void align(const vio::Aid& dipo, const vio::Result& vio);
+  void align(const vio::Aid& dipo, const vio::Result& vio, bool vio_was_first);
   void act(fusion::Action action);
 
   bool tight_;

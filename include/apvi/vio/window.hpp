@@ -77,6 +77,10 @@ struct Window {
   const Frame& newest() const { return *frames.back(); }
 };
 
+/// T_world_camera of the camera and frame that saw it.
+SE3 camera_pose(const Landmark::Sighting& sighting, const Window& window);
+/// Whether a landmark is part of the graph.
+bool takes_part(const Landmark& landmark, int min_sightings);
 /// Where a landmark is in the world [m]; it must be triangulated.
 Eigen::Vector3d position(const Landmark& landmark, const Window& window);
 
