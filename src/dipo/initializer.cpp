@@ -72,8 +72,14 @@ std::optional<Initializer::Start> Initializer::try_start() const {
   const Vector3d v_to = sum.delta().rotation * body_velocity(*last, imu_[to].gyro);
   // Δv = R_iᵀ (v_j - v_i - g T): what was felt beyond the change of velocity held the vehicle up.
   const Vector3d force = (sum.delta().velocity - (v_to - v_from)) / sum.duration_s();
+  // A gyro's bias turns the velocity at the end and what was felt on the way.
+  const Eigen::Matrix<double, 9, 6> by_bias = sum.bias_jacobian();
+  Eigen::Matrix<double, 3, 6> force_by_bias = by_bias.middleRows<3>(imu::Preintegration::kVelocity);
+  force_by_bias += so3::hat(v_to) * sum.delta().rotation.toRotationMatrix() *
+                   by_bias.middleRows<3>(imu::Preintegration::kRotation);
+  force_by_bias /= sum.duration_s();
   const State state = make_state(force, v_from);
-  return Start{imu_[from], state, make_covariance(state)};
+  return Start{imu_[from], state, make_covariance(state, force, force_by_bias)};
 }
 
 State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body) const {
@@ -95,7 +101,8 @@ State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body
   return state;
 }
 
-Matrix Initializer::make_covariance(const State& state) const {
+Matrix Initializer::make_covariance(const State& state, const Vector3d& force_body,
+                                    const Eigen::Matrix<double, 3, 6>& force_by_bias) const {
   Matrix P = Matrix::Zero();
   const auto set = [&](int index, int count, double sigma) {
     P.diagonal().segment(index, count).setConstant(sigma * sigma);
@@ -119,6 +126,13 @@ Matrix Initializer::make_covariance(const State& state) const {
   set_if(kMounting, 3, config_.dvl.mounting);
   set_if(kLeverArm, 3, config_.dvl.lever_arm);
   set_if(kDepthBias, 1, config_.depth.bias);
+  // Biases that the start took for zero have tilted it: tilt = (d force) x force / |force|^2.
+  const Eigen::Matrix<double, 3, 6> tilt_by_bias =
+      -so3::hat(force_body) * force_by_bias / force_body.squaredNorm();
+  const Eigen::Matrix<double, 6, 6> biases = P.block<6, 6>(imu::kGyroBias, imu::kGyroBias);
+  P.topLeftCorner<3, 3>() += tilt_by_bias * biases * tilt_by_bias.transpose();
+  P.block<3, 6>(0, imu::kGyroBias) = tilt_by_bias * biases;
+  P.block<6, 3>(imu::kGyroBias, 0) = biases * tilt_by_bias.transpose();
   return P;
 }
 

@@ -42,7 +42,9 @@ class Initializer {
 
   Eigen::Vector3d body_velocity(const DvlSample& ping, const Eigen::Vector3d& gyro) const;
   State make_state(const Eigen::Vector3d& force_body, const Eigen::Vector3d& v_body) const;
-  Matrix make_covariance(const State& state) const;
+  /// `force_by_bias`: d force_body / d (gyro bias, accelerometer bias).
+  Matrix make_covariance(const State& state, const Eigen::Vector3d& force_body,
+                         const Eigen::Matrix<double, 3, 6>& force_by_bias) const;
 
   Config config_;
   Rig rig_;
