@@ -17,6 +17,13 @@ constexpr Duration kSameFrame{5'000'000};
 // How long the first waits for the second.
 constexpr Duration kStereoPatience{30'000'000};
 
+// Cameras are silent when nothing comes for so long, and for three times as long as between the
+// last two images; at the beginning they may take longer.
+constexpr Duration kSilence{500'000'000};
+constexpr Duration kFirstSilence{5'000'000'000};
+// Of the jobs that bridge a silence.
+constexpr Duration kSilentPeriod{100'000'000};
+
 // Frames that may wait for inertial data before the oldest is given up.
 constexpr std::size_t kMostWaiting = 60;
 
@@ -67,6 +74,7 @@ Navigator::Output Navigator::process(const SensorEvent& event) {
     if (cameras_ > 0) take(*image);
   } else {
     take(event);
+    if (localization_ && std::holds_alternative<ImuSample>(event)) bridge_silence(stamp_of(event));
     if (localization_) output.pings = localization_->process(event);
     note_pings(output.pings);
   }
@@ -88,6 +96,7 @@ void Navigator::take(const ImageFrame& image) {
     return;
   }
   if (image.camera != 0) return;  // its partner was lost
+  note_image(stamp);
   FrameJob job;
   job.stamp = stamp;
   job.images.resize(cameras_);
@@ -96,6 +105,24 @@ void Navigator::take(const ImageFrame& image) {
   if (waiting_.size() <= kMostWaiting) return;
   if (abandoned_frames_++ == 0) log::warning("camera: frames are given up: no inertial data");
   waiting_.pop_front();
+}
+
+void Navigator::note_image(Stamp stamp) {
+  if (last_image_) image_period_ = stamp - *last_image_;
+  last_image_ = stamp;
+}
+
+void Navigator::bridge_silence(Stamp now) {
+  if (cameras_ == 0) return;
+  if (!first_imu_) first_imu_ = now;
+  const Stamp since = last_image_.value_or(*first_imu_);
+  if (now - since < Duration{std::max(kSilence.ns, 3 * image_period_.ns)}) return;
+  const Stamp last = waiting_.empty() ? last_frame_.value_or(since) : waiting_.back().stamp;
+  if (now - last < kSilentPeriod) return;
+  FrameJob job;
+  job.stamp = now;
+  job.images.resize(cameras_);
+  waiting_.push_back(std::move(job));
 }
 
 void Navigator::take(const SensorEvent& event) {

@@ -15,7 +15,8 @@
 namespace apvi::pipeline {
 
 /// The first stage: takes every sample in order, runs the acoustic odometry (when the rig has a
-/// DVL) and turns camera frames into jobs as soon as the inertial data have reached them.
+/// DVL) and turns camera frames into jobs as soon as the inertial data have reached them. While the
+/// cameras are silent and there is acoustic odometry, jobs without images keep the rest going.
 class Navigator {
  public:
   struct Output {
@@ -36,6 +37,8 @@ class Navigator {
  private:
   void take(const ImageFrame& image);
   void take(const SensorEvent& event);
+  void note_image(Stamp stamp);
+  void bridge_silence(Stamp now);
   void note_pings(const std::vector<LocalizationOutput>& outputs);
   bool is_ready(const FrameJob& job, Stamp now) const;
   void complete(FrameJob& job);
@@ -51,6 +54,9 @@ class Navigator {
   std::vector<dipo::Report> fresh_reports_;
   std::deque<FrameJob> waiting_;
   std::optional<Stamp> last_frame_;
+  std::optional<Stamp> first_imu_;
+  std::optional<Stamp> last_image_;
+  Duration image_period_{2'000'000'000};  // between the last two; a camera may be slow to start
   std::size_t abandoned_frames_ = 0;
 };
 
