@@ -90,6 +90,10 @@ void DensityStatistics::extend(std::int64_t count) {
   }
 }
 
+void DensityStatistics::keep(const Tensor& which) {
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->index({which});
+}
+
 void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
   archive.write("gradient_sum", gradient_sum_, true);
   archive.write("views", views_, true);
@@ -135,7 +139,9 @@ DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& stat
 
   const Tensor halved = halved_logit(map.logit_opacities.index_select(0, cloned));
   map.logit_opacities.index_copy_(0, cloned, halved);
-  store.insert(join(select(map, cloned), split_halves(select(map, split_index), seed)));
+  const Tensor owners = torch::cat({cloned, split_index, split_index});
+  store.insert(join(select(map, cloned), split_halves(select(map, split_index), seed)),
+               store.anchors().index_select(0, owners));
   const Tensor remove = bad | split;
   store.prune(
       torch::cat({remove, torch::zeros({store.size() - remove.size(0)}, remove.options())}));

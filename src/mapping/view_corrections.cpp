@@ -46,6 +46,16 @@ ViewCorrections::ViewCorrections(std::size_t views, const PoseOptions& poses,
       poses_(make(views, {6})),
       exposures_(make(views, {2, 3})) {}
 
+void ViewCorrections::add_view() {
+  for (Learnt* learnt : {&poses_, &exposures_}) {
+    for (Tensor* t : {&learnt->value, &learnt->first, &learnt->second, &learnt->steps}) {
+      std::vector<std::int64_t> shape = t->sizes().vec();
+      shape[0] = 1;
+      *t = torch::cat({*t, torch::zeros(shape, t->options())});
+    }
+  }
+}
+
 Tensor ViewCorrections::pose_delta(std::size_t i, bool learn) const {
   if (!pose_options_.enabled) return {};
   return row(poses_.value, i).clone().requires_grad_(learn);

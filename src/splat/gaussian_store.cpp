@@ -35,6 +35,10 @@ Gaussians zeros_like(const Gaussians& gaussians) {
   return map(gaussians, [](const Tensor& t) { return torch::zeros_like(t); });
 }
 
+Tensor nobodys(std::int64_t count, const torch::Device& device) {
+  return torch::full({count}, GaussianStore::kNobody, torch::dtype(torch::kInt64).device(device));
+}
+
 /// A larger buffer with the same first rows.
 Gaussians grown(const Gaussians& buffers, std::int64_t size, std::int64_t capacity) {
   return map(buffers, [&](const Tensor& t) {
@@ -86,6 +90,7 @@ GaussianStore::GaussianStore(const Gaussians& gaussians) : size_(gaussians.size(
   parameters_ = map(gaussians, [](const Tensor& t) { return t.detach().contiguous().clone(); });
   first_ = zeros_like(parameters_);
   second_ = zeros_like(parameters_);
+  anchors_ = nobodys(size_, parameters_.means.device());
 }
 
 const Gaussians& GaussianStore::view() const {
@@ -103,20 +108,29 @@ void GaussianStore::reserve(std::int64_t count) {
   for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
     *buffers = grown(*buffers, size_, rows);
   }
+  anchors_ = torch::cat({anchors_, nobodys(rows - anchors_.size(0), anchors_.device())});
 }
 
-void GaussianStore::insert(const Gaussians& gaussians) {
+Tensor GaussianStore::anchors() const {
+  return anchors_.narrow(0, 0, size_);
+}
+
+void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
   check(gaussians);
   TORCH_CHECK(gaussians.sh_degree() == parameters_.sh_degree(), "gaussian store: degree ",
               gaussians.sh_degree(), " does not fit a map of degree ", parameters_.sh_degree());
   const torch::NoGradGuard no_grad;
   const std::int64_t count = gaussians.size();
+  TORCH_CHECK(!anchors.defined() || anchors.sizes() == at::IntArrayRef({count}),
+              "gaussian store: anchors of shape ", anchors.sizes(), " for ", count, " Gaussians");
   reserve(size_ + count);
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     parameters_.tensors()[k]->narrow(0, size_, count).copy_(*gaussians.tensors()[k]);
     first_.tensors()[k]->narrow(0, size_, count).zero_();
     second_.tensors()[k]->narrow(0, size_, count).zero_();
   }
+  Tensor owners = anchors_.narrow(0, size_, count);
+  anchors.defined() ? owners.copy_(anchors) : owners.fill_(kNobody);
   size_ += count;
   view_ = {};
 }
@@ -131,6 +145,7 @@ void GaussianStore::prune(const Tensor& remove) {
       tensor->narrow(0, 0, count).copy_(tensor->index_select(0, keep));
     }
   }
+  anchors_.narrow(0, 0, count).copy_(anchors_.index_select(0, keep));
   size_ = count;
   view_ = {};
 }
@@ -189,6 +204,7 @@ void GaussianStore::save(torch::serialize::OutputArchive& archive) const {
   write(archive, "", live_part(parameters_, size_));
   write(archive, "first.", live_part(first_, size_));
   write(archive, "second.", live_part(second_, size_));
+  archive.write("anchors", anchors().clone());
 }
 
 GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
@@ -202,6 +218,12 @@ GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
   TORCH_CHECK(
       same_shapes(store.first_, store.parameters_) && same_shapes(store.second_, store.parameters_),
       "gaussian store: the archive's moments do not fit its Gaussians");
+  Tensor owners;
+  archive.read("anchors", owners);
+  TORCH_CHECK(
+      owners.sizes() == at::IntArrayRef({store.size_}) && owners.scalar_type() == torch::kInt64,
+      "gaussian store: the archive's anchors do not fit its Gaussians");
+  store.anchors_ = owners.to(device);
   store.steps_ = steps.toInt();
   return store;
 }

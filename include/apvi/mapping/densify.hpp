@@ -26,6 +26,8 @@ class DensityStatistics {
   void observe(const splat::RenderStatistics& statistics);
   /// Makes room for `count` more Gaussians at the end, of which nothing is known.
   void extend(std::int64_t count);
+  /// Keeps those where `which` [size()] (bool) is set.
+  void keep(const torch::Tensor& which);
   /// Mean pull at the projected centre over the views that saw it, [N]; 0 where none did.
   torch::Tensor mean_gradient() const { return gradient_sum_ / views_.clamp_min(1.0); }
   /// Number of views that saw it [N], and its largest blend weight there [N].

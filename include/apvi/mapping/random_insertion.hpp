@@ -6,6 +6,7 @@
 
 #include "apvi/core/random.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/rendering.hpp"
 #include "apvi/splat/gaussians.hpp"
 
 namespace apvi::mapping {
@@ -13,8 +14,7 @@ namespace apvi::mapping {
 /// Small Gaussians behind random pixels of a keyframe, in the pixels' colours: at the depth that
 /// the map has there, or, where it has none, at any depth from a tenth of `extent` to all of it
 /// [m]. As many as asked for, on the map's device.
-splat::Gaussians random_gaussians(const splat::Gaussians& map, const KeyframeStore& keyframes,
-                                  std::size_t view, std::int64_t count, double extent,
-                                  Random& random);
+splat::Gaussians random_gaussians(const Map& map, const KeyframeStore& keyframes, std::size_t view,
+                                  std::int64_t count, double extent, Random& random);
 
 }  // namespace apvi::mapping

@@ -1,21 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <torch/types.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <vector>
 
-#include "apvi/mapping/densify.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/map_learner.hpp"
 #include "apvi/mapping/options.hpp"
-#include "apvi/mapping/view_corrections.hpp"
-#include "apvi/splat/gaussian_store.hpp"
-#include "apvi/splat/medium_optimizer.hpp"
-#include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
 
@@ -45,18 +38,14 @@ class Trainer {
   double seconds() const { return seconds_; }
 
   /// The map as it is; shares memory with the trainer's.
-  splat::Gaussians map() const;
-  std::int64_t size() const { return store_.size(); }
-  std::optional<splat::Medium> medium() const;
-  const ViewCorrections& corrections() const { return corrections_; }
+  splat::Gaussians map() const { return learner_.map(); }
+  std::int64_t size() const { return learner_.size(); }
+  std::optional<splat::Medium> medium() const { return learner_.medium(); }
+  const ViewCorrections& corrections() const { return learner_.corrections(); }
 
  private:
   std::size_t choose_view() const;
   int reduction() const;
-  splat::RenderOptions render_options() const;
-  splat::GaussianRates rates() const;
-  torch::Tensor image_of(std::size_t view, const splat::View& camera,
-                         const splat::RenderOutput& out);
   void maybe_densify();
   void insert_random();
 
@@ -64,10 +53,7 @@ class Trainer {
   TrainerOptions options_;
   double extent_;
   std::int64_t initial_size_;
-  splat::GaussianStore store_;
-  DensityStatistics statistics_;
-  ViewCorrections corrections_;
-  std::optional<splat::MediumOptimizer> medium_;
+  MapLearner learner_;
   std::int64_t iteration_ = 0;
   double seconds_ = 0.0;
 };

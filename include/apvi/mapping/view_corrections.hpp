@@ -22,6 +22,10 @@ class ViewCorrections {
  public:
   ViewCorrections(std::size_t views, const PoseOptions& poses, const ExposureOptions& exposure);
 
+  /// Makes room for one more view, of which nothing is known.
+  void add_view();
+  std::size_t views() const { return static_cast<std::size_t>(poses_.steps.size(0)); }
+
   /// [6] float64: the left perturbation of view `i`, translation [m], then rotation [rad]; a leaf
   /// that requires a gradient when `learn` and poses are corrected. Undefined when they are not.
   torch::Tensor pose_delta(std::size_t i, bool learn) const;

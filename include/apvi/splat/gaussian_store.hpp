@@ -37,6 +37,8 @@ struct GaussianRates {
 /// than needed, so that a map may grow and shrink all the time without being copied every time.
 class GaussianStore {
  public:
+  static constexpr std::int64_t kNobody = -1;
+
   /// Takes a copy of the Gaussians. Throws c10::Error when their tensors do not fit together.
   explicit GaussianStore(const Gaussians& gaussians);
 
@@ -49,8 +51,13 @@ class GaussianStore {
   /// tensors at every call, until `insert`, `prune`, `transform` or `load` makes them stale.
   const Gaussians& view() const;
 
-  /// Adds Gaussians of the same degree and type behind the others, without momentum.
-  void insert(const Gaussians& gaussians);
+  /// Whom each Gaussian belongs to [size()] int64, for example the keyframe that saw it first: what
+  /// moves moves its own. kNobody without one.
+  torch::Tensor anchors() const;
+
+  /// Adds Gaussians of the same degree and type behind the others, without momentum. `anchors`
+  /// [gaussians.size()] int64; undefined: nobody's.
+  void insert(const Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Removes those where `remove` [size()] (bool) is set. The others keep their order and momentum.
   void prune(const torch::Tensor& remove);
 
@@ -81,6 +88,7 @@ class GaussianStore {
   Gaussians parameters_;  ///< these and the next two have capacity() rows
   Gaussians first_;
   Gaussians second_;
+  torch::Tensor anchors_;   ///< [capacity()] int64
   mutable Gaussians view_;  ///< empty when stale
 };
 

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "archive.hpp"
+
+#include <torch/torch.h>
+
+#include <ostream>
+
+#include "apvi/core/atomic_file.hpp"
+#include "apvi/core/error.hpp"
+
+namespace apvi::mapping {
+
+void write_archive(const std::filesystem::path& file, torch::serialize::OutputArchive& archive) {
+  write_file_atomically(file, [&archive](std::ostream& out) { archive.save_to(out); });
+}
+
+void read_archive(const std::filesystem::path& file,
+                  const std::function<void(torch::serialize::InputArchive&)>& read) {
+  try {
+    torch::serialize::InputArchive archive;
+    archive.load_from(file.string());
+    read(archive);
+  } catch (const c10::Error& e) {
+    fail_input("{}: cannot be resumed: {}; delete it to start anew", file.string(),
+               e.what_without_backtrace());
+  }
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/serialize/archive.h>
+
+#include <filesystem>
+#include <functional>
+
+namespace apvi::mapping {
+
+/// Writes a checkpoint in one step. Throws RunError when it cannot be written.
+void write_archive(const std::filesystem::path& file, torch::serialize::OutputArchive& archive);
+
+/// Opens a checkpoint and lets `read` take what it needs. Throws InputError when the file is
+/// damaged, or when `read` throws c10::Error.
+void read_archive(const std::filesystem::path& file,
+                  const std::function<void(torch::serialize::InputArchive&)>& read);
+
+}  // namespace apvi::mapping

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/seeds.hpp"
+
+#include <torch/torch.h>
+
+#include "apvi/splat/ply.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kLeastTransmission = 0.05;  // what little light comes through tells no colour
+
+// Points [n,3] in the camera's frame.
+Tensor in_camera(const splat::Intrinsics& k, const Tensor& pixels, const Tensor& depths) {
+  const Tensor x = (pixels.select(1, 0) - k.cx) / k.fx * depths;
+  const Tensor y = (pixels.select(1, 1) - k.cy) / k.fy * depths;
+  return torch::stack({x, y, depths}, 1);
+}
+
+Tensor rotated(const Tensor& T, const Tensor& points) {
+  return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t());
+}
+
+Tensor moved(const Tensor& T, const Tensor& points) {
+  return rotated(T, points) + T.slice(0, 0, 3).select(1, 3);
+}
+
+// Index of the pixel that holds a position in the picture.
+Tensor pixel_index(const splat::Intrinsics& k, const Tensor& pixels) {
+  const Tensor u = pixels.select(1, 0).floor().clamp(0, k.width - 1).to(torch::kInt64);
+  const Tensor v = pixels.select(1, 1).floor().clamp(0, k.height - 1).to(torch::kInt64);
+  return v * k.width + u;
+}
+
+}  // namespace
+
+Seeds Seeds::select(const Tensor& index) const {
+  return {.pixels = pixels.index_select(0, index),
+          .depths = depths.index_select(0, index),
+          .radii_px = radii_px.index_select(0, index),
+          .opacities = opacities.index_select(0, index)};
+}
+
+Seeds Seeds::join(const Seeds& a, const Seeds& b) {
+  return {.pixels = torch::cat({a.pixels, b.pixels}),
+          .depths = torch::cat({a.depths, b.depths}),
+          .radii_px = torch::cat({a.radii_px, b.radii_px}),
+          .opacities = torch::cat({a.opacities, b.opacities})};
+}
+
+Seeds Seeds::none() {
+  const Tensor empty = torch::empty({0}, torch::kFloat64);
+  return {.pixels = torch::empty({0, 2}, torch::kFloat64),
+          .depths = empty,
+          .radii_px = empty,
+          .opacities = empty};
+}
+
+SeenPoints project(const splat::View& view, const Tensor& positions) {
+  const splat::Intrinsics& k = view.intrinsics;
+  const Tensor p = moved(view.T_camera_world, positions);
+  const Tensor z = p.select(1, 2);
+  const Tensor safe = z.clamp_min(1e-9);
+  const Tensor u = p.select(1, 0) / safe * k.fx + k.cx;
+  const Tensor v = p.select(1, 1) / safe * k.fy + k.cy;
+  return {.pixels = torch::stack({u, v}, 1),
+          .depths = z,
+          .in_view = (z > 1e-3) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)};
+}
+
+splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes, std::size_t view,
+                              int sh_degree, const std::optional<splat::Medium>& medium) {
+  const torch::NoGradGuard no_grad;
+  const splat::View camera = keyframes.view(view, 1);
+  const splat::Intrinsics& k = camera.intrinsics;
+  const std::int64_t n = seeds.size();
+  const Tensor points = in_camera(k, seeds.pixels, seeds.depths);
+  const Tensor bytes = keyframes[view].image.reshape({-1, 3});
+  Tensor colors = bytes.index_select(0, pixel_index(k, seeds.pixels)).to(torch::kFloat64) / 255.0;
+  if (medium) colors = without_water(colors, points.norm(2, 1), *medium);
+  const Tensor log_scale = (seeds.radii_px * seeds.depths / k.fx).log().to(torch::kFloat32);
+  const Tensor opacity = seeds.opacities;
+  Tensor quaternions = torch::zeros({n, 4});
+  quaternions.select(1, 0).fill_(1.0);
+  return {.means = moved(torch::inverse(camera.T_camera_world), points).to(torch::kFloat32),
+          .log_scales = log_scale.unsqueeze(1).repeat({1, 3}),
+          .quaternions = quaternions,
+          .logit_opacities = torch::log(opacity / (1.0 - opacity)).to(torch::kFloat32),
+          .sh_dc = splat::color_to_sh_dc(colors.to(torch::kFloat32)),
+          .sh_rest = torch::zeros({n, splat::sh_rest_count(sh_degree), 3})};
+}
+
+Tensor without_water(const Tensor& colors, const Tensor& ranges, const splat::Medium& medium) {
+  const auto like = colors.options();
+  const Tensor z = ranges.to(like).unsqueeze(1);
+  const Tensor veil = medium.b_inf.to(like) * (1.0 - torch::exp(-medium.beta_b.to(like) * z));
+  const Tensor through = torch::exp(-medium.beta_d.to(like) * z).clamp_min(kLeastTransmission);
+  return ((colors - veil) / through).clamp(0.0, 1.0);
+}
+
+}  // namespace apvi::mapping
