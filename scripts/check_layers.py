@@ -52,7 +52,7 @@ def module_of(name):
     """The module that a file belongs to; None for files that may include anything (test support)."""
     parts = pathlib.PurePath(name).parts
     if parts[0] in ("kernels", "cpu_fallback"):
-        return "splat"
+        return "mapping" if "mapping" in parts[1:-1] else "splat"
     if parts[:2] == ("include", "apvi") and len(parts) > 3:
         return parts[2]
     if parts[0] in ("src", "tests") and len(parts) > 2 and parts[1] in BELOW:

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "sweep_patch.hpp"
+
+#include <cmath>
+
+/// As in clones.hpp, but with whole-number vectors too.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define APVI_SWEEP_CLONES \
+  __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define APVI_SWEEP_CLONES
+#endif
+
+namespace apvi::mapping::cpu {
+namespace {
+
+struct Places {
+  alignas(64) std::array<float, kSamples> x;
+  alignas(64) std::array<float, kSamples> y;
+};
+
+constexpr Places make_places() {
+  Places places = {};
+  std::size_t k = 0;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      if ((row == 0 || row == 5) && (column == 0 || column == 5)) continue;
+      places.x[k] = static_cast<float>(column) - kPatchReach;
+      places.y[k] = static_cast<float>(row) - kPatchReach;
+      ++k;
+    }
+  }
+  return places;
+}
+
+constexpr Places kPlaces = make_places();
+
+__attribute__((always_inline)) inline void take_samples(const Level& level, const PatchPlace& p,
+                                                        float* __restrict__ samples) {
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    const float x = p.x + p.xx * kPlaces.x[k] + p.xy * kPlaces.y[k];
+    const float y = p.y + p.yx * kPlaces.x[k] + p.yy * kPlaces.y[k];
+    const int column = static_cast<int>(x);
+    const int row = static_cast<int>(y);
+    const float right = x - static_cast<float>(column);
+    const float down = y - static_cast<float>(row);
+    const int i = row * level.width + column;
+    const std::uint32_t a = level.pairs[i];
+    const std::uint32_t b = level.pairs[i + 1];
+    const auto a0 = static_cast<float>(static_cast<int>(a & 0xFFFFU));
+    const auto a1 = static_cast<float>(static_cast<int>(a >> 16U));
+    const auto b0 = static_cast<float>(static_cast<int>(b & 0xFFFFU));
+    const auto b1 = static_cast<float>(static_cast<int>(b >> 16U));
+    const float above = a0 + right * (b0 - a0);
+    const float below = a1 + right * (b1 - a1);
+    samples[k] = above + down * (below - above);
+  }
+}
+
+}  // namespace
+
+APVI_SWEEP_CLONES Patch take_patch(const Level& level, const PatchPlace& place, float noise) {
+  Patch patch = {};
+  take_samples(level, place, patch.values.data());
+  float sum = 0.0F;
+  for (const float value : patch.values) sum += value;
+  patch.mean = sum / kSamples;
+  float squares = 0.0F;
+  for (float& value : patch.values) {
+    value -= patch.mean;
+    squares += value * value;
+  }
+  patch.noise_sum = kSamples * noise * noise;
+  patch.inverse_norm = 1.0F / std::sqrt(squares + patch.noise_sum);
+  return patch;
+}
+
+APVI_SWEEP_CLONES float correlation_cost(const Patch& patch, const Level& level,
+                                         const PatchPlace& place) {
+  alignas(64) std::array<float, kSamples> samples;  // NOLINT(*-member-init)
+  take_samples(level, place, samples.data());
+  float sum = 0.0F;
+  float squares = 0.0F;
+  float products = 0.0F;
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    const float value = samples[k] - patch.mean;  // small numbers: their squares keep their digits
+    sum += value;
+    squares += value * value;
+    products += value * patch.values[k];
+  }
+  const float spread = squares - sum * sum / kSamples;
+  const float correlation =
+      products * patch.inverse_norm / std::sqrt((spread > 0.0F ? spread : 0.0F) + patch.noise_sum);
+  return correlation > 0.0F ? 1.0F - correlation : 1.0F;
+}
+
+APVI_SWEEP_CLONES float difference_cost(const Patch& patch, const Level& level,
+                                        const PatchPlace& place, float gain, float offset) {
+  alignas(64) std::array<float, kSamples> samples;  // NOLINT(*-member-init)
+  take_samples(level, place, samples.data());
+  const float mean = gain * patch.mean + offset;
+  float sum = 0.0F;
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    sum += std::fabs(samples[k] - mean - gain * patch.values[k]);
+  }
+  return sum / kSamples;
+}
+
+}  // namespace apvi::mapping::cpu

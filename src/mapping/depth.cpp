@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/depth.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "apvi/mapping/depth_backend.hpp"
+#include "depth_confidence.hpp"
+#include "depth_geometry.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kLeastContrast =
+    3.0 / 255.0;  // standard deviation of a picture with something in it
+constexpr double kLeastBaseline_m = 1e-4;
+constexpr int kRangeLevel = 2;         // reduction in which the depths that occur are looked for
+constexpr double kRangeTail = 0.01;    // part of the blocks that may lie outside
+constexpr double kRangeMargin = 1.25;  // and how much farther the range reaches than the rest
+constexpr std::size_t kFewestForRange = 20;
+constexpr int kRefinements = 2;
+constexpr std::int64_t kFine = 4;   // finer steps in one step; as many to either side are tried
+constexpr float kSteepest = 0.02F;  // relative change of 1/depth a pixel that a surface may have
+constexpr std::int64_t kSameHypothesis = 3;  // steps within which two minima are one
+
+Tensor centers_of(const std::vector<Block>& blocks) {
+  Tensor points = torch::empty({static_cast<std::int64_t>(blocks.size()), 2}, torch::kFloat32);
+  auto* p = points.data_ptr<float>();
+  for (const Block& b : blocks) {
+    *p++ = static_cast<float>(b.x) + 0.5F * static_cast<float>(b.width);
+    *p++ = static_cast<float>(b.y) + 0.5F * static_cast<float>(b.height);
+  }
+  return points;
+}
+
+/// A block of 4 px is compared in the whole picture, one of 8 in its half, and so on.
+Tensor levels_of(const std::vector<Block>& blocks) {
+  Tensor levels = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kInt32);
+  auto* p = levels.data_ptr<std::int32_t>();
+  for (const Block& b : blocks) {
+    int level = 0;
+    while (level + 1 < kSweepLevels && (8 << level) <= b.size) ++level;
+    *p++ = level;
+  }
+  return levels;
+}
+
+GreyMedium grey_medium(const std::optional<splat::Medium>& medium) {
+  if (!medium) return {};
+  const auto grey = [](const Tensor& rgb) {
+    const Tensor c = rgb.detach().to(torch::kCPU, torch::kFloat64);
+    return 0.299 * c[0].item<double>() + 0.587 * c[1].item<double>() + 0.114 * c[2].item<double>();
+  };
+  return {
+      .beta_d = grey(medium->beta_d), .beta_b = grey(medium->beta_b), .b_inf = grey(medium->b_inf)};
+}
+
+/// Indices [N] int64 of rows' least values [N,L], made numbers of their own.
+Tensor least_of(const Tensor& values) {
+  return std::get<1>(values.min(1));
+}
+
+Tensor pick(const Tensor& values, const Tensor& index) {
+  return values.gather(1, index.unsqueeze(1)).squeeze(1);
+}
+
+class Estimator {
+ public:
+  Estimator(std::vector<DepthView> views, const DepthRequest& request, const DepthOptions& options)
+      : views_(std::move(views)),
+        options_(options),
+        backend_(depth_backend(torch::kCPU)),
+        geometry_(sweep_geometry(views_)),
+        medium_(grey_medium(request.medium)) {
+    std::vector<Tensor> greys;
+    for (const DepthView& view : views_) greys.push_back(view.grey);
+    pictures_ = backend_.prepare(greys);
+  }
+
+  void estimate(DepthEstimate& out) {
+    std::tie(out.near_m, out.far_m) = range();
+    out.views = static_cast<int>(views_.size()) - 1;
+    const Tensor w = hypotheses(out.near_m, out.far_m, options_);
+    const SweepOutput swept = sweep(out.points, levels_of(out.blocks), w, {});
+    const BlockGraph graph = neighbor_graph(out.blocks, width(), height());
+    const Tensor label = labels(swept.cost, graph, out);
+    choose(w, label, swept, graph, out);
+    upsample(out);
+  }
+
+ private:
+  int width() const { return views_.front().camera.intrinsics.width; }
+  int height() const { return views_.front().camera.intrinsics.height; }
+
+  SweepOutput sweep(const Tensor& points, const Tensor& levels, const Tensor& w,
+                    const Tensor& slopes) const {
+    return backend_.sweep(
+        pictures_, {.projections = geometry_.projections,
+                    .points = points,
+                    .levels = levels,
+                    .inverse_depths = w.contiguous(),
+                    .slopes = slopes.defined() ? slopes.contiguous() : torch::zeros_like(points),
+                    .rays = geometry_.rays,
+                    .centers = geometry_.centers,
+                    .cost = options_.cost,
+                    .noise = options_.noise,
+                    .medium = medium_});
+  }
+
+  /// Between which depths to look: where a sweep of the largest blocks finds some.
+  std::pair<double, double> range() const {
+    const std::pair<double, double> all = {options_.near_m, options_.far_m};
+    if (!options_.adapt_range) return all;
+    QuadtreeOptions grid = options_.quadtree;
+    grid.smallest_px = grid.largest_px;
+    const std::vector<Block> blocks = divide(views_.front().grey, grid);
+    const Tensor points = centers_of(blocks);
+    const Tensor levels = torch::full({points.size(0)}, kRangeLevel, torch::kInt32);
+    const Tensor w = hypotheses(all.first, all.second, options_);
+    const SweepOutput swept = sweep(points, levels, w, {});
+    const Tensor label = least_of(swept.cost);
+    const Tensor sure = (pick(swept.cost, label) < options_.confidence.good_cost) &
+                        (margin(swept, label) > options_.confidence.uniqueness);
+    const Tensor found = std::get<0>(w.expand_as(swept.cost)
+                                         .gather(1, label.unsqueeze(1))
+                                         .squeeze(1)
+                                         .masked_select(sure)
+                                         .sort());
+    const std::int64_t n = found.numel();
+    if (static_cast<std::size_t>(n) < kFewestForRange) return all;
+    const auto tail = static_cast<std::int64_t>(kRangeTail * static_cast<double>(n));
+    const double farthest = found[tail].item<double>() / kRangeMargin;
+    const double nearest = found[n - 1 - tail].item<double>() * kRangeMargin;
+    return {std::max(all.first, 1.0 / nearest), std::min(all.second, 1.0 / farthest)};
+  }
+
+  /// By how much the best cost elsewhere exceeds the one at `label`.
+  Tensor margin(const SweepOutput& swept, const Tensor& label) const {
+    const Tensor all = torch::arange(swept.cost.size(1));
+    const Tensor elsewhere = (all.unsqueeze(0) - label.unsqueeze(1)).abs() > kSameHypothesis;
+    const Tensor others = swept.cost.masked_fill(~elsewhere | (swept.views == 0), 1.0);
+    return std::get<0>(others.min(1)) - pick(swept.cost, label);
+  }
+
+  /// The hypothesis of every block.
+  Tensor labels(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
+    if (!options_.belief.enabled) return least_of(cost);
+    const auto tensor = [](const std::vector<std::int32_t>& v) {
+      return torch::tensor(v, torch::kInt32);
+    };
+    return least_of(backend_.propagate({.cost = cost,
+                                        .offsets = tensor(graph.offsets),
+                                        .neighbors = tensor(graph.neighbors),
+                                        .reverse = tensor(graph.reverse),
+                                        .weights = edge_weights(graph, out.blocks),
+                                        .step = options_.belief.step,
+                                        .limit = options_.belief.limit,
+                                        .iterations = options_.belief.iterations}));
+  }
+
+  /// Neighbours that look different may well lie at different depths.
+  Tensor edge_weights(const BlockGraph& graph, const std::vector<Block>& blocks) const {
+    const auto* const grey = views_.front().grey.data_ptr<float>();
+    std::vector<double> mean;
+    for (const Block& b : blocks) {
+      double sum = 0.0;
+      for (int y = b.y; y < b.y + b.height; ++y) {
+        for (int x = b.x; x < b.x + b.width; ++x) {
+          sum += static_cast<double>(grey[static_cast<std::ptrdiff_t>(y) * width() + x]);
+        }
+      }
+      mean.push_back(sum / (b.width * b.height));
+    }
+    Tensor weights = torch::empty({static_cast<std::int64_t>(graph.neighbors.size())});
+    auto* const weight = weights.data_ptr<float>();
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      for (auto e = graph.offsets[i]; e < graph.offsets[i + 1]; ++e) {
+        const auto other = static_cast<std::size_t>(graph.neighbors[static_cast<std::size_t>(e)]);
+        const double difference = std::abs(mean[i] - mean[other]);
+        weight[e] = static_cast<float>(std::exp(-difference / options_.belief.edge_sigma));
+      }
+    }
+    return weights;
+  }
+
+  /// Depth between the hypotheses, its slope and how sure it is.
+  void choose(const Tensor& w, const Tensor& label, const SweepOutput& swept,
+              const BlockGraph& graph, DepthEstimate& out) const {
+    const Tensor row = w.squeeze(0);
+    const std::int64_t last = row.numel() - 1;
+    const Tensor step = 0.5 * (row.index_select(0, (label - 1).clamp_min(0)) -
+                               row.index_select(0, (label + 1).clamp_max(last)));
+    Tensor best = row.index_select(0, label);
+    BlockEvidence evidence = {.cost = pick(swept.cost, label),
+                              .margin = margin(swept, label),
+                              .relative_sigma = {},
+                              .seen = pick(swept.views, label).to(torch::kFloat32),
+                              .agreement = torch::ones_like(best)};
+    out.slope = slopes(best, graph, out);
+    const Tensor levels = levels_of(out.blocks);
+    double fineness = 1.0;
+    for (int round = 0; round < kRefinements; ++round) {
+      fineness /= kFine;
+      std::tie(best, evidence.cost) = refined(best, fineness * step, levels, out);
+    }
+    const Tensor pixels = pixels_per_inverse_depth(geometry_, views_, out.points, best);
+    evidence.relative_sigma = options_.confidence.match_sigma_px / (pixels * best).clamp_min(1e-9);
+    out.depth = best.reciprocal();
+    out.sigma = (out.depth * evidence.relative_sigma).clamp_max(options_.far_m);
+    out.confidence = confidence_of(evidence, options_.confidence);
+    out.confident = out.confidence >= options_.confidence.least;
+  }
+
+  /// The least cost around `w`, in steps that are a fraction of those before, and between them by a
+  /// parabola.
+  std::pair<Tensor, Tensor> refined(const Tensor& w, const Tensor& step, const Tensor& levels,
+                                    const DepthEstimate& out) const {
+    const Tensor offsets = torch::arange(kFine, -kFine - 1, -1).to(torch::kFloat32);
+    const Tensor tried = (w.unsqueeze(1) + step.unsqueeze(1) * offsets)
+                             .clamp(1.0 / options_.far_m, 1.0 / options_.near_m);
+    const SweepOutput swept = sweep(out.points, levels, tried, out.slope);
+    const Tensor label = least_of(swept.cost);
+    const Tensor inner = label.clamp(1, 2 * kFine - 1);
+    const Tensor left = pick(swept.cost, inner - 1);
+    const Tensor middle = pick(swept.cost, inner);
+    const Tensor right = pick(swept.cost, inner + 1);
+    const Tensor bend = left - 2.0 * middle + right;
+    const Tensor shift = torch::where((bend > 1e-6) & (inner == label), 0.5 * (left - right) / bend,
+                                      torch::zeros_like(bend))
+                             .clamp(-0.5, 0.5);
+    return {pick(tried, label) - step * shift, pick(swept.cost, label)};
+  }
+
+  /// How 1/depth changes from a block to its neighbours: the plane that fits them best.
+  Tensor slopes(const Tensor& w, const BlockGraph& graph, const DepthEstimate& out) const {
+    Tensor result = torch::zeros({w.numel(), 2}, torch::kFloat32);
+    const auto* const value = w.data_ptr<float>();
+    const auto* const point = out.points.data_ptr<float>();
+    auto* const slope = result.data_ptr<float>();
+    for (std::int64_t i = 0; i < w.numel(); ++i) {
+      double xx = 1.0, xy = 0.0, yy = 1.0, xw = 0.0, yw = 0.0;
+      for (auto e = graph.offsets[static_cast<std::size_t>(i)];
+           e < graph.offsets[static_cast<std::size_t>(i) + 1]; ++e) {
+        const auto j = graph.neighbors[static_cast<std::size_t>(e)];
+        const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
+        if (std::abs(dw) > 0.1) continue;  // another surface
+        const double dx = static_cast<double>(point[2 * j] - point[2 * i]);
+        const double dy = static_cast<double>(point[2 * j + 1] - point[2 * i + 1]);
+        xx += dx * dx;
+        xy += dx * dy;
+        yy += dy * dy;
+        xw += dx * dw;
+        yw += dy * dw;
+      }
+      const double determinant = xx * yy - xy * xy;
+      slope[2 * i] = static_cast<float>((yy * xw - xy * yw) / determinant);
+      slope[2 * i + 1] = static_cast<float>((xx * yw - xy * xw) / determinant);
+    }
+    return result.clamp(-kSteepest, kSteepest);
+  }
+
+  /// Spreads 1/depth from the blocks' centres over the image.
+  void upsample(DepthEstimate& out) const {
+    Tensor values = torch::zeros({height(), width()}, torch::kFloat32);
+    Tensor weights = torch::zeros_like(values);
+    const auto* const depth = out.depth.data_ptr<float>();
+    const auto* const confidence = out.confidence.data_ptr<float>();
+    for (std::size_t i = 0; i < out.blocks.size(); ++i) {
+      const Block& b = out.blocks[i];
+      const std::int64_t pixel =
+          static_cast<std::int64_t>(b.y + b.height / 2) * width() + b.x + b.width / 2;
+      values.data_ptr<float>()[pixel] = 1.0F / depth[i];
+      weights.data_ptr<float>()[pixel] =
+          (confidence[i] + 1e-3F) * static_cast<float>(b.width * b.height);
+    }
+    const Tensor smooth = backend_.smooth({.guide = views_.front().grey,
+                                           .values = values,
+                                           .weights = weights,
+                                           .options = options_.upsample});
+    const Tensor known = (smooth[1] > 0) & (smooth[0] > 0);
+    out.dense =
+        torch::where(known, smooth[0].clamp_min(1e-6).reciprocal(), torch::zeros_like(smooth[0]));
+  }
+
+  std::vector<DepthView> views_;
+  DepthOptions options_;
+  const DepthBackend& backend_;
+  SweepGeometry geometry_;
+  GreyMedium medium_;
+  SweepPictures pictures_;
+};
+
+void check_options(const DepthOptions& o) {
+  TORCH_CHECK(o.near_m > 0.0 && o.near_m < o.far_m && std::isfinite(o.far_m),
+              "depth: the range must be 0 < near < far, not ", o.near_m, " to ", o.far_m, " m");
+  TORCH_CHECK(o.hypotheses >= 8, "depth: at least 8 hypotheses are needed, not ", o.hypotheses);
+  TORCH_CHECK(o.views >= 1, "depth: at least one view is needed");
+}
+
+DepthVerdict first_look(const std::vector<DepthView>& views) {
+  if (views.size() < 2) return DepthVerdict::too_few_views;
+  if (views.front().grey.std().item<double>() < kLeastContrast) return DepthVerdict::no_contrast;
+  if (sweep_geometry(views).baseline_m < kLeastBaseline_m) return DepthVerdict::no_baseline;
+  return DepthVerdict::estimated;
+}
+
+/// An estimate that knows its blocks and nothing else.
+DepthEstimate nothing_known(const DepthView& reference, const DepthOptions& options) {
+  DepthEstimate out;
+  out.blocks = divide(reference.grey, options.quadtree);
+  out.points = centers_of(out.blocks);
+  const Tensor none = torch::zeros({out.points.size(0)}, torch::kFloat32);
+  out.depth = none.clone();
+  out.sigma = none.clone();
+  out.confidence = none.clone();
+  out.confident = none > 0.5;
+  out.slope = torch::zeros_like(out.points);
+  out.dense = torch::zeros_like(reference.grey);
+  return out;
+}
+
+}  // namespace
+
+DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& options) {
+  const torch::NoGradGuard no_grad;
+  check_options(options);
+  check_views(request.views);
+  const auto used = std::min(request.views.size(), static_cast<std::size_t>(options.views));
+  std::vector<DepthView> views(request.views.begin(),
+                               request.views.begin() + static_cast<std::ptrdiff_t>(used));
+  DepthEstimate out = nothing_known(views.front(), options);
+  out.verdict = first_look(views);
+  out.near_m = options.near_m;
+  out.far_m = options.far_m;
+  if (out.verdict != DepthVerdict::estimated) return out;
+  Estimator(std::move(views), request, options).estimate(out);
+  return out;
+}
+
+Tensor to_grey(const Tensor& image) {
+  TORCH_CHECK(image.dim() == 3 && image.size(2) == 3, "to_grey: the picture must be [H,W,3], not ",
+              image.sizes());
+  const double unit = image.scalar_type() == torch::kUInt8 ? 1.0 / 255.0 : 1.0;
+  const Tensor weights = torch::tensor({0.299, 0.587, 0.114}).to(torch::kFloat32) * unit;
+  return image.to(torch::kCPU, torch::kFloat32).matmul(weights).clamp(0.0, 1.0).contiguous();
+}
+
+}  // namespace apvi::mapping

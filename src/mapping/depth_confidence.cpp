@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "depth_confidence.hpp"
+
+#include <torch/torch.h>
+
+namespace apvi::mapping {
+
+torch::Tensor confidence_of(const BlockEvidence& evidence, const ConfidenceOptions& options) {
+  const torch::Tensor match = ((options.good_cost - evidence.cost) / 0.1).sigmoid();
+  const torch::Tensor unique = (evidence.margin / options.uniqueness).clamp(0.0, 1.0);
+  const torch::Tensor precise =
+      (2.0 - evidence.relative_sigma / options.relative_sigma).clamp(0.0, 1.0);
+  const torch::Tensor seen = (evidence.seen >= 2).to(torch::kFloat32);
+  return match * unique * precise * seen * evidence.agreement;
+}
+
+}  // namespace apvi::mapping
