@@ -29,6 +29,7 @@ int dispatch(int argc, char** argv) {
   apvi::apps::add_doctor(app);
   apvi::apps::add_sim(app);
   apvi::apps::add_sweep(app);
+  apvi::apps::add_calibrate(app);
 #if APVI_WITH_MAPPING
   apvi::apps::add_render(app);
   apvi::apps::add_export(app);

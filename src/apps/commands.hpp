@@ -13,6 +13,7 @@ void add_doctor(CLI::App& app);
 void add_config(CLI::App& app);
 void add_sim(CLI::App& app);
 void add_sweep(CLI::App& app);
+void add_calibrate(CLI::App& app);
 /// In builds with the mapping half.
 void add_render(CLI::App& app);
 void add_export(CLI::App& app);

@@ -10,7 +10,7 @@ namespace apvi::fusion {
 namespace {
 
 constexpr std::array<std::string_view, 5> kLevels{"accepted", "input", "coarse", "medium", "fine"};
-constexpr std::array<std::string_view, 12> kReasons{"none",
+constexpr std::array<std::string_view, 13> kReasons{"none",
                                                     "no_image",
                                                     "no_estimate",
                                                     "diverged",
@@ -20,6 +20,7 @@ constexpr std::array<std::string_view, 12> kReasons{"none",
                                                     "position_differs",
                                                     "height_differs",
                                                     "rotation_differs",
+                                                    "no_landmarks",
                                                     "rotation_degenerate",
                                                     "position_degenerate"};
 static_assert(kReasons.size() == static_cast<std::size_t>(Reason::position_degenerate) + 1);

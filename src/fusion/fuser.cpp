@@ -112,7 +112,9 @@ Fuser::Judgement Fuser::judge(const FusionInput& input, const Stability& dipo) c
     return result;
   }
   if (turn_down(judge_agreement(input, dipo))) return result;
-  judge_degeneracy(*input.vio, result);
+  // A frozen window leans on DIPO: how sure it is of itself says nothing about vision.
+  const bool leans = freeze_.phase() == Phase::frozen && !input.vio_includes_dipo;
+  if (!leans) judge_degeneracy(*input.vio, result);
   return result;
 }
 
@@ -130,6 +132,12 @@ void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
   const FineConfig& config = config_.discriminator.fine;
   if (config.action == DegeneracyAction::ignore) return;
   const EigenThresholds thresholds{config.min_rotation, config.min_position};
+  // With a DVL in its graph a window is sure of itself in the dark too.
+  const bool tested = thresholds.rotation > 0.0 || thresholds.position > 0.0;
+  if (tested && vio.inliers == 0) {
+    result.verdict = {Level::fine, Reason::no_landmarks, 0.0, 1.0};
+    return;
+  }
   result.verdict = fine(*result.eigenvalues, thresholds);
   if (result.verdict.accepted() || config.action == DegeneracyAction::reject) return;
   const bool normalised = config.normalisation == Normalisation::per_inlier;

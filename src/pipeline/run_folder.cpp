@@ -31,7 +31,9 @@ constexpr const char* kHealthHeader =
     "#timestamp [ns],state,level,reason,measured,threshold,vio,tracked,detected,stable,spread,"
     "brightness,landmarks,sightings,reprojection [px],rotation_eigenvalue_1 [rad^-2],"
     "rotation_eigenvalue_2 [rad^-2],rotation_eigenvalue_3 [rad^-2],position_eigenvalue_1 [m^-2],"
-    "position_eigenvalue_2 [m^-2],position_eigenvalue_3 [m^-2],dipo,dipo_measured,phase,action\n";
+    "position_eigenvalue_2 [m^-2],position_eigenvalue_3 "
+    "[m^-2],dipo,dipo_measured,phase,action,window "
+    "[s]\n";
 constexpr const char* kTimingHeader =
     "#timestamp [ns],track [s],solve [s],information [s],marginalize [s],localize [s],dropped\n";
 
@@ -73,14 +75,14 @@ std::string frame_line(const FrameOutput& o) {
   return fmt::format(
       "{},{},{},{},{:.4g},{:.4g},{},{},{},{},{:.3f},{:.1f},{},{},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g}"
       ","
-      "{:.4g},{:.4g},{},{:.4g},{},{}\n",
+      "{:.4g},{:.4g},{},{:.4g},{},{},{:.3f}\n",
       o.stamp.ns, fusion::to_string(f.state), fusion::to_string(f.verdict.level),
       fusion::to_string(f.verdict.reason), f.verdict.measured, f.verdict.threshold,
       vio::to_string(o.vio.status), seen.tracked, seen.detected, seen.stable, seen.spread,
       seen.brightness, o.vio.landmarks, o.vio.sightings, o.vio.reprojection_rms_px, e.rotation[0],
       e.rotation[1], e.rotation[2], e.position[0], e.position[1], e.position[2],
       fusion::to_string(f.dipo.reason), f.dipo.measured, fusion::to_string(f.freeze.phase),
-      fusion::to_string(f.freeze.action));
+      fusion::to_string(f.freeze.action), o.vio.window_s);
 }
 
 std::string timing_line(const FrameOutput& o) {
@@ -98,12 +100,12 @@ std::ofstream open_file(const fs::path& path, const char* header) {
 
 }  // namespace
 
-RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
-    : path_(path), camera_(camera) {
+void prepare_folder(const fs::path& path, bool overwrite) {
   if (fs::exists(path) && !fs::is_directory(path)) {
     fail_input("{}: this is a file; a run needs a folder", path.string());
   }
-  if (!overwrite && fs::exists(file("trajectory.tum"))) {
+  const bool taken = fs::exists(path / "trajectory.tum") || fs::exists(path / "map.ply");
+  if (taken && !overwrite) {
     fail_input("{}: holds a run already; name another folder with -o, or give --overwrite",
                path.string());
   }
@@ -111,9 +113,16 @@ RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
   fs::create_directories(path, error);
   if (error) fail_run("{}: cannot make this folder: {}", path.string(), error.message());
   for (const char* stale :
-       {"metrics.json", "report.html", "vio.tum", "keyframes.tum", "health.csv", "timing.csv"}) {
-    fs::remove(file(stale), error);
+       {"metrics.json", "report.html", "vio.tum", "keyframes.tum", "health.csv", "timing.csv",
+        "mapping.csv", "checkpoint.pt", "map.ply", "medium.json"}) {
+    fs::remove(path / stale, error);
   }
+  fs::remove_all(path / "renders", error);
+}
+
+RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
+    : path_(path), camera_(camera) {
+  prepare_folder(path, overwrite);
   trajectory_ = open_file(file("trajectory.tum"), "");
   dipo_ = open_file(file("dipo.tum"), "");
   calibration_ = open_file(file("calibration.csv"), kCalibrationHeader);

@@ -24,6 +24,7 @@ Config as_printed() {
   config.discriminator.medium.needs_stable_dipo = false;
   config.hysteresis = {.good_frames = 0, .bad_frames = 0};
   config.slew.time_constant_s = 0.0;
+  config.discriminator.fine = {.min_rotation = 0.0, .min_position = 0.0};
   return config;
 }
 
@@ -47,6 +48,7 @@ class Scene {
     input.dipo = PoseEstimate{SE3{}, test::diagonal(1.0, 0.1)};
     input.vio = VioEstimate{};
     input.vio->information = test::diagonal(1.0, 0.1).inverse();
+    input.vio->inliers = 80;
     input.statistics = rich();
   }
   FusionResult step() {
@@ -258,6 +260,33 @@ TEST(Fuser, ADegenerateDirectionIsLeftToDipoWhenRemapped) {
   EXPECT_EQ(refused.step().verdict.reason, Reason::position_degenerate);
 }
 
+TEST(Fuser, AWindowThatSawNothingIsDegenerateHoweverSureItIs) {
+  Config config = as_printed();
+  config.discriminator.fine.min_position = 50.0;
+  Scene scene(config);
+  scene.input.vio_includes_dipo = true;
+  scene.input.vio->inliers = 1;
+  EXPECT_TRUE(scene.step().verdict.accepted());
+  scene.input.vio->inliers = 0;
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.verdict.level, Level::fine);
+  EXPECT_EQ(result.verdict.reason, Reason::no_landmarks);
+  EXPECT_EQ(result.directions, 0);
+}
+
+TEST(Fuser, AFrozenWindowThatLeansOnDipoIsNotAskedHowSureItIs) {
+  Config config = as_printed();
+  config.discriminator.fine.min_position = 50.0;
+  Scene scene(config, {.release_frames = 3});
+  scene.step();
+  scene.input.vio->information *= 0.1;
+  EXPECT_EQ(scene.step().verdict.reason, Reason::position_degenerate);
+  ASSERT_EQ(scene.fuser.freeze_policy().phase(), Phase::frozen);
+  scene.step();
+  scene.step();
+  EXPECT_EQ(scene.step().freeze.action, Action::release);
+}
+
 TEST(Fuser, RemappingCountsThresholdsPerInlierToo) {
   Config config = as_printed();
   config.discriminator.fine.min_position = 0.5;
@@ -304,6 +333,7 @@ Passage pass(const Config& config, const std::vector<test::TwoOdometries::Frame>
       input.vio = VioEstimate{};
       input.vio->T_world_body = frame.vio->T_world_body;
       input.vio->information = frame.vio->covariance.inverse();
+      input.vio->inliers = 80;
     }
     fuser.add({.stamp = input.stamp, .verdict = dipo::Verdict::accepted, .nis = 3.0, .rows = 3});
     const FusionResult result = fuser.update(input);

@@ -24,6 +24,7 @@ enum class Reason {
   position_differs,     ///< measured [m]
   height_differs,       ///< measured [m]
   rotation_differs,     ///< measured [deg]
+  no_landmarks,         ///< none in the solution, whatever other sensors know
   rotation_degenerate,  ///< measured: smallest eigenvalue [1/rad²], per inlier if so configured
   position_degenerate,  ///< the same [1/m²]
 };

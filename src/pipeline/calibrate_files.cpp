@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate_files.hpp"
+
+#include <fmt/format.h>
+
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "apvi/pipeline/calibrate.hpp"
+#include "apvi/version.hpp"
+
+namespace apvi::pipeline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using fusion::FineCalibration;
+using fusion::FineOutcome;
+using fusion::Normalisation;
+using fusion::RecordedFrame;
+using fusion::Semicircle;
+
+const char* name_of(Normalisation normalisation) {
+  return normalisation == Normalisation::none ? "none" : "per_inlier";
+}
+
+void append_rows(std::string& text, const std::string& run, const char* kind,
+                 const std::vector<RecordedFrame>& frames) {
+  for (const RecordedFrame& f : frames) {
+    const auto& r = f.eigenvalues.rotation;
+    const auto& p = f.eigenvalues.position;
+    fmt::format_to(std::back_inserter(text), "{},{},{},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g},{:.4g}\n",
+                   run, kind, f.inliers, r(0), r(1), r(2), p(0), p(1), p(2));
+  }
+}
+
+Json json_of(const Semicircle& fit, double threshold) {
+  return {{"mean", fit.mean},
+          {"radius", 2.0 * fit.deviation},
+          {"logarithmic", fit.logarithmic},
+          {"edge", fit.lower_edge},
+          {"threshold", threshold},
+          {"misfit", fit.misfit},
+          {"share_below_edge", fit.share_below},
+          {"eigenvalues", fit.count}};
+}
+
+Json json_of(const FineOutcome& outcome) {
+  return {{"frames", outcome.frames},
+          {"rejected", outcome.rejected},
+          {"rejected_by_remap", outcome.rejected_by_remap},
+          {"directions", outcome.directions}};
+}
+
+Json json_of(const FineCalibration& c) {
+  return {{"normalisation", name_of(c.normalisation)},
+          {"rotation", json_of(c.fit.rotation, c.thresholds.rotation)},
+          {"position", json_of(c.fit.position, c.thresholds.position)},
+          {"healthy", json_of(c.healthy)},
+          {"blind", json_of(c.blind)}};
+}
+
+std::string outcome_cells(const FineOutcome& healthy, const FineOutcome& blind) {
+  return fmt::format("{:.2f} % of {} | {:.1f} % of {}", 100.0 * healthy.rejected, healthy.frames,
+                     100.0 * blind.rejected, blind.frames);
+}
+
+std::string row(const char* name, const FineCalibration& c) {
+  return fmt::format("| {} | {:.3g} | {:.3g} | {:.2f} | {:.3g} | {:.3g} | {:.2f} | {} |\n", name,
+                     c.fit.rotation.lower_edge, c.thresholds.rotation, c.fit.rotation.misfit,
+                     c.fit.position.lower_edge, c.thresholds.position, c.fit.position.misfit,
+                     outcome_cells(c.healthy, c.blind));
+}
+
+std::string remap_row(const FineCalibration& c) {
+  FineOutcome healthy = c.healthy;
+  FineOutcome blind = c.blind;
+  healthy.rejected = healthy.rejected_by_remap;
+  blind.rejected = blind.rejected_by_remap;
+  return fmt::format(
+      "| remap: directions kept {:.2f}, blind {:.2f} | | {:.3g} | | | {:.3g} | | {} |\n",
+      healthy.directions, blind.directions, c.thresholds.rotation, c.thresholds.position,
+      outcome_cells(healthy, blind));
+}
+
+}  // namespace
+
+std::string internal::eigenvalues_csv(const CalibrationResult& result) {
+  std::string text =
+      "#run,kind,landmarks,rotation_1 [rad^-2],rotation_2 [rad^-2],rotation_3 [rad^-2],"
+      "position_1 [m^-2],position_2 [m^-2],position_3 [m^-2]\n";
+  for (const CalibrationRun& run : result.runs) {
+    append_rows(text, run.name, "healthy", run.frames.healthy);
+    append_rows(text, run.name, "blind", run.frames.blind);
+  }
+  return text;
+}
+
+std::string internal::calibration_json(const CalibrationResult& result) {
+  Json json{{"version", std::string(kVersion)}, {"git", std::string(kGitRevision)}};
+  json["chosen"] = name_of(result.normalisation);
+  json["fits"] = {json_of(result.plain), json_of(result.per_inlier)};
+  for (const CalibrationRun& run : result.runs) {
+    json["runs"].push_back({{"name", run.name},
+                            {"fingerprint", run.fingerprint},
+                            {"healthy", json_of(run.healthy)},
+                            {"blind", json_of(run.blind)}});
+  }
+  return json.dump(2) + "\n";
+}
+
+std::string to_table(const CalibrationResult& result) {
+  std::string text =
+      "| test | rotation edge | threshold [rad^-2] | misfit | position edge | threshold [m^-2] | "
+      "misfit | healthy rejected | blind rejected |\n|---|---|---|---|---|---|---|---|---|\n";
+  text += row("as they are", result.plain);
+  text += remap_row(result.plain);
+  text += row("per inlier", result.per_inlier);
+  text += remap_row(result.per_inlier);
+  text += "\n| run | fingerprint | healthy rejected | blind rejected |\n|---|---|---|---|\n";
+  for (const CalibrationRun& run : result.runs) {
+    text += fmt::format("| {} | {} | {} |\n", run.name, run.fingerprint,
+                        outcome_cells(run.healthy, run.blind));
+  }
+  return text;
+}
+
+std::string to_yaml(const CalibrationResult& result) {
+  const FineCalibration& c = result.chosen();
+  std::string text = fmt::format(
+      "# Thresholds of step 3 by `apvi calibrate` ({}, {}), for camera and IMU in the graph, "
+      "from:\n",
+      kVersion, kGitRevision);
+  for (const CalibrationRun& run : result.runs) {
+    text += fmt::format("#   {} {}: {} healthy frames\n", run.name, run.fingerprint,
+                        run.healthy.frames);
+  }
+  text += fmt::format(
+      "# Edges of the semicircles: {:.3g} rad^-2, {:.3g} m^-2. Rejected: {:.2f} % of healthy, "
+      "{:.1f} % of {} blind frames.\n",
+      c.fit.rotation.lower_edge, c.fit.position.lower_edge, 100.0 * c.healthy.rejected,
+      100.0 * c.blind.rejected, c.blind.frames);
+  text += fmt::format(
+      "fusion:\n  discriminator:\n    fine:\n      min_rotation: {:.3g}\n      min_position: "
+      "{:.3g}\n      normalisation: {}\n",
+      c.thresholds.rotation, c.thresholds.position, name_of(c.normalisation));
+  return text;
+}
+
+}  // namespace apvi::pipeline
