@@ -50,6 +50,19 @@ vio::DvlMeasurement corrected(const DvlSample& ping, const dipo::Estimate& estim
               noise * noise * Eigen::Matrix3d::Identity() + time_variance * a * a.transpose()};
 }
 
+// Beams look where their vectors point.
+RangedPing ranged(const DvlSample& ping, const dipo::Estimate& estimate, const Rig& rig) {
+  RangedPing seen{.stamp = ping.stamp - Duration::from_seconds(estimate.state.dvl_time_offset_s),
+                  .points = {}};
+  for (std::size_t i = 0; i < kDvlBeams; ++i) {
+    const std::optional<DvlBeam>& beam = ping.beams[i];
+    if (!beam || !beam->valid || !beam->range || *beam->range <= 0.0) continue;
+    seen.points.push_back(rig.dvl->T_body_dvl *
+                          (rig.dvl->scale * *beam->range * rig.dvl->beams[i]));
+  }
+  return seen;
+}
+
 Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& samples,
                                   const Eigen::Vector3d& bias) {
   Eigen::Quaterniond R = Eigen::Quaterniond::Identity();
@@ -156,6 +169,7 @@ void Navigator::note_pings(const std::vector<LocalizationOutput>& outputs) {
                      (sample->gyro - nav.gyro_bias).cross(nav.v_body);
     }
     fresh_pings_.push_back(corrected(raw->second, output.estimate, rig_, acceleration));
+    fresh_ranges_.push_back(ranged(raw->second, output.estimate, rig_));
   }
 }
 
@@ -170,6 +184,7 @@ bool Navigator::is_ready(const FrameJob& job, Stamp now) const {
 void Navigator::complete(FrameJob& job) {
   job.imu = std::exchange(fresh_imu_, {});
   job.pings = std::exchange(fresh_pings_, {});
+  job.ranges = std::exchange(fresh_ranges_, {});
   job.depths = std::exchange(fresh_depths_, {});
   job.reports = std::exchange(fresh_reports_, {});
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();

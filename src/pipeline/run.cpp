@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/pipeline/run.hpp"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <chrono>
 #include <mutex>
@@ -11,6 +9,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "apvi/core/memory.hpp"
 #include "apvi/core/progress.hpp"
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/eval/metrics_file.hpp"
@@ -22,23 +21,6 @@
 
 namespace apvi::pipeline {
 namespace {
-
-namespace fs = std::filesystem;
-
-// Paths in a resolved configuration hold wherever the program is started from.
-void write_resolved(const RunConfig& config, const config::Node& rig, const fs::path& file) {
-  RunConfig resolved = config;
-  resolved.dataset.path = fs::absolute(config.dataset.path).lexically_normal().string();
-  resolved.dataset.rig.clear();  // its content is in `rig`
-  resolved.rig = rig;
-  io::write_text_file(file, config::to_yaml(config::to_node(resolved)));
-}
-
-double peak_memory_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
 
 std::size_t total_dropped(const io::StreamReport& report) {
   std::size_t sum = 0;
@@ -144,12 +126,16 @@ Sensors find_sensors(const RunConfig& config, const Rig& rig, const io::Sequence
 /// One run over a recording: the stages, the files they fill, and what is kept for the evaluation.
 class Runner {
  public:
-  Runner(const RunConfig& config, const Rig& rig, const Sensors& sensors, RunFolder& folder)
+  Runner(const RunConfig& config, const Rig& rig, const Sensors& sensors, RunFolder& folder,
+         MapSink* map)
       : config_(config),
+        map_(sensors.cameras > 0 ? map : nullptr),
         folder_(folder),
         navigator_(config.dipo, rig, sensors.dvl, sensors.cameras) {
     if (sensors.cameras == 0) return;
-    visual_.emplace(config, rig, sensors.cameras, [this](const FrameOutput& o) { take(o); });
+    if (map_ != nullptr) map_->begin(rig);
+    visual_.emplace(
+        config, rig, sensors.cameras, [this](const FrameOutput& o) { take(o); }, map_);
   }
 
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
@@ -167,6 +153,7 @@ class Runner {
       }
     }
     if (visual_) visual_->finish();
+    if (map_ != nullptr) map_->finish();
     return std::move(pass_);
   }
 
@@ -206,7 +193,8 @@ class Runner {
   std::string detail() {
     const std::scoped_lock lock(mutex_);
     if (!pass_.fused.empty()) {
-      return fmt::format("{} poses, {:.1f} m", pass_.fused.size(), pass_.length_m);
+      const std::string map = map_ == nullptr ? "" : ", " + map_->status();
+      return fmt::format("{} poses, {:.1f} m{}", pass_.fused.size(), pass_.length_m, map);
     }
     if (navigator_.has_dipo() && !navigator_.localization().dipo().initialized()) {
       return "waiting for " + navigator_.localization().dipo().waiting_for();
@@ -215,6 +203,7 @@ class Runner {
   }
 
   const RunConfig& config_;
+  MapSink* map_;
   RunFolder& folder_;
   Stopwatch watch_;
   Navigator navigator_;
@@ -277,13 +266,17 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
   const config::Node rig_node = rig_of(config, reader->rig());
   const Rig rig = make_rig(rig_node);
   const Sensors sensors = find_sensors(config, rig, *reader);
+  if (options.map != nullptr && sensors.cameras == 0) {
+    fail_input("{}: no images of cam0 there; a map needs them", config.dataset.path);
+  }
   RunFolder folder(options.folder, options.overwrite, sensors.cameras > 0);
   log::open_file(folder.file("log.txt"));
-  write_resolved(config, rig_node, folder.file("resolved.yaml"));
+  const RunConfig as_used = resolved(config, rig_node);
+  io::write_text_file(folder.file("resolved.yaml"), config::to_yaml(options.describe(as_used)));
   log::info("{} -> {}", config.dataset.path, folder.path().string());
 
   const Stopwatch watch;
-  Runner runner(config, rig, sensors, folder);
+  Runner runner(config, rig, sensors, folder, options.map);
   const Pass pass = runner.run(*reader, options.interrupted);
   folder.close();
   warn_if_sensors_disagree(config, pass);

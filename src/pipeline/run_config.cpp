@@ -10,12 +10,20 @@ namespace apvi::pipeline {
 
 RunConfig load_run_config(const std::filesystem::path& file,
                           const std::vector<std::string>& overrides) {
-  config::Node node = config::load_with_inheritance(file);
-  for (const std::string& assignment : overrides) config::apply_override(node, assignment);
-  RunConfig config;
-  config::read(node, config);
-  check(config);
-  return config;
+  return read_run_config<RunConfig>(file, overrides);
+}
+
+RunConfig resolved(const RunConfig& config, const config::Node& rig) {
+  RunConfig copy = config;
+  copy.dataset.path = absolute_path(config.dataset.path);
+  copy.localization.poses = absolute_path(config.localization.poses);
+  copy.dataset.rig.clear();  // its content is in `rig`
+  copy.rig = rig;
+  return copy;
+}
+
+std::string absolute_path(const std::string& path) {
+  return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
 }
 
 void check(const RunConfig& config) {

@@ -37,11 +37,13 @@ cv::Mat decoded(const ImageFrame& image) {
 }  // namespace
 
 VisualPipeline::VisualPipeline(const RunConfig& config, const Rig& rig, std::size_t cameras,
-                               Sink sink)
+                               Sink sink, MapSink* map)
     : mode_(config.run.mode),
       tracker_(config.vio.tracker, first_cameras(rig, cameras)),
       localizer_(without_cap(config.vio, config.run.mode), config.fusion, config.freeze, rig),
-      sink_(std::move(sink)) {
+      sink_(std::move(sink)),
+      map_(map) {
+  if (map_ != nullptr) map_feed_.emplace(config, rig);
   if (mode_ == RunMode::sequential) return;
   localize_worker_ = std::make_unique<Worker<Tracked>>(
       kQueue, Overflow::block, [this](const Tracked& tracked) { localize(tracked); });
@@ -76,12 +78,13 @@ VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool look) {
   if (!look) {
     ++dropped_images_;
     skipped_turn_ = job.R_before_now;
-    return {.job = std::move(job), .frame = std::nullopt};
+    return {.job = std::move(job), .frame = std::nullopt, .image = {}};
   }
   skipped_turn_.reset();
   std::vector<cv::Mat> images;
   for (const ImageFrame& image : job.images) images.push_back(decoded(image));
-  Tracked tracked{.job = std::move(job), .frame = std::nullopt};
+  Tracked tracked{.job = std::move(job), .frame = std::nullopt, .image = {}};
+  if (map_ != nullptr && !images.empty()) tracked.image = images.front();
   tracked.frame = tracker_.process(images, tracked.job.stamp, tracked.job.R_before_now);
   tracked.track_s = watch.seconds();
   return tracked;
@@ -91,6 +94,9 @@ void VisualPipeline::localize(const Tracked& tracked) {
   FrameOutput output = localizer_.process(tracked.job, tracked.frame);
   output.timing.track_s = tracked.track_s;
   sink_(output);
+  if (map_ == nullptr) return;
+  auto news = map_feed_->process(tracked.job, tracked.image, output, localizer_.window());
+  if (news) map_->take(*std::move(news));
 }
 
 }  // namespace apvi::pipeline

@@ -47,6 +47,7 @@ class Localizer {
   /// `tracked` empty: the image was dropped, the other sensors' data are taken in.
   FrameOutput process(const FrameJob& job, const std::optional<vio::TrackedFrame>& tracked);
 
+  const vio::Window& window() const { return estimator_.window(); }
   const fusion::FreezePolicy& freeze_policy() const { return fuser_.freeze_policy(); }
   /// From the first frame to the first pose of VIO [s]; nothing before.
   std::optional<double> vio_start_s() const { return vio_start_s_; }

@@ -50,6 +50,7 @@ class Navigator {
   std::vector<ImuSample> fresh_imu_;
   std::map<Stamp, DvlSample> raw_pings_;
   std::vector<vio::DvlMeasurement> fresh_pings_;
+  std::vector<RangedPing> fresh_ranges_;
   std::vector<vio::DepthMeasurement> fresh_depths_;
   std::vector<dipo::Report> fresh_reports_;
   std::deque<FrameJob> waiting_;

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "apvi/eval/metrics_file.hpp"
+#include "apvi/pipeline/map_sink.hpp"
 #include "apvi/pipeline/run_config.hpp"
 
 namespace apvi::pipeline {
@@ -14,6 +15,11 @@ struct RunOptions {
   std::filesystem::path folder;
   bool overwrite = false;
   std::function<bool()> interrupted = [] { return false; };  ///< asked after every sample
+  /// What resolved.yaml says; more than this configuration when it is part of a larger one.
+  std::function<config::Node(const RunConfig&)> describe = [](const RunConfig& used) {
+    return config::to_node(used);
+  };
+  MapSink* map = nullptr;  ///< gets what a map is made of, when the run has a camera
 };
 
 struct RunResult {

@@ -88,6 +88,24 @@ RunConfig load_run_config(const std::filesystem::path& file,
 /// Throws InputError for values that contradict each other or need what is not built.
 void check(const RunConfig& config);
 
+/// The same for a configuration that holds this one and more.
+template <typename Config>
+Config read_run_config(const std::filesystem::path& file,
+                       const std::vector<std::string>& overrides) {
+  config::Node node = config::load_with_inheritance(file);
+  for (const std::string& assignment : overrides) config::apply_override(node, assignment);
+  Config config;
+  config::read(node, config);
+  pipeline::check(config);
+  return config;
+}
+
+/// The configuration as it is written down: with the rig as used, and paths that hold wherever the
+/// program is started from.
+RunConfig resolved(const RunConfig& config, const config::Node& rig);
+/// An absolute path; empty stays empty.
+std::string absolute_path(const std::string& path);
+
 /// The rig of a run: the recording's own, or `dataset.rig`, with the configuration's `rig` laid
 /// over. Throws InputError when there is none at all.
 config::Node rig_of(const RunConfig& config, const config::Node& recorded);

@@ -10,6 +10,11 @@
 
 namespace apvi::pipeline {
 
+/// Makes the folder of a run and takes away what an earlier run has left there and this one may not
+/// write again. Throws InputError when it holds a run already and `overwrite` is false, RunError
+/// when it cannot be made.
+void prepare_folder(const std::filesystem::path& path, bool overwrite);
+
 /// The files of a run, written as the run goes on, so that a stop at any time leaves what was
 /// computed: trajectory.tum (the pose that counts), dipo.tum, calibration.csv (what the filter
 /// learns about its sensors) and pings.csv (what became of every ping); with a camera vio.tum,

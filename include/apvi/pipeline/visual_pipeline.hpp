@@ -9,6 +9,7 @@
 
 #include "apvi/core/worker.hpp"
 #include "apvi/pipeline/localizer.hpp"
+#include "apvi/pipeline/map_feed.hpp"
 #include "apvi/pipeline/run_config.hpp"
 #include "apvi/vio/tracker.hpp"
 
@@ -22,7 +23,9 @@ class VisualPipeline {
   /// Called once per frame in order, from the last stage's thread.
   using Sink = std::function<void(const FrameOutput&)>;
 
-  VisualPipeline(const RunConfig& config, const Rig& rig, std::size_t cameras, Sink sink);
+  /// `map`, when given, gets what the map is made of; it must outlive this.
+  VisualPipeline(const RunConfig& config, const Rig& rig, std::size_t cameras, Sink sink,
+                 MapSink* map = nullptr);
 
   /// Takes a frame in; waits when the queue is full, but in real time. Throws what a stage has
   /// thrown.
@@ -41,6 +44,7 @@ class VisualPipeline {
   struct Tracked {
     FrameJob job;
     std::optional<vio::TrackedFrame> frame;
+    cv::Mat image;  ///< of camera 0, for the map
     double track_s = 0.0;
   };
 
@@ -52,6 +56,8 @@ class VisualPipeline {
   std::optional<Eigen::Quaterniond> skipped_turn_;  // body rotation over images not looked at
   Localizer localizer_;
   Sink sink_;
+  MapSink* map_;
+  std::optional<MapFeed> map_feed_;
   std::size_t dropped_images_ = 0;
   // Last, the downstream one first: threads end before what they use.
   std::unique_ptr<Worker<Tracked>> localize_worker_;
