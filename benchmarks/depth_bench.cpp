@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// How right the depth of keyframes is, with true poses, against the true depth of a simulated data
+// set, and how long it takes:
+//   depth_bench DATASET [--spacing M] [--lag N] [--every N] [--threads T] [--images DIR]
+//               [--only CASE] [--set key=value]...
+// A keyframe is taken every M metres; the depth asked for is that of every N-th frame with true
+// depth, out of the nine keyframes that end N keyframes later. One line a case:
+//   blocks        blocks a keyframe
+//   all, sure     median relative error [%] at the representatives, of all and of confident blocks
+//   off           confident blocks off by more than 10 % [%]
+//   share, area   confident blocks [%], and the part of the image that they cover [%]
+//   dense, mean   median and mean relative error [%] of all pixels, after upsampling
+//   ms            time a keyframe
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/bridge/camera_conversion.hpp"
+#include "apvi/bridge/depth_section.hpp"
+#include "apvi/bridge/image_files.hpp"
+#include "apvi/core/error.hpp"
+#include "apvi/core/stopwatch.hpp"
+#include "apvi/io/sequence.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/mapping/depth.hpp"
+#include "apvi/sensors/rig.hpp"
+
+namespace apvi {
+namespace {
+
+namespace fs = std::filesystem;
+using torch::Tensor;
+
+constexpr double kLongestGap_s = 0.1;
+constexpr double kOff = 0.1;
+constexpr std::size_t kNeighbors = 9;
+
+struct Arguments {
+  fs::path dataset;
+  fs::path images;
+  std::string only;
+  double spacing_m = 0.12;
+  std::size_t lag = 2;
+  std::size_t every = 5;
+  int threads = 2;
+  std::vector<std::string> overrides;
+};
+
+Arguments parse(int argc, char** argv) {
+  if (argc < 2 || argc % 2 != 0) fail_input("usage: depth_bench DATASET [--key value]...");
+  Arguments out;
+  out.dataset = argv[1];
+  for (int i = 2; i < argc; i += 2) {
+    const std::string key = argv[i];
+    const std::string value = argv[i + 1];
+    if (key == "--spacing") {
+      out.spacing_m = std::stod(value);
+    } else if (key == "--lag") {
+      out.lag = std::stoul(value);
+    } else if (key == "--every") {
+      out.every = std::stoul(value);
+    } else if (key == "--threads") {
+      out.threads = std::stoi(value);
+    } else if (key == "--images") {
+      out.images = value;
+    } else if (key == "--only") {
+      out.only = value;
+    } else if (key == "--set") {
+      out.overrides.push_back(value);
+    } else {
+      fail_input("unknown option {}", key);
+    }
+  }
+  return out;
+}
+
+mapping::DepthOptions read_options(const Arguments& arguments) {
+  config::Node root;
+  for (const std::string& assignment : arguments.overrides) {
+    config::apply_override(root, assignment);
+  }
+  bridge::DepthSection section;
+  if (!root.is_null()) config::read(root, section);
+  return section.options();
+}
+
+struct Case {
+  std::string name;
+  mapping::DepthOptions options;
+};
+
+std::vector<Case> cases(const Arguments& arguments) {
+  const mapping::DepthOptions base = read_options(arguments);
+  std::vector<Case> out = {{"quadtree", base}};
+  for (const int side : {4, 8, 16}) {
+    mapping::DepthOptions grid = base;
+    grid.quadtree.largest_px = side;
+    grid.quadtree.smallest_px = side;
+    out.push_back({"grid-" + std::to_string(side), grid});
+  }
+  const std::size_t with_belief = out.size();
+  for (std::size_t i = 0; i < with_belief; ++i) {
+    out.push_back({out[i].name + "-alone", out[i].options});
+    out.back().options.belief.enabled = false;
+  }
+  if (!arguments.only.empty()) {
+    std::erase_if(out, [&](const Case& c) { return c.name != arguments.only; });
+  }
+  return out;
+}
+
+cv::Mat read_pfm(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string magic;
+  int width = 0;
+  int height = 0;
+  double scale = 0.0;
+  in >> magic >> width >> height >> scale;
+  in.get();
+  cv::Mat upside_down(height, width, CV_32F);
+  in.read(upside_down.ptr<char>(), static_cast<std::streamsize>(width) * height * 4);
+  if (!in || magic != "Pf" || scale > 0.0)
+    fail_input("{}: no little-endian grey PFM", path.string());
+  cv::Mat image;
+  cv::flip(upside_down, image, 0);
+  return image;
+}
+
+struct Job {
+  std::string stamp;
+  mapping::DepthRequest request;
+  Tensor truth;  ///< [H,W]
+};
+
+io::DatasetConfig recording(const fs::path& folder) {
+  io::DatasetConfig config;
+  config.path = folder.string();
+  return config;
+}
+
+/// Reads a data set into what is to be estimated.
+class Jobs {
+ public:
+  explicit Jobs(const Arguments& arguments)
+      : arguments_(arguments),
+        config_(recording(arguments.dataset)),
+        reader_(io::open_sequence(config_, {"camera"})),
+        camera_(make_rig(reader_->rig()).cameras.front()),
+        undistort_(camera_.model, 1.0),
+        poses_(io::read_trajectory(arguments.dataset / "truth" / "trajectory.tum")) {
+    make_map();
+  }
+
+  std::vector<Job> read() {
+    while (const auto event = reader_->next()) {
+      const auto* const frame = std::get_if<ImageFrame>(&*event);
+      if (frame != nullptr && frame->camera == 0) take(*frame);
+    }
+    return std::move(done_);
+  }
+
+ private:
+  void take(const ImageFrame& frame) {
+    const auto T_world_body = poses_.at(frame.stamp, Duration::from_seconds(kLongestGap_s));
+    if (!T_world_body) return;
+    const SE3 T_world_camera = *T_world_body * camera_.T_body_camera;
+    const std::string stamp = std::to_string(frame.stamp.ns);
+    const fs::path truth = arguments_.dataset / "truth" / "depth" / (stamp + ".pfm");
+    const bool wanted = fs::exists(truth) && count_++ % arguments_.every == 0;
+    const bool moved = !last_ || (T_world_camera.translation - *last_).norm() >= arguments_.spacing_m;
+    if (!wanted && !moved) return;
+    const mapping::DepthView view = {
+        .grey = mapping::to_grey(bridge::to_tensor(undistort_(frame.decode()))),
+        .camera = {.intrinsics = undistort_.intrinsics(),
+                   .T_camera_world = bridge::to_tensor(T_world_camera.inverse()),
+                   .pose_delta = {}}};
+    if (moved) {
+      last_ = T_world_camera.translation;
+      add_keyframe(view);
+    }
+    if (wanted) start(stamp, view, moved, truth);
+  }
+
+  void add_keyframe(const mapping::DepthView& view) {
+    window_.push_front(view);
+    if (window_.size() > kNeighbors + 1) window_.pop_back();
+    for (auto& waiting : waiting_) {
+      waiting.job.request.views.push_back(view);
+      if (++waiting.later == arguments_.lag) finish(waiting);
+    }
+    std::erase_if(waiting_, [&](const Waiting& w) { return w.later >= arguments_.lag; });
+  }
+
+  struct Waiting {
+    Job job;
+    std::vector<mapping::DepthView> earlier;
+    std::size_t later = 0;
+  };
+
+  void start(const std::string& stamp, const mapping::DepthView& view, bool is_keyframe,
+             const fs::path& truth) {
+    Waiting waiting = {.job = {.stamp = stamp, .request = {{view}, {}}, .truth = warp(truth)},
+                       .earlier = {window_.begin() + (is_keyframe ? 1 : 0), window_.end()},
+                       .later = 0};
+    if (arguments_.lag == 0) {
+      finish(waiting);
+    } else {
+      waiting_.push_back(std::move(waiting));
+    }
+  }
+
+  void finish(Waiting& waiting) {
+    auto& views = waiting.job.request.views;
+    for (const auto& view : waiting.earlier) {
+      if (views.size() < kNeighbors + 1) views.push_back(view);
+    }
+    if (views.size() == kNeighbors + 1) done_.push_back(std::move(waiting.job));
+  }
+
+  void make_map() {
+    const splat::Intrinsics& k = undistort_.intrinsics();
+    map_.create(k.height, k.width, CV_32FC2);
+    for (int y = 0; y < k.height; ++y) {
+      for (int x = 0; x < k.width; ++x) {
+        const auto pixel =
+            camera_.model.project({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy, 1.0});
+        if (!pixel) fail_run("the lens does not cover its pinhole");
+        map_.at<cv::Vec2f>(y, x) = {static_cast<float>(pixel->x()), static_cast<float>(pixel->y())};
+      }
+    }
+  }
+
+  Tensor warp(const fs::path& truth) const {
+    cv::Mat depth;
+    cv::remap(read_pfm(truth), depth, map_, {}, cv::INTER_NEAREST, cv::BORDER_CONSTANT);
+    return torch::from_blob(depth.data, {depth.rows, depth.cols}, torch::kFloat32).clone();
+  }
+
+  Arguments arguments_;
+  io::DatasetConfig config_;
+  std::unique_ptr<io::SequenceReader> reader_;
+  CameraCalibration camera_;
+  bridge::Undistorter undistort_;
+  Trajectory poses_;
+  cv::Mat map_;
+  std::optional<Eigen::Vector3d> last_;
+  std::size_t count_ = 0;
+  std::deque<mapping::DepthView> window_;
+  std::vector<Waiting> waiting_;
+  std::vector<Job> done_;
+};
+
+/// What is found over all keyframes of a case.
+struct Score {
+  std::vector<Tensor> errors;     ///< relative, at representatives
+  std::vector<Tensor> confident;  ///< bool
+  std::vector<Tensor> areas;
+  std::vector<Tensor> dense;  ///< relative, of pixels
+  std::vector<double> seconds;
+
+  void add(const mapping::DepthEstimate& out, const Tensor& truth) {
+    const Tensor at = (out.points - 0.5).round().to(torch::kInt64);
+    const Tensor pixel = at.select(1, 1) * truth.size(1) + at.select(1, 0);
+    const Tensor z = truth.reshape({-1}).index_select(0, pixel);
+    const Tensor known = z > 0;
+    Tensor area = torch::empty({z.numel()});
+    for (std::size_t i = 0; i < out.blocks.size(); ++i) {
+      area.data_ptr<float>()[i] = static_cast<float>(out.blocks[i].width * out.blocks[i].height);
+    }
+    errors.push_back(((out.depth - z).abs() / z).masked_select(known));
+    confident.push_back(out.confident.masked_select(known));
+    areas.push_back(area.masked_select(known));
+    dense.push_back(((out.dense - truth).abs() / truth).masked_select(truth > 0));
+  }
+
+  void print(const std::string& name) const {
+    const auto percent = [](const Tensor& x) { return 100.0 * x.item<double>(); };
+    const Tensor e = torch::cat(errors);
+    const Tensor c = torch::cat(confident);
+    const Tensor a = torch::cat(areas);
+    const Tensor d = torch::cat(dense);
+    const Tensor sure = e.masked_select(c);
+    std::vector<double> s = seconds;
+    std::sort(s.begin(), s.end());
+    std::printf("%-15s %7.0f %7.2f %7.2f %7.2f %7.1f %7.1f %7.2f %7.2f %7.0f\n", name.c_str(),
+                static_cast<double>(e.numel()) / static_cast<double>(errors.size()),
+                percent(e.median()), percent(sure.median()),
+                percent((sure > kOff).to(torch::kFloat32).mean()),
+                percent(c.to(torch::kFloat32).mean()), percent(a.masked_select(c).sum() / a.sum()),
+                percent(d.median()), percent(d.mean()), 1e3 * s[s.size() / 2]);
+    std::fflush(stdout);
+  }
+};
+
+/// Blue is near, red is far, black unknown.
+Tensor colored(const Tensor& depth, double near, double far) {
+  const Tensor x = ((depth - near) / (far - near)).clamp(0.0, 1.0);
+  const Tensor known = (depth > 0).to(torch::kFloat32);
+  return torch::stack({(1.5 - (4.0 * x - 3.0).abs()).clamp(0.0, 1.0) * known,
+                       (1.5 - (4.0 * x - 2.0).abs()).clamp(0.0, 1.0) * known,
+                       (1.5 - (4.0 * x - 1.0).abs()).clamp(0.0, 1.0) * known},
+                      2);
+}
+
+void draw(const fs::path& folder, const std::string& name, const Job& job,
+          const mapping::DepthEstimate& out) {
+  const Tensor sorted = std::get<0>(job.truth.reshape({-1}).sort());
+  const auto near = sorted[sorted.numel() / 100].item<double>();
+  const auto far = sorted[sorted.numel() * 99 / 100].item<double>();
+  Tensor blocks = torch::zeros_like(job.truth);
+  Tensor sure = torch::zeros_like(job.truth);
+  for (std::size_t i = 0; i < out.blocks.size(); ++i) {
+    const auto& b = out.blocks[i];
+    const auto k = static_cast<std::int64_t>(i);
+    const auto depth = out.depth[k].item<float>();
+    blocks.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width).fill_(depth);
+    if (out.confident[k].item<bool>()) {
+      sure.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width).fill_(depth);
+    }
+  }
+  const Tensor grey = job.request.views.front().grey.unsqueeze(2).expand({-1, -1, 3});
+  const Tensor top =
+      torch::cat({grey, colored(job.truth, near, far), colored(out.dense, near, far)}, 1);
+  const Tensor error = ((out.dense - job.truth).abs() / job.truth / kOff).clamp(0.0, 1.0);
+  const Tensor below = torch::cat({error.unsqueeze(2).expand({-1, -1, 3}),
+                                   colored(blocks, near, far), colored(sure, near, far)},
+                                  1);
+  fs::create_directories(folder);
+  bridge::write_png(folder / (job.stamp + "_" + name + ".png"),
+                    torch::cat({top, below}, 0).contiguous());
+}
+
+void run(const Arguments& arguments) {
+  torch::set_num_threads(arguments.threads);
+  const std::vector<Job> jobs = Jobs(arguments).read();
+  if (jobs.empty()) fail_input("{}: no frame with true depth", arguments.dataset.string());
+  std::printf("%zu keyframes of %s\n%-15s %7s %7s %7s %7s %7s %7s %7s %7s %7s\n", jobs.size(),
+              arguments.dataset.filename().c_str(), "case", "blocks", "all", "sure", "off", "share",
+              "area", "dense", "mean", "ms");
+  for (const Case& c : cases(arguments)) {
+    Score score;
+    for (const Job& job : jobs) {
+      const Stopwatch watch;
+      const mapping::DepthEstimate out = mapping::estimate_depth(job.request, c.options);
+      score.seconds.push_back(watch.seconds());
+      score.add(out, job.truth);
+      if (!arguments.images.empty()) draw(arguments.images, c.name, job, out);
+    }
+    score.print(c.name);
+  }
+}
+
+}  // namespace
+}  // namespace apvi
+
+int main(int argc, char** argv) {
+  try {
+    apvi::run(apvi::parse(argc, argv));
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "depth_bench: %s\n", error.what());
+    return 2;
+  }
+}
