@@ -154,10 +154,15 @@ Span choose_span(const std::vector<InitFrame>& frames, const InitConfig& config)
 }
 
 // Why the solved start is not to be believed; nothing when it is.
-std::optional<InitResult> doubt(const SolvedStart& solved, const InitConfig& config) {
+std::optional<InitResult> doubt(const SolvedStart& solved, double span_s,
+                                const InitConfig& config) {
   if (!solved.usable) return refuse(InitStatus::ill_conditioned, "no solution");
-  if (!(solved.scale_sigma < config.max_scale_sigma)) {
+  // Over a short span the sigma is least to be trusted; the window learns the rest.
+  if (!(solved.scale_sigma < config.max_scale_sigma * std::clamp(span_s, 1.0, 2.0))) {
     return refuse(InitStatus::scale_uncertain, fmt::format("{:.1f} %", 100.0 * solved.scale_sigma));
+  }
+  if (!solved.size_is_felt) {
+    return refuse(InitStatus::scale_uncertain, "twice as large would fit as well");
   }
   if (solved.inlier_share < kMinInliers ||
       solved.reprojection_rms_px > config.max_reprojection_px) {
@@ -198,7 +203,9 @@ InitResult solve(const std::vector<InitFrame>& frames, const StartProblem& probl
   const RefinedStart refined = refine_start(problem, *guess, sigmas);
   if (refined.motion.empty()) return refuse(InitStatus::ill_conditioned, "no point lies ahead");
   const SolvedStart solved = solve_start(problem, refined, sigmas);
-  if (auto reason = doubt(solved, config)) return *reason;
+  const double span_s = seconds_between(frames[problem.frames.front()].tracked.stamp,
+                                        frames[problem.frames.back()].tracked.stamp);
+  if (auto reason = doubt(solved, span_s, config)) return *reason;
   return {.status = InitStatus::success,
           .first = problem.frames.front(),
           .states = make_states(frames, problem, solved),

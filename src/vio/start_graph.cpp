@@ -5,9 +5,11 @@
 #include <ceres/solver.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <memory>
+#include <optional>
 
 #include "apvi/geometry/so3.hpp"
 #include "apvi/vio/factors.hpp"
@@ -21,10 +23,46 @@ using Eigen::Vector3d;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
 
-constexpr int kIterations = 6;
+struct Effort {
+  int iterations;
+  double tolerance;
+};
+constexpr Effort kFromNearby{6, 1e-3};
+constexpr Effort kFromAfar{30, 1e-6};
+
 constexpr double kHuber_px = 1.5;
 constexpr double kOutlier_px = 4.0;
 constexpr double kGaugeSigma = 1e-4;  // of the first keyframe's yaw [rad] and position [m]
+
+// The sum of squares has to rise by so much when everything is held so many times as large; where
+// it does not, everything becomes that large, so many times at the most.
+constexpr double kLarger = 2.0;
+constexpr double kMinRise = 25.0;
+constexpr int kMostEnlargements = 4;
+constexpr double kHeldSigma = 1e-3;      // relative
+constexpr double kWorthEnlarging = 0.2;  // a larger sigma of the scale is refused anyway
+
+// The distance between two keyframes, held.
+class DistanceFactor final : public ceres::SizedCostFunction<1, kPoseSize, kPoseSize> {
+ public:
+  explicit DistanceFactor(double length_m) : length_m_(length_m) {}
+
+  bool Evaluate(double const* const* poses, double* residual, double** jacobians) const override {
+    const Vector3d way = to_se3(poses[1]).translation - to_se3(poses[0]).translation;
+    const double weight = 1.0 / (kHeldSigma * length_m_);
+    *residual = weight * (way.norm() - length_m_);
+    for (int end = 0; jacobians != nullptr && end < 2; ++end) {
+      if (jacobians[end] == nullptr) continue;
+      Eigen::Map<Eigen::Matrix<double, 1, kPoseSize>> J(jacobians[end]);
+      J.setZero();
+      J.segment<3>(3) = (end == 0 ? -weight : weight) * way.normalized().transpose();
+    }
+    return true;
+  }
+
+ private:
+  double length_m_;
+};
 
 // Terms and what they are about; addresses stay.
 class StartGraph {
@@ -44,10 +82,15 @@ class StartGraph {
 
   SolvedStart run() {
     SolvedStart out;
-    out.usable = solve();
+    std::optional<double> cost = solve(kFromNearby);
+    out.scale_sigma = scale_sigma();
+    if (cost && out.scale_sigma < kWorthEnlarging) {
+      out.size_is_felt = grow_to_size(cost);
+      out.scale_sigma = scale_sigma();
+    }
+    out.usable = cost.has_value();
     out.states = states_;
     judge(out);
-    if (out.usable) out.scale_sigma = scale_sigma();
     return out;
   }
 
@@ -138,7 +181,8 @@ class StartGraph {
     return blocks;
   }
 
-  bool solve() {
+  // The cost at the solution; nothing when there is none.
+  std::optional<double> solve(const Effort& effort) {
     ceres::Problem::Options borrowed;
     borrowed.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     borrowed.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -165,12 +209,13 @@ class StartGraph {
     }
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.linear_solver_ordering = ordering;
-    options.max_num_iterations = kIterations;
-    options.function_tolerance = 1e-3;
+    options.max_num_iterations = effort.iterations;
+    options.function_tolerance = effort.tolerance;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
-    return summary.IsSolutionUsable();
+    if (!summary.IsSolutionUsable()) return std::nullopt;
+    return summary.final_cost;
   }
 
   void judge(SolvedStart& out) const {
@@ -195,24 +240,66 @@ class StartGraph {
     out.inertial_rms = std::sqrt(inertial_sum / (9.0 * static_cast<double>(inertial_.size())));
   }
 
-  double scale_sigma() {
-    const Vector3d start = to_se3(states_.front().pose.data()).translation;
+  Vector3d way_to(std::size_t keyframe) const {
+    return to_se3(states_[keyframe].pose.data()).translation -
+           to_se3(states_.front().pose.data()).translation;
+  }
+
+  std::size_t farthest() const {
     std::size_t farthest = 0;
-    Vector3d way = Vector3d::Zero();
     for (std::size_t k = 1; k < states_.size(); ++k) {
-      const Vector3d candidate = to_se3(states_[k].pose.data()).translation - start;
-      if (candidate.norm() <= way.norm()) continue;
-      way = candidate;
-      farthest = k;
+      if (way_to(k).norm() > way_to(farthest).norm()) farthest = k;
     }
-    if (farthest == 0) return 1e9;
+    return farthest;
+  }
+
+  // What noise makes of the motion is taken for acceleration that the IMU did not feel: where the
+  // vehicle hardly accelerates, everything shrinks, and the scale's sigma with it. So the start is
+  // held at a larger size, and let go from there if that fits no worse. True when in the end a
+  // larger size is contradicted.
+  bool grow_to_size(std::optional<double>& cost) {
+    for (int k = 0; k < kMostEnlargements && cost; ++k) {
+      const std::vector<FrameState> states = states_;
+      const std::vector<double> inverse_depth = inverse_depth_;
+      const std::optional<double> larger = solve_enlarged();
+      if (!larger || 2.0 * (*larger - *cost) > kMinRise) {
+        std::copy(states.begin(), states.end(), states_.begin());
+        std::copy(inverse_depth.begin(), inverse_depth.end(), inverse_depth_.begin());
+        return larger.has_value();
+      }
+      cost = solve(kFromAfar);
+    }
+    return false;
+  }
+
+  std::optional<double> solve_enlarged() {
+    const std::size_t end = farthest();
+    if (end == 0) return std::nullopt;
+    const DistanceFactor held(kLarger * way_to(end).norm());
+    const Vector3d origin = to_se3(states_.front().pose.data()).translation;
+    for (FrameState& state : states_) {
+      Eigen::Map<Vector3d> position(state.pose.data());
+      position = origin + kLarger * (position - origin);
+      Eigen::Map<Vector3d>(state.motion.data()) *= kLarger;
+    }
+    for (double& inverse_depth : inverse_depth_) inverse_depth /= kLarger;
+    terms_.push_back({&held, {pose(0), pose(end)}, false});
+    const std::optional<double> cost = solve(kFromAfar);
+    terms_.pop_back();
+    return cost;
+  }
+
+  double scale_sigma() {
+    const std::size_t end = farthest();
+    if (end == 0) return 1e9;
+    const Vector3d way = way_to(end);
     Linearizer linearizer;
     linearizer.hold_constant(extrinsics_.data());
     linearizer.hold_constant(&time_offset_);
     for (const Term& term : terms_) {
       linearizer.add(*term.cost, term.visual ? &loss_ : nullptr, term.blocks);
     }
-    const Matrix6 information = linearizer.marginal_information(pose(farthest).data);
+    const Matrix6 information = linearizer.marginal_information(pose(end).data);
     const Eigen::LDLT<Matrix6> ldlt(information);
     Eigen::Matrix<double, 6, 1> along = Eigen::Matrix<double, 6, 1>::Zero();
     along.tail<3>() = way.normalized();

@@ -17,6 +17,7 @@ struct SolvedStart {
   double inlier_share = 0.0;         ///< of all sightings
   double scale_sigma = 0.0;          ///< relative, of the way to the farthest keyframe
   double inertial_rms = 0.0;         ///< of the inertial terms, one is as expected
+  bool size_is_felt = false;         ///< the IMU contradicts twice the scale
   bool usable = false;
 };
 

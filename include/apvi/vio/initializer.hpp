@@ -54,9 +54,9 @@ struct InitConfig {
   double max_reprojection_px = 2.0;
   double max_scale_sigma = 0.05;
   double focal_px = 460.0;  ///< turns angles into pixels
-  double pixel_sigma = 2.0;
+  double pixel_sigma = 1.5;
   double min_window_s = 0.4;
-  double max_window_s = 2.0;
+  double max_window_s = 3.0;
   int keyframes = 8;
   double gyro_bias_sigma = 0.1;
   double accel_bias_sigma = 0.2;
@@ -71,7 +71,8 @@ struct InitConfig {
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 100.0},
       "a start with a larger root mean square is refused [px]");
     v("max_scale_sigma", max_scale_sigma, Range{1e-4, 10.0},
-      "a start whose scale is less certain is refused (one sigma, relative)");
+      "a start from a second whose scale is less certain is refused, from two seconds twice that "
+      "(one sigma, relative)");
     v("focal_px", focal_px, Range{1.0, 1e5},
       "focal length that angles are turned into pixels with");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
