@@ -3,6 +3,9 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
+
+#include "apvi/pipeline/run.hpp"
 
 #if APVI_WITH_MAPPING
 #include "apvi/bridge/run_config.hpp"
@@ -28,6 +31,12 @@ struct MapRequest {
   std::function<bool()> interrupted;
 };
 
+/// Whether the configuration asks for a map.
+bool wants_map(const RunConfig& config);
+/// Localization and mapping together; logs how the map went. Nothing when a map was only refined
+/// further.
+std::optional<pipeline::RunResult> localize_and_map(const RunConfig& config,
+                                                    const MapRequest& request);
 /// Makes a map with given poses and logs how it went. Throws InputError in a build without mapping.
 void make_map(const RunConfig& config, const MapRequest& request);
 

@@ -38,26 +38,28 @@ fs::path default_folder(const Arguments& a, const RunConfig& config) {
   return folder;
 }
 
-void run(const Arguments& a) {
-  const RunConfig config = load_run_config(a.config, a.overrides);
-  const InterruptGuard guard;
-  if (!config.localization.enabled) {
-    const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
-    return make_map(config, {.folder = folder,
-                             .overwrite = a.overwrite,
-                             .resume = a.resume,
-                             .interrupted = [&guard] { return guard.interrupted(); }});
-  }
-  const pipeline::RunOptions options{
-      .folder = a.folder.empty() ? default_folder(a, config) : a.folder,
-      .overwrite = a.overwrite,
-      .interrupted = [&guard] { return guard.interrupted(); }};
-  const pipeline::RunResult result = pipeline::run(config, options);
+void report(const pipeline::RunResult& result) {
   if (result.interrupted) log::warning("interrupted; what was computed is kept");
   log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
             result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
   std::fputs(eval::to_table(result.metrics).c_str(), stdout);
-  log::info("results in {}", options.folder.string());
+}
+
+void run(const Arguments& a) {
+  const RunConfig config = load_run_config(a.config, a.overrides);
+  const InterruptGuard guard;
+  const auto interrupted = [&guard] { return guard.interrupted(); };
+  const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
+  const MapRequest map{
+      .folder = folder, .overwrite = a.overwrite, .resume = a.resume, .interrupted = interrupted};
+  if (!config.localization.enabled) return make_map(config, map);
+  if (wants_map(config)) {
+    if (const auto result = localize_and_map(config, map)) report(*result);
+    return;
+  }
+  report(pipeline::run(config,
+                       {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted}));
+  log::info("results in {}", folder.string());
 }
 
 }  // namespace
@@ -65,7 +67,7 @@ void run(const Arguments& a) {
 void add_run(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "run", "localization, or a map with given poses, of a recording into a run folder");
+      "run", "localization and mapping, or either alone, of a recording into a run folder");
   command->add_option("CONFIG", a->config, "configuration file, for example configs/default.yaml")
       ->required();
   command->add_option("--set", a->overrides, "override a key: dataset.path=FOLDER; may be repeated")
@@ -76,7 +78,7 @@ void add_run(CLI::App& app) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_option("-o,--output", a->folder, "run folder (default: below runs/)");
   command->add_flag("--overwrite", a->overwrite, "replace the run that the folder holds");
-  command->add_flag("--resume", a->resume, "given poses: go on from the folder's checkpoint");
+  command->add_flag("--resume", a->resume, "go on with the folder's map from its checkpoint");
   command->callback([a] { run(*a); });
 }
 

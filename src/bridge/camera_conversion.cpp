@@ -122,17 +122,26 @@ Undistorter::Undistorter(const CameraModel& camera, double scale) {
 }
 
 cv::Mat Undistorter::operator()(const cv::Mat& image) const {
+  return apply(image, cv::INTER_LINEAR, cv::INTER_AREA);
+}
+
+cv::Mat Undistorter::nearest(const cv::Mat& image) const {
+  return apply(image, cv::INTER_NEAREST, cv::INTER_NEAREST);
+}
+
+cv::Mat Undistorter::apply(const cv::Mat& image, int remap_by, int resize_by) const {
   if (image.size() != source_) {
     fail_run("a picture is {} x {}, but the rig says {} x {}", image.cols, image.rows,
              source_.width, source_.height);
   }
   cv::Mat pinhole = image;
-  if (!map_x_.empty())
-    cv::remap(image, pinhole, map_x_, map_y_, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  if (!map_x_.empty()) {
+    cv::remap(image, pinhole, map_x_, map_y_, remap_by, cv::BORDER_REPLICATE);
+  }
   if (pinhole.cols == intrinsics_.width && pinhole.rows == intrinsics_.height)
     return pinhole.clone();
   cv::Mat reduced;
-  cv::resize(pinhole, reduced, {intrinsics_.width, intrinsics_.height}, 0, 0, cv::INTER_AREA);
+  cv::resize(pinhole, reduced, {intrinsics_.width, intrinsics_.height}, 0, 0, resize_by);
   return reduced;
 }
 

@@ -3,12 +3,16 @@
 
 #include <torch/torch.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 
 #include "apvi/bridge/image_files.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/mapping/evaluation.hpp"
+#include "apvi/splat/metrics.hpp"
+#include "simulated_truth.hpp"
 
 namespace apvi::bridge {
 namespace {
@@ -28,15 +32,50 @@ void put(eval::Json& json, const char* key, const std::optional<double>& value) 
   if (value) json[key] = *value;
 }
 
+/// Means over the views that have truth.
+class TruthFigures {
+ public:
+  void add(const mapping::Picture& picture, const SimulatedTruth& truth, const std::string& stamp) {
+    const auto cpu = [](const torch::Tensor& t) { return t.to(torch::kCPU, torch::kFloat32); };
+    if (const auto depth = truth.depth(stamp)) {
+      if (const auto errors = splat::depth_errors(cpu(picture.depth), *depth)) {
+        squares_ += errors->rmse_m * errors->rmse_m;
+        relative_ += errors->abs_rel;
+        ++depths_;
+      }
+    }
+    if (const auto clear = truth.clear(stamp)) {
+      restored_ += splat::psnr(cpu(picture.restored).clamp(0.0, 1.0), cpu(*clear) / 255.0);
+      ++clears_;
+    }
+  }
+
+  void put_into(eval::Json& json) const {
+    if (depths_ > 0) json["depth_rmse_m"] = std::sqrt(squares_ / depths_);
+    if (depths_ > 0) json["depth_abs_rel"] = relative_ / depths_;
+    if (clears_ > 0) json["restored_psnr_db"] = restored_ / clears_;
+  }
+
+ private:
+  double squares_ = 0.0;
+  double relative_ = 0.0;
+  double restored_ = 0.0;
+  int depths_ = 0;
+  int clears_ = 0;
+};
+
 }  // namespace
 
 eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore& keyframes,
-                           const std::filesystem::path& folder) {
+                           const std::filesystem::path& folder, const SimulatedTruth* truth) {
+  TruthFigures figures;
   for (const std::size_t i : keyframes.held_out()) {
-    write_renders(mapping::take_picture(map, keyframes.view(i, 1)), keyframes[i],
-                  map.medium.has_value(), folder);
+    const mapping::Picture picture = mapping::take_picture(map, keyframes.view(i, 1));
+    write_renders(picture, keyframes[i], map.medium.has_value(), folder);
+    if (truth != nullptr) figures.add(picture, *truth, keyframes[i].name);
   }
   eval::Json json = eval::Json::object();
+  figures.put_into(json);
   const auto perceptual = splat::Lpips::load(splat::LpipsNet::alex);
   if (perceptual) {
     json["lpips_net"] = splat::net_name(perceptual->net());

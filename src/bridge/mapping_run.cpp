@@ -2,11 +2,9 @@
 #include "apvi/bridge/mapping_run.hpp"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <torch/torch.h>
 
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -23,55 +21,26 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/mapping/evaluation.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/initial_medium.hpp"
 #include "apvi/mapping/trainer.hpp"
-#include "apvi/splat/ply.hpp"
-#include "apvi/version.hpp"
+#include "apvi/pipeline/run_folder.hpp"
 #include "held_out_report.hpp"
+#include "map_files.hpp"
+#include "simulated_truth.hpp"
 
 namespace apvi::bridge {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kCurveHeader = "#time [s],iteration,gaussians,psnr_heldout [dB]\n";
+constexpr const char* kCheckpoint = "checkpoint.pt";
 
-void prepare_folder(const MappingRunOptions& options) {
-  const fs::path& folder = options.folder;
-  if (fs::exists(folder) && !fs::is_directory(folder)) {
-    fail_input("{}: this is a file; a run needs a folder", folder.string());
-  }
-  const bool taken = fs::exists(folder / "map.ply") || fs::exists(folder / "trajectory.tum");
-  if (taken && !options.overwrite && !options.resume) {
-    fail_input(
-        "{}: holds a run already; name another folder with -o, or give --overwrite or "
-        "--resume",
-        folder.string());
-  }
+void make_folder(const MappingRunOptions& options) {
+  if (!options.resume) pipeline::prepare_folder(options.folder, options.overwrite);
   std::error_code error;
-  fs::create_directories(folder / "renders", error);
-  if (error) fail_run("{}: cannot make this folder: {}", folder.string(), error.message());
-  if (options.resume) return;
-  for (const char* stale : {"metrics.json", "report.html", "mapping.csv", "checkpoint.pt"}) {
-    fs::remove(folder / stale, error);
-  }
-}
-
-// Paths in a resolved configuration hold wherever the program is started from.
-void write_resolved(const RunConfig& config, const config::Node& rig, const fs::path& file) {
-  const auto absolute = [](const std::string& path) {
-    return path.empty() ? path : fs::absolute(path).lexically_normal().string();
-  };
-  RunConfig resolved = config;
-  resolved.dataset.path = absolute(config.dataset.path);
-  resolved.localization.poses = absolute(config.localization.poses);
-  const std::string& points = config.mapping.initial_points;
-  if (points != "sift" && points != "random") resolved.mapping.initial_points = absolute(points);
-  resolved.dataset.rig.clear();  // its content is in `rig`
-  resolved.rig = rig;
-  io::write_text_file(file, config::to_yaml(config::to_node(resolved)));
+  fs::create_directories(options.folder / "renders", error);
+  if (error) fail_run("{}: cannot make this folder: {}", options.folder.string(), error.message());
 }
 
 /// The training of one run, with what it leaves in its folder on the way.
@@ -81,15 +50,14 @@ class Training {
       : config_(config),
         options_(options),
         images_(images),
-        trainer_(make_trainer(config, images.store)) {
-    const fs::path checkpoint = options.folder / "checkpoint.pt";
+        trainer_(make_trainer(config, images.store)),
+        curve_(options.folder / "mapping.csv", config.mapping.report_every_s, options.resume) {
+    const fs::path checkpoint = options.folder / kCheckpoint;
     if (options.resume && fs::exists(checkpoint)) {
       trainer_.resume(checkpoint);
       log::info("resumed at iteration {}", trainer_.iteration());
     }
-    curve_.open(options.folder / "mapping.csv", options.resume ? std::ios::app : std::ios::out);
-    if (curve_.tellp() == 0) curve_ << kCurveHeader;
-    reported_s_ = trainer_.seconds();
+    curve_.start_at(trainer_.seconds());
   }
 
   bool run() {
@@ -102,7 +70,9 @@ class Training {
       status.update(trainer_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
                                                      trainer_.iteration(), trainer_.size(), loss));
       if (options_.interrupted()) return false;
-      maybe_report();
+      if (curve_.due(trainer_.seconds())) {
+        curve_.write(trainer_.seconds(), trainer_.iteration(), map(), images_.store);
+      }
       if (config_.mapping.checkpoint_every_s > 0.0 &&
           since_checkpoint.seconds() > config_.mapping.checkpoint_every_s) {
         save_checkpoint();
@@ -114,12 +84,9 @@ class Training {
 
   void save() {
     save_checkpoint();
-    const auto medium = trainer_.medium();
-    splat::write_ply(options_.folder / "map.ply", trainer_.map(), medium);
-    if (medium) splat::write_medium_json(options_.folder / "medium.json", *medium);
+    write_map(options_.folder, map());
     io::write_tum(options_.folder / "keyframes.tum", keyframes());
-    curve_.flush();
-    if (!curve_) fail_run("{}: cannot be written; is the disk full?", curve_file().string());
+    curve_.close();
   }
 
   mapping::Map map() const {
@@ -141,21 +108,7 @@ class Training {
     return {store, map, options, water};
   }
 
-  fs::path curve_file() const { return options_.folder / "mapping.csv"; }
-
-  void maybe_report() {
-    const double every = config_.mapping.report_every_s;
-    if (every <= 0.0 || trainer_.seconds() - reported_s_ < every) return;
-    reported_s_ = trainer_.seconds();
-    const auto psnr = mapping::mean_psnr(map(), images_.store, images_.store.held_out());
-    if (!psnr) return;
-    curve_ << fmt::format("{:.2f},{},{},{:.4f}\n", trainer_.seconds(), trainer_.iteration(),
-                          trainer_.size(), *psnr);
-    curve_.flush();
-    log::debug("{:.0f} s: {:.2f} dB on held-out images", trainer_.seconds(), *psnr);
-  }
-
-  void save_checkpoint() const { trainer_.save(options_.folder / "checkpoint.pt"); }
+  void save_checkpoint() const { trainer_.save(options_.folder / kCheckpoint); }
 
   // Poses of the body, those of the training images as corrected.
   Trajectory keyframes() const {
@@ -174,61 +127,46 @@ class Training {
   const MappingRunOptions& options_;
   const PosedImages& images_;
   mapping::Trainer trainer_;
-  std::ofstream curve_;
-  double reported_s_ = 0.0;
+  MapCurve curve_;
 };
 
-double peak_memory_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
-eval::Json medium_json(const splat::Medium& medium) {
-  const auto list = [](const torch::Tensor& values) {
-    const torch::Tensor v = values.to(torch::kCPU, torch::kFloat64).contiguous();
-    return std::vector<double>(v.data_ptr<double>(), v.data_ptr<double>() + 3);
-  };
-  return {{"beta_d", list(medium.beta_d)},
-          {"beta_b", list(medium.beta_b)},
-          {"b_inf", list(medium.b_inf)}};
-}
-
-void write_metrics(const fs::path& file, const Training& training, eval::Json figures,
-                   double wall_s) {
-  const mapping::Trainer& trainer = training.trainer();
-  figures["gaussians"] = trainer.size();
-  figures["iterations"] = trainer.iteration();
-  eval::Json sections = {
-      {"mapping", figures},
-      {"speed",
-       {{"wall_s", wall_s},
-        {"training_s", trainer.seconds()},
-        {"iterations_per_s",
-         static_cast<double>(trainer.iteration()) / std::max(1e-9, trainer.seconds())},
-        {"rss_peak_mib", peak_memory_mib()}}},
-      {"build", {{"backend", kBackend}, {"git", kGitRevision}, {"torch", TORCH_VERSION}}}};
-  if (const auto medium = trainer.medium()) sections["medium"] = medium_json(*medium);
-  eval::merge_metrics(file, sections);
-}
-
 }  // namespace
+
+config::Node describe(const RunConfig& config, const pipeline::RunConfig& as_used) {
+  RunConfig resolved = config;
+  static_cast<pipeline::RunConfig&>(resolved) = as_used;
+  const std::string& points = config.mapping.initial_points;
+  if (points != "sift" && points != "random") {
+    resolved.mapping.initial_points = pipeline::absolute_path(points);
+  }
+  return config::to_node(resolved);
+}
 
 MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options) {
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
   const PosedImages images = load_posed_images(config);
-  prepare_folder(options);
+  make_folder(options);
   log::open_file(options.folder / "log.txt");
-  write_resolved(config, images.rig, options.folder / "resolved.yaml");
+  io::write_text_file(options.folder / "resolved.yaml",
+                      config::to_yaml(describe(config, pipeline::resolved(config, images.rig))));
   log::info("{} -> {}", config.dataset.path, options.folder.string());
   Training training(config, options, images);
   const bool finished = training.run();
   training.save();
-  const eval::Json figures =
-      report_held_out(training.map(), images.store, options.folder / "renders");
-  write_metrics(options.folder / "metrics.json", training, figures, watch.seconds());
+  const auto truth =
+      SimulatedTruth::open(config.dataset.path, images.camera, config.mapping.image_scale);
+  const eval::Json figures = report_held_out(training.map(), images.store,
+                                             options.folder / "renders", truth ? &*truth : nullptr);
   const mapping::Trainer& trainer = training.trainer();
+  write_map_metrics(options.folder / "metrics.json",
+                    {.held_out = figures,
+                     .gaussians = trainer.size(),
+                     .iterations = trainer.iteration(),
+                     .training_s = trainer.seconds(),
+                     .wall_s = watch.seconds(),
+                     .medium = trainer.medium(),
+                     .true_medium = truth ? truth->medium() : std::nullopt});
   return {.interrupted = !finished,
           .iterations = trainer.iteration(),
           .gaussians = trainer.size(),

@@ -19,8 +19,6 @@ namespace apvi::bridge {
 namespace {
 
 constexpr double kLongestGap = 0.1;  // [s] between two poses that one is interpolated from
-constexpr double kBlackMean = 3.0;   // grey levels of 255: noise of a sensor in the dark
-constexpr double kBlackSpread = 3.0;
 
 Trajectory given_poses(const RunConfig& config, const io::SequenceReader& reader) {
   if (!config.localization.poses.empty()) return io::read_trajectory(config.localization.poses);
@@ -40,13 +38,6 @@ CameraCalibration first_camera(const RunConfig& config, const io::SequenceReader
   return rig.cameras.front();
 }
 
-bool is_black(const cv::Mat& image) {
-  cv::Scalar mean;
-  cv::Scalar spread;
-  cv::meanStdDev(image.reshape(1), mean, spread);
-  return mean[0] < kBlackMean && spread[0] < kBlackSpread;
-}
-
 class Loader {
  public:
   Loader(const RunConfig& config, io::SequenceReader& reader)
@@ -58,6 +49,7 @@ class Loader {
       fail_input("{}: the given poses have no rotations; a map needs them", config.dataset.path);
     }
     images_.rig = pipeline::rig_of(config, reader.rig());
+    images_.camera = camera_.model;
     images_.T_body_camera = camera_.T_body_camera;
     images_.camera_delay = Duration::from_seconds(camera_.time_offset_s);
   }
@@ -72,12 +64,16 @@ class Loader {
     }
     const auto image = decode(frame);
     if (!image) return;
+    if (mapping::is_black(*image)) {
+      if (images_.black++ == 0) log::warning("image {}: black; left out", frame.stamp.ns);
+      return;
+    }
     mapping::Keyframe keyframe;
     keyframe.stamp_ns = frame.stamp.ns;
     keyframe.name = std::to_string(frame.stamp.ns);
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = to_tensor((*T_world_body * camera_.T_body_camera).inverse());
-    keyframe.image = to_tensor(*image);
+    keyframe.image = *image;
     keyframe.held_out = heldout_every_ > 0 && index % static_cast<std::size_t>(heldout_every_) == 0;
     images_.store.add(std::move(keyframe));
   }
@@ -86,14 +82,9 @@ class Loader {
   PosedImages result() { return std::move(images_); }
 
  private:
-  std::optional<cv::Mat> decode(const ImageFrame& frame) {
+  std::optional<torch::Tensor> decode(const ImageFrame& frame) {
     try {
-      const cv::Mat image = frame.decode();
-      if (is_black(image)) {
-        if (images_.black++ == 0) log::warning("image {}: black; left out", frame.stamp.ns);
-        return std::nullopt;
-      }
-      return undistort_(image);
+      return to_tensor(undistort_(frame.decode()));
     } catch (const RunError& e) {
       if (images_.damaged++ == 0) log::warning("image {}: {}; left out", frame.stamp.ns, e.what());
       return std::nullopt;

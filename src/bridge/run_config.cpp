@@ -1,14 +1,40 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/bridge/run_config.hpp"
 
+#include <algorithm>
+
 #include "apvi/core/error.hpp"
 
 namespace apvi::bridge {
 namespace {
 
+void check_power_of_two(const char* key, int value) {
+  if ((value & (value - 1)) != 0)
+    fail_input("mapping.depth.quadtree.{}: {} is no power of two", key, value);
+}
+
+void check_depth(const DepthSection& depth) {
+  const mapping::DepthOptions options = depth.options();
+  if (options.near_m >= options.far_m) {
+    fail_input("mapping.depth.near_m: {} m is not before mapping.depth.far_m, {} m", options.near_m,
+               options.far_m);
+  }
+  const mapping::QuadtreeOptions& q = options.quadtree;
+  check_power_of_two("largest_px", q.largest_px);
+  check_power_of_two("smallest_px", q.smallest_px);
+  if (q.smallest_px > q.largest_px) {
+    fail_input("mapping.depth.quadtree.smallest_px: {} is more than largest_px, {}", q.smallest_px,
+               q.largest_px);
+  }
+}
+
+bool uses_camera(const RunConfig& config) {
+  return std::ranges::find(config.sensors.use, "camera") != config.sensors.use.end();
+}
+
 void check_mapping(const RunConfig& config) {
   const MappingConfig& m = config.mapping;
-  if (m.densify.kind == mapping::Densification::quadtree) {
+  if (m.densify.kind == mapping::Densification::quadtree && !config.localization.enabled) {
     fail_input(
         "mapping.densification: quadtree needs localization; with given poses use none, "
         "gradient or random");
@@ -25,27 +51,27 @@ void check_mapping(const RunConfig& config) {
   if (m.trainer.coarsest == 3 || (m.trainer.coarsest > 4 && m.trainer.coarsest < 8)) {
     fail_input("mapping.coarsest: {} is none of 1, 2, 4, 8", m.trainer.coarsest);
   }
+  check_depth(m.depth);
   if (m.densify.begin > m.densify.end) {
     fail_input("mapping.densify.begin: {} is after mapping.densify.end, {}", m.densify.begin,
                m.densify.end);
   }
-  if (m.trainer.iterations + m.trainer.final_iterations == 0) {
+  if (!config.localization.enabled && m.trainer.iterations + m.trainer.final_iterations == 0) {
     fail_input("mapping.iterations: 0 steps make no map");
   }
 }
 
-void check(const RunConfig& config) {
-  if (config.localization.enabled && config.mapping.enabled) {
-    fail_input(
-        "mapping.enabled: a map needs given poses in this version: set "
-        "localization.enabled: false");
-  }
+void check_run(const RunConfig& config) {
   if (!config.localization.enabled && !config.mapping.enabled) {
     fail_input(
         "localization.enabled: with given poses and mapping.enabled: false nothing is left "
         "to do");
   }
-  if (config.mapping.enabled) check_mapping(config);
+  if (!config.mapping.enabled) return;
+  if (config.localization.enabled && !uses_camera(config)) {
+    fail_input("sensors.use: camera is missing; mapping.enabled: true needs it");
+  }
+  check_mapping(config);
 }
 
 }  // namespace
@@ -60,14 +86,17 @@ mapping::TrainerOptions trainer_options(const RunConfig& config) {
   return options;
 }
 
+mapping::MapperOptions mapper_options(const RunConfig& config) {
+  return {.medium = config.mapping.medium,
+          .trainer = trainer_options(config),
+          .online = config.mapping.online,
+          .depth = config.mapping.depth.options()};
+}
+
 RunConfig load_run_config(const std::filesystem::path& file,
                           const std::vector<std::string>& overrides) {
-  config::Node node = config::load_with_inheritance(file);
-  for (const std::string& assignment : overrides) config::apply_override(node, assignment);
-  RunConfig config;
-  config::read(node, config);
-  pipeline::check(config);
-  check(config);
+  auto config = pipeline::read_run_config<RunConfig>(file, overrides);
+  check_run(config);
   return config;
 }
 

@@ -13,15 +13,20 @@ namespace {
 using torch::Tensor;
 
 constexpr std::int64_t kLeastLpipsSide = 32;  // [px]
+constexpr std::size_t kMostInMedian = 200;    // images, spread over all: they are numbers by then
 
 Tensor rendered(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
   return take_picture(map, keyframes.view(i, 1)).as_seen.to(torch::kCPU).clamp(0.0, 1.0);
 }
 
+// Undefined when there are none.
 Tensor training_median(const KeyframeStore& keyframes) {
+  const std::vector<std::size_t>& all = keyframes.training();
+  if (all.empty()) return {};
+  const std::size_t stride = (all.size() + kMostInMedian - 1) / kMostInMedian;
   std::vector<Tensor> images;
-  for (const std::size_t i : keyframes.training()) {
-    images.push_back(keyframes.image(i, 1, torch::kCPU));
+  for (std::size_t k = 0; k < all.size(); k += stride) {
+    images.push_back(keyframes.image(all[k], 1, torch::kCPU));
   }
   return splat::median_image(images);
 }
@@ -67,7 +72,7 @@ ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
     psnr.add(splat::psnr(image, truth));
     ssim.add(splat::ssim(image, truth));
     ms_ssim.add(splat::ms_ssim(image, truth));
-    control.add(splat::psnr(median, truth));
+    control.add(median.defined() ? std::optional(splat::psnr(median, truth)) : std::nullopt);
     const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kLeastLpipsSide;
     lpips.add(perceptual && large_enough ? std::optional((*perceptual)(image, truth))
                                          : std::nullopt);

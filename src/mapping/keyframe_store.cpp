@@ -11,6 +11,7 @@ namespace {
 
 using torch::Tensor;
 
+constexpr double kBlackLevel = 3.0;   // grey levels of 255: mean and spread in the dark
 constexpr double kLeastExtent = 0.1;  // [m] a camera that only turns still needs a scale
 
 splat::Intrinsics reduced(const splat::Intrinsics& full, int factor) {
@@ -27,6 +28,13 @@ splat::Intrinsics reduced(const splat::Intrinsics& full, int factor) {
 
 void KeyframeStore::add(Keyframe keyframe) {
   const Tensor& image = keyframe.image;
+  TORCH_CHECK(keyframe.T_camera_world.sizes() == at::IntArrayRef({4, 4}) &&
+                  keyframe.T_camera_world.scalar_type() == torch::kFloat64,
+              keyframe.name, ": the pose must be [4,4] float64");
+  if (!image.defined()) {
+    keyframes_.push_back(std::move(keyframe));
+    return;
+  }
   TORCH_CHECK(image.dim() == 3 && image.size(2) == 3 && image.scalar_type() == torch::kUInt8,
               keyframe.name, ": the picture must be [H,W,3] uint8, not ", image.toString(),
               image.sizes());
@@ -34,11 +42,22 @@ void KeyframeStore::add(Keyframe keyframe) {
       image.size(0) == keyframe.intrinsics.height && image.size(1) == keyframe.intrinsics.width,
       keyframe.name, ": the picture is ", image.sizes(), ", its camera ", keyframe.intrinsics.width,
       " x ", keyframe.intrinsics.height);
-  TORCH_CHECK(keyframe.T_camera_world.sizes() == at::IntArrayRef({4, 4}) &&
-                  keyframe.T_camera_world.scalar_type() == torch::kFloat64,
-              keyframe.name, ": the pose must be [4,4] float64");
   (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
+  image_bytes_ += image.nbytes();
   keyframes_.push_back(std::move(keyframe));
+}
+
+void KeyframeStore::set_pose(std::size_t i, const Tensor& T_camera_world) {
+  TORCH_CHECK(is_rigid(T_camera_world), keyframes_.at(i).name, ": no rigid motion");
+  keyframes_.at(i).T_camera_world = T_camera_world;
+}
+
+void KeyframeStore::drop_image(std::size_t i) {
+  Keyframe& keyframe = keyframes_.at(i);
+  if (!keyframe.image.defined()) return;
+  image_bytes_ -= keyframe.image.nbytes();
+  keyframe.image = Tensor();
+  std::erase(keyframe.held_out ? held_out_ : training_, i);
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
@@ -53,6 +72,30 @@ splat::View KeyframeStore::view(std::size_t i, int factor) const {
   return {.intrinsics = reduced(keyframe.intrinsics, factor),
           .T_camera_world = keyframe.T_camera_world,
           .pose_delta = {}};
+}
+
+bool is_black(const Tensor& image) {
+  const Tensor grey = image.to(torch::kFloat32);
+  return grey.mean().item<double>() < kBlackLevel && grey.std().item<double>() < kBlackLevel;
+}
+
+bool is_rigid(const Tensor& T) {
+  if (!T.defined() || T.sizes() != at::IntArrayRef({4, 4}) || T.scalar_type() != torch::kFloat64) {
+    return false;
+  }
+  if (!torch::isfinite(T).all().item<bool>()) return false;
+  const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
+  const Tensor last = torch::tensor({0.0, 0.0, 0.0, 1.0}, torch::kFloat64);
+  return torch::allclose(R.mm(R.t()), torch::eye(3, torch::kFloat64), 0.0, 1e-6) &&
+         torch::det(R).item<double>() > 0.0 && torch::allclose(T.select(0, 3), last, 0.0, 1e-9);
+}
+
+Tensor rigid_inverse(const Tensor& T) {
+  const Tensor Rt = T.slice(0, 0, 3).slice(1, 0, 3).t();
+  Tensor inverse = torch::eye(4, T.options());
+  inverse.slice(0, 0, 3).slice(1, 0, 3).copy_(Rt);
+  inverse.slice(0, 0, 3).select(1, 3).copy_(-Rt.mv(T.slice(0, 0, 3).select(1, 3)));
+  return inverse;
 }
 
 Tensor camera_center(const Tensor& T_camera_world) {

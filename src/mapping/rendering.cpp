@@ -11,7 +11,8 @@ Picture take_picture(const Map& map, const splat::View& view) {
   const torch::NoGradGuard no_grad;
   const splat::RenderOutput out =
       splat::render(map.gaussians, view, {.antialiased = map.antialiased, .background = {}});
-  Picture picture = {.as_seen = out.color, .restored = out.color, .depth = out.depth};
+  Picture picture = {
+      .as_seen = out.color, .restored = out.color, .depth = out.depth, .alpha = out.alpha};
   if (!map.medium) return picture;
   const auto like = [&out](const torch::Tensor& values) { return values.to(out.color.options()); };
   picture.as_seen =

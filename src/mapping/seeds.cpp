@@ -84,7 +84,7 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
   const Tensor opacity = seeds.opacities;
   Tensor quaternions = torch::zeros({n, 4});
   quaternions.select(1, 0).fill_(1.0);
-  return {.means = moved(torch::inverse(camera.T_camera_world), points).to(torch::kFloat32),
+  return {.means = moved(rigid_inverse(camera.T_camera_world), points).to(torch::kFloat32),
           .log_scales = log_scale.unsqueeze(1).repeat({1, 3}),
           .quaternions = quaternions,
           .logit_opacities = torch::log(opacity / (1.0 - opacity)).to(torch::kFloat32),

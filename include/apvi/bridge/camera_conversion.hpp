@@ -40,8 +40,12 @@ class Undistorter {
   const splat::Intrinsics& intrinsics() const { return intrinsics_; }
   /// Throws RunError when the picture's size is not the camera's.
   cv::Mat operator()(const cv::Mat& image) const;
+  /// The same without mixing neighbours: for depth.
+  cv::Mat nearest(const cv::Mat& image) const;
 
  private:
+  cv::Mat apply(const cv::Mat& image, int remap_by, int resize_by) const;
+
   cv::Size source_;
   cv::Mat map_x_, map_y_;  // empty without distortion
   splat::Intrinsics intrinsics_;

@@ -31,4 +31,7 @@ struct MappingRunResult {
 /// configuration or checkpoint, RunError when something cannot be written.
 MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options);
 
+/// The whole configuration as resolved.yaml says it, from localization's part as it was used.
+config::Node describe(const RunConfig& config, const pipeline::RunConfig& as_used);
+
 }  // namespace apvi::bridge

@@ -7,6 +7,7 @@
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/sensors/camera_model.hpp"
 
 namespace apvi::bridge {
 
@@ -14,6 +15,7 @@ namespace apvi::bridge {
 struct PosedImages {
   mapping::KeyframeStore store;
   config::Node rig;  ///< as used
+  CameraModel camera;
   SE3 T_body_camera;
   Duration camera_delay;  ///< by how much the images' stamps are late
   std::size_t without_pose = 0;

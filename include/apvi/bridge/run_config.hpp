@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "apvi/bridge/depth_section.hpp"
 #include "apvi/config/fields.hpp"
 #include "apvi/mapping/options.hpp"
 #include "apvi/pipeline/run_config.hpp"
@@ -73,6 +74,36 @@ struct ExposureSection : mapping::ExposureOptions {
   }
 };
 
+struct OnlineSection : mapping::OnlineOptions {
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("steps_per_keyframe", steps_per_keyframe, Range{0, 1000000},
+      "optimisation steps when a keyframe has come, but in real time: then as many as there is "
+      "time "
+      "for");
+    v("recent_keyframes", recent_keyframes, Range{1, 1000000}, "the newest, drawn more often");
+    v("recent_share", recent_share, Range{0.0, 1.0}, "of the draws that are among these");
+    v("pyramid_uses", pyramid_uses, Range{0, 1000000},
+      "times that a keyframe is used at each reduced size, from mapping.coarsest on");
+    v("memory_mib", memory_mib, Range{1.0, 1e9},
+      "of the keyframes' images; beyond it the most redundant ones go [MiB]");
+    v("heldout_views", heldout_views, Range{1, 1000000},
+      "at most so many images are held out, spread over the whole run");
+    v("medium_after", medium_after, Range{1, 1000000}, "keyframes before water is looked for");
+    v("point_sigma", point_sigma, Range{0.0, 10.0},
+      "of a sparse point's distance over the distance: worse ones make no Gaussian");
+    v("opacity", opacity, Range{1e-3, 0.999}, "of new Gaussians");
+    v("depth_lag", depth_lag, Range{0, 1000},
+      "densification quadtree: keyframes that the depth of one waits for");
+    v("depth_every", depth_every, Range{1, 1000}, "keyframes from one that gets depth to the next");
+    v("covered_alpha", covered_alpha, Range{0.0, 1.0},
+      "a block of a keyframe that the map draws so densely");
+    v("covered_error", covered_error, Range{0.0, 1.0},
+      "and with so small a mean error gets no Gaussian");
+  }
+};
+
 /// The `mapping` section.
 struct MappingConfig {
   bool enabled = false;
@@ -89,6 +120,9 @@ struct MappingConfig {
   RatesSection rates;
   PoseSection poses;
   ExposureSection exposure;
+  bool use_dvl_ranges = false;
+  OnlineSection online;
+  DepthSection depth;
 
   template <typename V>
   void visit(V& v) {
@@ -106,9 +140,10 @@ struct MappingConfig {
     v("max_gaussians", densify.max_gaussians, Range{1, 100000000}, "the map grows no larger");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
-      "more of them at the end, without growth and at the lowest rates");
+      "more of them at the end, without growth and at falling rates");
     v("time_budget_s", trainer.time_budget_s, Range{0.0, 1e9},
-      "at most this long; rates and growth are spread over it; 0 for no limit [s]");
+      "at most this long; rates and growth are spread over it; with localization, of the steps at "
+      "the end; 0 for no limit [s]");
     v("initial_points", initial_points,
       "sift (matched and triangulated), random, or a file: PLY or COLMAP's points3D.txt");
     v("initial_count", initial_count, Range{1, 100000000}, "of random points");
@@ -129,8 +164,12 @@ struct MappingConfig {
       "a step changes only the Gaussians that its view sees: faster, a little worse a step");
     v("densify", densify, "growth and pruning");
     v("rates", rates, "Adam's learning rates");
-    v("poses", poses, "correction of given poses");
+    v("poses", poses, "correction of poses; with localization, at the end");
     v("exposure", exposure, "correction of exposure");
+    v("use_dvl_ranges", use_dvl_ranges,
+      "with localization: whether what the DVL's beams met makes Gaussians too");
+    v("online", online, "with localization: a map that grows as keyframes come");
+    v("depth", depth, "densification quadtree: depth of keyframes");
     v("report_every_s", report_every_s, Range{0.0, 1e9},
       "writes the held-out images' PSNR to mapping.csv this often; 0: never [s]");
     v("checkpoint_every_s", checkpoint_every_s, Range{0.0, 1e9},
@@ -151,6 +190,9 @@ struct RunConfig : pipeline::RunConfig {
 
 /// What the trainer is told: the sections in one, with the run's seed.
 mapping::TrainerOptions trainer_options(const RunConfig& config);
+
+/// The same for a map that grows while poses are estimated.
+mapping::MapperOptions mapper_options(const RunConfig& config);
 
 /// Reads a configuration file with what it inherits, then the overrides "key=value" in order, and
 /// checks what single keys cannot say. Throws InputError.

@@ -26,12 +26,20 @@ struct Keyframe {
 /// optimiser sees them with its gradients, and are made numbers when they are asked for.
 class KeyframeStore {
  public:
-  /// Throws c10::Error when shapes or types do not fit.
+  /// One without a picture is a pose to know of and nothing else. Throws c10::Error when shapes or
+  /// types do not fit.
   void add(Keyframe keyframe);
+
+  /// The keyframe stands elsewhere [4,4] float64.
+  void set_pose(std::size_t i, const torch::Tensor& T_camera_world);
+  /// Forgets the picture: nothing is learnt from this keyframe any more, and it is not evaluated.
+  void drop_image(std::size_t i);
+  /// Of all pictures together.
+  std::size_t image_bytes() const { return image_bytes_; }
 
   std::size_t size() const { return keyframes_.size(); }
   const Keyframe& operator[](std::size_t i) const { return keyframes_.at(i); }
-  /// Indices of the keyframes to learn from, and of the others.
+  /// Indices of the keyframes to learn from, and of the others that are kept; in order.
   const std::vector<std::size_t>& training() const { return training_; }
   const std::vector<std::size_t>& held_out() const { return held_out_; }
 
@@ -45,7 +53,15 @@ class KeyframeStore {
   std::vector<Keyframe> keyframes_;
   std::vector<std::size_t> training_;
   std::vector<std::size_t> held_out_;
+  std::size_t image_bytes_ = 0;
 };
+
+/// Whether nothing can be seen in a picture [H,W,3] uint8: noise of a sensor in the dark.
+bool is_black(const torch::Tensor& image);
+/// Whether a tensor is a rigid motion [4,4] float64 of finite numbers.
+bool is_rigid(const torch::Tensor& T);
+/// The inverse of a rigid motion [4,4].
+torch::Tensor rigid_inverse(const torch::Tensor& T);
 
 /// Centre of a camera in the world [m], float64 [3], from T_camera_world [4,4].
 torch::Tensor camera_center(const torch::Tensor& T_camera_world);

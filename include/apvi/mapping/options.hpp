@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "apvi/mapping/depth_options.hpp"
+
 namespace apvi::mapping {
 
 inline constexpr int kMostShDegree = 3;  ///< splat::kMaxShDegree, without LibTorch's headers
@@ -12,7 +14,7 @@ enum class Densification {
   none,
   gradient,  ///< where the loss pulls at the projected centres (Kerbl et al., 2023)
   random,    ///< the same, and at random pixels of the keyframes
-  quadtree,  ///< the same, and where the quadtree finds depth
+  quadtree,  ///< as gradient, and where the quadtree finds depth
 };
 
 /// Adam's learning rates. That of the means is in scene extents and falls exponentially to
@@ -76,6 +78,30 @@ struct TrainerOptions {
   DensifyOptions densify;
   PoseOptions poses;
   ExposureOptions exposure;
+};
+
+/// A map that grows while its keyframes come in.
+struct OnlineOptions {
+  int steps_per_keyframe = 30;  ///< when nobody waits for the clock
+  int recent_keyframes = 10;    ///< the newest, which are drawn more often
+  double recent_share = 0.5;    ///< of the draws that are among them
+  int pyramid_uses = 4;  ///< of a keyframe at each reduced size, from TrainerOptions::coarsest
+  double memory_mib = 1024.0;   ///< of the keyframes' images
+  int heldout_views = 100;      ///< at most so many are kept, spread over the whole run
+  int medium_after = 5;         ///< keyframes before the water is looked for
+  double point_sigma = 0.1;     ///< of a sparse point along its ray over its distance, at most
+  double opacity = 0.2;         ///< of new Gaussians
+  int depth_lag = 2;            ///< keyframes that a depth estimate waits for, to see both sides
+  int depth_every = 1;          ///< keyframes from one estimate to the next
+  double covered_alpha = 0.9;   ///< a block that is drawn so densely
+  double covered_error = 0.05;  ///< and so well (mean absolute error) needs no Gaussian
+};
+
+struct MapperOptions {
+  bool medium = false;  ///< whether the water is learnt too
+  TrainerOptions trainer;
+  OnlineOptions online;
+  DepthOptions depth;
 };
 
 }  // namespace apvi::mapping

@@ -23,6 +23,7 @@ struct Picture {
   torch::Tensor as_seen;   ///< [H,W,3], through the water if there is any
   torch::Tensor restored;  ///< [H,W,3], without it
   torch::Tensor depth;     ///< [H,W] along the optical axis [m], 0 where nothing is
+  torch::Tensor alpha;     ///< [H,W] how much of what is behind is covered
 };
 
 /// Draws the map without recording gradients.

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/map_learner.hpp"
+#include "apvi/mapping/options.hpp"
+#include "apvi/mapping/rendering.hpp"
+#include "apvi/mapping/seeds.hpp"
+#include "apvi/mapping/view_schedule.hpp"
+
+namespace apvi::mapping {
+
+/// Points of the world with what is known of them; all of one length n.
+struct SparsePoints {
+  torch::Tensor ids;        ///< [n] int64, never used again for another point
+  torch::Tensor positions;  ///< [n,3] float64 [m]
+  torch::Tensor sigmas;     ///< [n] float64 along the ray [m]
+};
+
+/// A keyframe that is known already stands elsewhere.
+struct MovedKeyframe {
+  std::int64_t stamp_ns = 0;
+  torch::Tensor T_camera_world;  ///< [4,4] float64
+};
+
+/// What localization has to say, at one time.
+struct MapperInput {
+  Keyframe keyframe;  ///< without `image`: nothing but the rest is news
+  SparsePoints points;
+  torch::Tensor
+      depth_samples;  ///< [m,3] float64 points of the world that were ranged; or undefined
+  std::vector<MovedKeyframe> moved;
+  /// Stamp of the keyframe that a held-out one moves with; optional.
+  std::optional<std::int64_t> follows_ns;
+  bool vio_failing = false;
+};
+
+/// What became of a keyframe.
+enum class Intake {
+  taken,
+  held_out,     ///< kept for evaluation
+  no_picture,   ///< news only
+  duplicate,    ///< its stamp is known
+  bad_pose,     ///< no rigid motion, or not finite
+  bad_picture,  ///< no [H,W,3] bytes of the camera's size
+  black,
+};
+std::string_view to_string(Intake intake);
+
+/// Makes a map of keyframes while they come in. A plain class without a thread: `add` takes news in
+/// and makes Gaussians where the map has none, `step` is one iteration. The same calls give the
+/// same map to the bit.
+///
+/// A Gaussian belongs to the keyframe that made it, and moves with it.
+class Mapper {
+ public:
+  explicit Mapper(const MapperOptions& options);
+
+  /// Never throws for what is wrong with a keyframe: says so.
+  Intake add(const MapperInput& input);
+  /// Whether there is something to learn.
+  bool ready() const { return learner_.has_value() && schedule_.size() > 0; }
+  /// One iteration; returns its loss. Throws c10::Error unless `ready`.
+  double step();
+
+  /// No more keyframes: what waits for neighbours is done with, and rates fall from now on over
+  /// `TrainerOptions::final_iterations`, or `time_budget_s` if that is shorter; without growth.
+  void begin_final();
+  bool final_done() const;
+  /// Of the final refinement, 0 to 1; 0 before it.
+  double progress() const;
+
+  /// The map as it is now, of its own memory; empty before the first Gaussian.
+  Map snapshot() const;
+  const KeyframeStore& keyframes() const { return keyframes_; }
+  /// Pose of a keyframe with what was learnt about it.
+  torch::Tensor pose(std::size_t i) const;
+  std::int64_t size() const { return learner_ ? learner_->size() : 0; }
+  std::int64_t iteration() const { return iteration_; }
+  double extent() const { return extent_; }
+  const std::map<Intake, std::size_t>& counts() const { return counts_; }
+  /// The learner behind; only when `ready`.
+  const MapLearner& learner() const { return *learner_; }
+
+  /// Everything, pictures too. Throws RunError when it cannot be written.
+  void save(const std::filesystem::path& checkpoint) const;
+  /// Goes on from what `save` left, with the same options. Throws InputError when it is damaged.
+  void resume(const std::filesystem::path& checkpoint);
+
+ private:
+  Intake judge(const Keyframe& keyframe) const;
+  void move(const MovedKeyframe& moved);
+  void move_followers(std::size_t view, const torch::Tensor& motion);
+  void keep(const Keyframe& keyframe);
+  void make_memory();
+  void thin_held_out();
+
+  void insert_points(std::size_t view, const MapperInput& input);
+  Seeds point_seeds(std::size_t view, const MapperInput& input);
+  void fill_from_depth(std::size_t view);
+  void insert_random(std::size_t view);
+  void insert(std::size_t view, Seeds seeds);
+  std::int64_t make_room(std::int64_t wanted);
+  void maybe_begin_medium();
+  void maybe_densify();
+  int reduction(std::size_t view) const;
+
+  MapperOptions options_;
+  KeyframeStore keyframes_;
+  std::map<std::int64_t, std::size_t> by_stamp_;
+  ViewSchedule schedule_;
+  std::optional<MapLearner> learner_;
+  torch::Tensor points_;                ///< [n,3] float64: sparse ones, the newest
+  std::map<std::int64_t, bool> known_;  ///< ids of the last input's points: whether inserted
+  std::map<std::size_t, std::vector<std::size_t>> followers_;  ///< by keyframe: held-out ones
+  std::deque<std::size_t> waiting_;  ///< keyframes whose depth is still to be estimated
+  std::map<Intake, std::size_t> counts_;
+  double extent_ = 0.0;  ///< what sizes and rates are measured in [m]; 0: nothing seen
+  std::int64_t iteration_ = 0;
+  std::optional<std::int64_t> final_start_;
+  double final_seconds_ = 0.0;
+  std::size_t heldout_stride_ = 1;
+  std::size_t heldout_seen_ = 0;
+  bool vio_failing_ = false;
+};
+
+}  // namespace apvi::mapping

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "map_files.hpp"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/core/memory.hpp"
+#include "apvi/splat/ply.hpp"
+#include "apvi/version.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+constexpr const char* kHeader = "#time [s],iteration,gaussians,psnr_heldout [dB]\n";
+
+std::vector<double> numbers(const torch::Tensor& values) {
+  const torch::Tensor v = values.detach().to(torch::kCPU, torch::kFloat64).contiguous();
+  return {v.data_ptr<double>(), v.data_ptr<double>() + v.numel()};
+}
+
+// Mean relative error of the nine numbers [%].
+double error_percent(const splat::Medium& medium, const splat::Medium& truth) {
+  double sum = 0.0;
+  for (const auto& [estimate, expected] :
+       {std::pair(medium.beta_d, truth.beta_d), std::pair(medium.beta_b, truth.beta_b),
+        std::pair(medium.b_inf, truth.b_inf)}) {
+    const std::vector<double> a = numbers(estimate);
+    const std::vector<double> b = numbers(expected);
+    for (std::size_t c = 0; c < 3; ++c) sum += std::abs(a[c] - b[c]) / std::max(1e-9, b[c]);
+  }
+  return 100.0 * sum / 9.0;
+}
+
+}  // namespace
+
+void write_map(const std::filesystem::path& folder, const mapping::Map& map) {
+  splat::write_ply(folder / "map.ply", map.gaussians, map.medium);
+  if (map.medium) splat::write_medium_json(folder / "medium.json", *map.medium);
+}
+
+MapCurve::MapCurve(std::filesystem::path file, double every_s, bool append)
+    : file_(std::move(file)),
+      every_s_(every_s),
+      out_(file_, append ? std::ios::app : std::ios::out) {
+  if (out_.tellp() == 0) out_ << kHeader;
+}
+
+void MapCurve::write(double seconds, std::int64_t iteration, const mapping::Map& map,
+                     const mapping::KeyframeStore& keyframes) {
+  reported_s_ = seconds;
+  const auto psnr = mapping::mean_psnr(map, keyframes, keyframes.held_out());
+  if (!psnr) return;
+  out_ << fmt::format("{:.2f},{},{},{:.4f}\n", seconds, iteration, map.gaussians.size(), *psnr);
+  out_.flush();
+  log::debug("{:.0f} s: {:.2f} dB on held-out images", seconds, *psnr);
+}
+
+void MapCurve::close() {
+  out_.flush();
+  if (!out_) fail_run("{}: cannot be written; is the disk full?", file_.string());
+}
+
+void write_map_metrics(const std::filesystem::path& file, const MapFigures& figures) {
+  eval::Json sections = eval::read_metrics(file);
+  sections["mapping"] = figures.held_out;
+  sections["mapping"]["gaussians"] = figures.gaussians;
+  sections["mapping"]["iterations"] = figures.iterations;
+  eval::Json& speed = sections["speed"];
+  speed["wall_s"] = figures.wall_s;
+  speed["training_s"] = figures.training_s;
+  speed["iterations_per_s"] =
+      static_cast<double>(figures.iterations) / std::max(1e-9, figures.training_s);
+  speed["rss_peak_mib"] = peak_memory_mib();
+  if (speed.contains("sequence_s")) {
+    speed["realtime_factor"] = speed["sequence_s"].get<double>() / std::max(1e-9, figures.wall_s);
+  }
+  sections["build"] = {{"backend", kBackend}, {"git", kGitRevision}, {"torch", TORCH_VERSION}};
+  if (figures.medium) {
+    eval::Json& medium = sections["medium"];
+    medium = {{"beta_d", numbers(figures.medium->beta_d)},
+              {"beta_b", numbers(figures.medium->beta_b)},
+              {"b_inf", numbers(figures.medium->b_inf)}};
+    if (figures.true_medium) {
+      medium["error_percent"] = error_percent(*figures.medium, *figures.true_medium);
+    }
+  }
+  if (figures.dropped_keyframes) sections["dropped"]["keyframes"] = *figures.dropped_keyframes;
+  eval::merge_metrics(file, sections);
+}
+
+}  // namespace apvi::bridge

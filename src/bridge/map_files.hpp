@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/mapping/evaluation.hpp"
+#include "apvi/mapping/rendering.hpp"
+
+namespace apvi::bridge {
+
+/// Writes map.ply and, with water, medium.json. Throws RunError when they cannot be written.
+void write_map(const std::filesystem::path& folder, const mapping::Map& map);
+
+/// The held-out images' PSNR over time, mapping.csv.
+class MapCurve {
+ public:
+  /// `every_s` 0: nothing but the header is ever written. `append`: goes on with what is there.
+  MapCurve(std::filesystem::path file, double every_s, bool append);
+
+  /// Whether a line is due after so much time [s].
+  bool due(double seconds) const { return every_s_ > 0.0 && seconds - reported_s_ >= every_s_; }
+  void write(double seconds, std::int64_t iteration, const mapping::Map& map,
+             const mapping::KeyframeStore& keyframes);
+  /// Throws RunError when something could not be written (disk full).
+  void close();
+  /// What was before counts as reported.
+  void start_at(double seconds) { reported_s_ = seconds; }
+
+ private:
+  std::filesystem::path file_;
+  double every_s_;
+  double reported_s_ = 0.0;
+  std::ofstream out_;
+};
+
+/// What a run with a map says of it in metrics.json.
+struct MapFigures {
+  eval::Json held_out;  ///< from report_held_out
+  std::int64_t gaussians = 0;
+  std::int64_t iterations = 0;
+  double training_s = 0.0;  ///< in optimisation steps
+  double wall_s = 0.0;
+  std::optional<splat::Medium> medium;
+  std::optional<splat::Medium> true_medium;
+  std::optional<std::size_t> dropped_keyframes = std::nullopt;
+};
+
+/// Lays the figures over metrics.json; what localization has written there stays.
+void write_map_metrics(const std::filesystem::path& file, const MapFigures& figures);
+
+}  // namespace apvi::bridge

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "online_map.hpp"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "apvi/core/log.hpp"
+#include "apvi/core/progress.hpp"
+#include "apvi/io/tum.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::size_t kQueue = 16;  // frames that wait for the mapper
+
+Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
+  Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
+  double* x = rows.data_ptr<double>();
+  for (const Eigen::Vector3d& p : points) x = std::copy_n(p.data(), 3, x);
+  return rows;
+}
+
+mapping::SparsePoints to_points(const std::vector<pipeline::MapPoint>& points) {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<std::int64_t> ids;
+  std::vector<double> sigmas;
+  for (const pipeline::MapPoint& point : points) {
+    positions.push_back(point.position);
+    ids.push_back(point.id);
+    sigmas.push_back(point.sigma_m);
+  }
+  return {.ids = torch::tensor(ids, torch::kInt64),
+          .positions = to_rows(positions),
+          .sigmas = torch::tensor(sigmas, torch::kFloat64)};
+}
+
+}  // namespace
+
+OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options)
+    : config_(config), options_(options), mapper_(mapper_options(config)) {}
+
+void OnlineMap::begin(const Rig& rig) {
+  const CameraCalibration& camera = rig.cameras.front();
+  undistort_.emplace(camera.model, config_.mapping.image_scale);
+  T_body_camera_ = camera.T_body_camera;
+  curve_.emplace(options_.folder / "mapping.csv", config_.mapping.report_every_s, options_.resume);
+  const pipeline::RunMode mode = config_.run.mode;
+  watch_.reset();
+  if (mode == pipeline::RunMode::sequential || options_.resume) return;
+  const bool may_drop = mode == pipeline::RunMode::realtime;
+  worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
+      kQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
+      [this](const pipeline::MapFrame& frame) { process(frame); });
+}
+
+void OnlineMap::take(pipeline::MapFrame frame) {
+  if (!worker_) return process(frame);
+  if (!worker_->push(std::move(frame))) finish();  // it has ended: throws why
+}
+
+void OnlineMap::finish() {
+  if (!worker_) return;
+  ending_ = true;
+  worker_->wait();
+  dropped_ = worker_->dropped();
+}
+
+std::string OnlineMap::status() const {
+  return fmt::format("{} keyframes, {} Gaussians", shown_keyframes_.load(),
+                     shown_gaussians_.load());
+}
+
+void OnlineMap::process(const pipeline::MapFrame& frame) {
+  torch::set_num_threads(config_.run.threads);  // it is a property of the thread
+  const mapping::Intake intake = mapper_.add(to_input(frame));
+  if (intake == mapping::Intake::taken) ++shown_keyframes_;
+  using enum mapping::Intake;
+  if (intake != taken && intake != held_out && intake != no_picture &&
+      mapper_.counts().at(intake) == 1) {
+    log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(intake));
+  }
+  if (intake == taken || worker_ != nullptr) learn();
+  shown_gaussians_ = mapper_.size();
+  look_after();
+}
+
+// As many steps as the mode has for a keyframe.
+void OnlineMap::learn() {
+  const bool realtime = config_.run.mode == pipeline::RunMode::realtime;
+  int left = config_.mapping.online.steps_per_keyframe;
+  while (mapper_.ready() && !options_.interrupted()) {
+    if (realtime && (ending_ || worker_->waiting() > 0)) return;
+    if (!realtime && left-- <= 0) return;
+    step();
+  }
+}
+
+void OnlineMap::step() {
+  const Stopwatch watch;
+  mapper_.step();
+  training_s_ += watch.seconds();
+}
+
+// What a long run leaves in its folder on the way.
+void OnlineMap::look_after() {
+  if (curve_->due(watch_.seconds()) && mapper_.size() > 0) {
+    curve_->write(watch_.seconds(), mapper_.iteration(), mapper_.snapshot(), mapper_.keyframes());
+  }
+  const double every = config_.mapping.checkpoint_every_s;
+  if (every <= 0.0 || since_save_.seconds() < every) return;
+  write_map(options_.folder, mapper_.snapshot());
+  since_save_.reset();
+}
+
+mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) const {
+  mapping::MapperInput input;
+  input.vio_failing = frame.vio_failing;
+  for (const StampedPose& kept : frame.window) {
+    input.moved.push_back({kept.stamp.ns, camera_pose(kept.T_world_body)});
+  }
+  if (frame.image.empty()) return input;
+  input.keyframe.stamp_ns = frame.stamp.ns;
+  input.keyframe.name = std::to_string(frame.image_stamp.ns);
+  input.keyframe.intrinsics = undistort_->intrinsics();
+  input.keyframe.T_camera_world = camera_pose(frame.T_world_body);
+  input.keyframe.image = to_tensor((*undistort_)(frame.image));
+  input.keyframe.held_out = frame.held_out;
+  input.points = to_points(frame.points);
+  if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;
+  if (config_.mapping.use_dvl_ranges) input.depth_samples = to_rows(frame.ranged);
+  return input;
+}
+
+Tensor OnlineMap::camera_pose(const SE3& T_world_body) const {
+  return to_tensor((T_world_body * T_body_camera_).inverse());
+}
+
+bool OnlineMap::refine() {
+  torch::set_num_threads(config_.run.threads);
+  mapper_.begin_final();
+  StatusLine status("refining");
+  double loss = 0.0;
+  while (!mapper_.final_done()) {
+    if (options_.interrupted()) return false;
+    const Stopwatch watch;
+    const double latest = mapper_.step();
+    training_s_ += watch.seconds();
+    loss = loss == 0.0 ? latest : 0.98 * loss + 0.02 * latest;
+    status.update(mapper_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
+                                                  mapper_.iteration(), mapper_.size(), loss));
+    look_after();
+  }
+  return true;
+}
+
+void OnlineMap::resume() {
+  mapper_.resume(options_.folder / "checkpoint.pt");
+}
+
+void OnlineMap::save() {
+  if (mapper_.size() > 0) {
+    write_map(options_.folder, mapper_.snapshot());
+    io::write_tum(options_.folder / "keyframes.tum", keyframes());
+    mapper_.save(options_.folder / "checkpoint.pt");
+  }
+  if (curve_) curve_->close();
+}
+
+// Poses of the body, as they were corrected.
+Trajectory OnlineMap::keyframes() const {
+  Trajectory trajectory;
+  const mapping::KeyframeStore& store = mapper_.keyframes();
+  for (std::size_t i = 0; i < store.size(); ++i) {
+    const SE3 T_camera_world = to_se3(mapper_.pose(i));
+    trajectory.poses.push_back(
+        {Stamp{store[i].stamp_ns}, T_camera_world.inverse() * T_body_camera_.inverse()});
+  }
+  return trajectory;
+}
+
+}  // namespace apvi::bridge

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "apvi/bridge/camera_conversion.hpp"
+#include "apvi/bridge/mapping_run.hpp"
+#include "apvi/bridge/run_config.hpp"
+#include "apvi/core/stopwatch.hpp"
+#include "apvi/core/worker.hpp"
+#include "apvi/mapping/mapper.hpp"
+#include "apvi/pipeline/map_sink.hpp"
+#include "map_files.hpp"
+
+namespace apvi::bridge {
+
+/// The mapper behind the pipeline: turns frames into tensors and gives it time. In `sequential`
+/// mode on the caller's thread; else on one of its own, which in `replay` makes the pipeline wait
+/// and in `realtime` works on the map until the next frame comes, and loses the oldest frames when
+/// it is behind.
+class OnlineMap : public pipeline::MapSink {
+ public:
+  /// Both must outlive this.
+  OnlineMap(const RunConfig& config, const MappingRunOptions& options);
+
+  void begin(const Rig& rig) override;
+  void take(pipeline::MapFrame frame) override;
+  void finish() override;
+  std::string status() const override;
+
+  /// The final refinement. False when it was interrupted.
+  bool refine();
+  /// Goes on from the folder's checkpoint, with what `begin` was told.
+  void resume();
+  /// Everything into the folder: map.ply, medium.json, keyframes.tum, checkpoint.pt.
+  void save();
+  bool begun() const { return undistort_.has_value(); }
+
+  const mapping::Mapper& mapper() const { return mapper_; }
+  /// In optimisation steps [s].
+  double training_s() const { return training_s_; }
+  std::size_t dropped_keyframes() const { return dropped_; }
+
+ private:
+  void process(const pipeline::MapFrame& frame);
+  mapping::MapperInput to_input(const pipeline::MapFrame& frame) const;
+  torch::Tensor camera_pose(const SE3& T_world_body) const;
+  void learn();
+  void step();
+  void look_after();
+  Trajectory keyframes() const;
+
+  const RunConfig& config_;
+  const MappingRunOptions& options_;
+  mapping::Mapper mapper_;
+  std::optional<Undistorter> undistort_;
+  SE3 T_body_camera_;
+  Stopwatch watch_;
+  Stopwatch since_save_;
+  std::optional<MapCurve> curve_;  // once there is a folder
+  double training_s_ = 0.0;
+  std::size_t dropped_ = 0;
+  std::atomic<std::int64_t> shown_keyframes_ = 0;  // for the status line, from any thread
+  std::atomic<std::int64_t> shown_gaussians_ = 0;
+  std::atomic<bool> ending_ = false;
+  std::unique_ptr<Worker<pipeline::MapFrame>> worker_;  // last: ends before what it uses
+};
+
+}  // namespace apvi::bridge

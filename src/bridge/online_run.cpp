@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/bridge/online_run.hpp"
+
+#include <torch/torch.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/core/stopwatch.hpp"
+#include "apvi/io/sequence.hpp"
+#include "held_out_report.hpp"
+#include "map_files.hpp"
+#include "online_map.hpp"
+#include "simulated_truth.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kCheckpoint = "checkpoint.pt";
+
+Rig rig_of(const RunConfig& config) {
+  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  Rig rig = make_rig(pipeline::rig_of(config, reader->rig()));
+  if (rig.cameras.empty()) {
+    fail_input("{}: the rig has no cam0; mapping needs its calibration", config.dataset.path);
+  }
+  return rig;
+}
+
+// What there is of the map is worth more than a second complaint.
+void rescue(OnlineMap& map) {
+  try {
+    map.save();
+  } catch (const std::exception& error) {
+    log::error("the map could not be saved: {}", error.what());
+  }
+}
+
+std::optional<pipeline::RunResult> localize(const RunConfig& config,
+                                            const MappingRunOptions& options, OnlineMap& map) {
+  const pipeline::RunOptions run{
+      .folder = options.folder,
+      .overwrite = options.overwrite,
+      .interrupted = options.interrupted,
+      .describe = [&](const pipeline::RunConfig& used) { return describe(config, used); },
+      .map = &map};
+  try {
+    return pipeline::run(config, run);
+  } catch (...) {
+    rescue(map);
+    throw;
+  }
+}
+
+void continue_map(const RunConfig& config, const MappingRunOptions& options, const Rig& rig,
+                  OnlineMap& map) {
+  if (!fs::exists(options.folder / kCheckpoint)) {
+    fail_input("{}: no checkpoint.pt there; run without --resume", options.folder.string());
+  }
+  log::open_file(options.folder / "log.txt");
+  map.begin(rig);
+  map.resume();
+  log::info("{}: goes on refining {} Gaussians at iteration {}", options.folder.string(),
+            map.mapper().size(), map.mapper().iteration());
+  if (config.mapping.trainer.final_iterations == 0) {
+    log::warning("mapping.final_iterations: 0: there is nothing to do");
+  }
+}
+
+MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& options,
+                            const Rig& rig, OnlineMap& map, bool interrupted,
+                            const Stopwatch& watch) {
+  const bool refined = !interrupted && map.refine();
+  map.save();
+  const double wall_s = watch.seconds();
+  std::error_code error;
+  fs::create_directories(options.folder / "renders", error);
+  if (error) fail_run("{}: cannot make this folder: {}", options.folder.string(), error.message());
+  const mapping::Mapper& mapper = map.mapper();
+  const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
+                                          config.mapping.image_scale);
+  const mapping::Map made = mapper.snapshot();
+  const eval::Json figures = report_held_out(made, mapper.keyframes(), options.folder / "renders",
+                                             truth ? &*truth : nullptr);
+  write_map_metrics(options.folder / "metrics.json",
+                    {.held_out = figures,
+                     .gaussians = mapper.size(),
+                     .iterations = mapper.iteration(),
+                     .training_s = map.training_s(),
+                     .wall_s = wall_s,
+                     .medium = made.medium,
+                     .true_medium = truth ? truth->medium() : std::nullopt,
+                     .dropped_keyframes = map.dropped_keyframes()});
+  return {.interrupted = !refined,
+          .iterations = mapper.iteration(),
+          .gaussians = mapper.size(),
+          .wall_s = wall_s,
+          .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
+}
+
+}  // namespace
+
+OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
+  const Stopwatch watch;
+  torch::set_num_threads(config.run.threads);
+  const Rig rig = rig_of(config);
+  OnlineMap map(config, options);
+  OnlineRunResult result;
+  if (options.resume) {
+    continue_map(config, options, rig, map);
+  } else {
+    result.localization = localize(config, options, map);
+  }
+  if (map.mapper().size() == 0) {
+    fail_run("{}: no map: vision was never stable enough for a keyframe; {}", config.dataset.path,
+             "health.csv says why");
+  }
+  const bool interrupted = result.localization && result.localization->interrupted;
+  result.map = finish_map(config, options, rig, map, interrupted, watch);
+  return result;
+}
+
+}  // namespace apvi::bridge

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/mapper.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "apvi/core/log.hpp"
+#include "apvi/core/random.hpp"
+#include "apvi/core/stopwatch.hpp"
+#include "apvi/mapping/initial_medium.hpp"
+#include "seed_stream.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+// Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
+constexpr double kLeastMove = 1e-4;  // [m], and [rad]
+
+double size_of(const Tensor& motion) {
+  const Tensor t = motion.slice(0, 0, 3).select(1, 3);
+  const Tensor R = motion.slice(0, 0, 3).slice(1, 0, 3) - torch::eye(3, torch::kFloat64);
+  return std::max(t.norm().item<double>(), R.norm().item<double>());
+}
+
+splat::Gaussians clone(const splat::Gaussians& gaussians) {
+  splat::Gaussians copy;
+  for (std::size_t k = 0; k < copy.tensors().size(); ++k) {
+    *copy.tensors()[k] = gaussians.tensors()[k]->clone();
+  }
+  return copy;
+}
+
+}  // namespace
+
+std::string_view to_string(Intake intake) {
+  switch (intake) {
+    case Intake::taken:
+      return "taken";
+    case Intake::held_out:
+      return "held_out";
+    case Intake::no_picture:
+      return "no_picture";
+    case Intake::duplicate:
+      return "duplicate";
+    case Intake::bad_pose:
+      return "bad_pose";
+    case Intake::bad_picture:
+      return "bad_picture";
+    case Intake::black:
+      return "black";
+  }
+  return "unknown";
+}
+
+Mapper::Mapper(const MapperOptions& options)
+    : options_(options),
+      schedule_(static_cast<std::size_t>(options.online.recent_keyframes),
+                options.online.recent_share),
+      points_(torch::empty({0, 3}, torch::kFloat64)) {}
+
+Intake Mapper::judge(const Keyframe& keyframe) const {
+  const Tensor& image = keyframe.image;
+  if (!image.defined()) return Intake::no_picture;
+  if (!is_rigid(keyframe.T_camera_world)) return Intake::bad_pose;
+  if (image.scalar_type() != torch::kUInt8 || image.numel() == 0 ||
+      image.sizes() !=
+          at::IntArrayRef({keyframe.intrinsics.height, keyframe.intrinsics.width, 3})) {
+    return Intake::bad_picture;
+  }
+  if (by_stamp_.contains(keyframe.stamp_ns)) return Intake::duplicate;
+  if (is_black(image)) return Intake::black;
+  return keyframe.held_out ? Intake::held_out : Intake::taken;
+}
+
+Intake Mapper::add(const MapperInput& input) {
+  const torch::NoGradGuard no_grad;
+  for (const MovedKeyframe& moved : input.moved) move(moved);
+  vio_failing_ = input.vio_failing;
+  if (learner_) learner_->set_vio_failing(vio_failing_);
+  const Intake intake = judge(input.keyframe);
+  ++counts_[intake];
+  if (intake == Intake::held_out) {
+    keep(input.keyframe);
+    const auto leader = input.follows_ns ? by_stamp_.find(*input.follows_ns) : by_stamp_.end();
+    if (leader != by_stamp_.end()) followers_[leader->second].push_back(keyframes_.size() - 1);
+    thin_held_out();
+  }
+  if (intake != Intake::taken) return intake;
+  keep(input.keyframe);
+  const std::size_t view = keyframes_.size() - 1;
+  schedule_.add(view);
+  insert_points(view, input);
+  if (options_.trainer.densify.kind == Densification::random) insert_random(view);
+  if (options_.trainer.densify.kind == Densification::quadtree) {
+    const auto taken = static_cast<std::int64_t>(counts_[Intake::taken]);
+    if (taken % options_.online.depth_every == 0) waiting_.push_back(view);
+    if (waiting_.size() * static_cast<std::size_t>(options_.online.depth_every) >
+        static_cast<std::size_t>(options_.online.depth_lag)) {
+      fill_from_depth(waiting_.front());
+      waiting_.pop_front();
+    }
+  }
+  make_memory();
+  maybe_begin_medium();
+  return intake;
+}
+
+// The keyframe's own Gaussians keep their place before its camera.
+void Mapper::move(const MovedKeyframe& moved) {
+  const auto known = by_stamp_.find(moved.stamp_ns);
+  if (known == by_stamp_.end() || !is_rigid(moved.T_camera_world)) return;
+  const std::size_t i = known->second;
+  const Tensor motion =
+      rigid_inverse(moved.T_camera_world).mm(keyframes_[i].T_camera_world);  // of the world
+  const Tensor in_camera = moved.T_camera_world.mm(rigid_inverse(keyframes_[i].T_camera_world));
+  if (size_of(in_camera) < kLeastMove) return;
+  keyframes_.set_pose(i, moved.T_camera_world);
+  move_followers(i, motion);
+  if (!learner_) return;
+  learner_->move(static_cast<std::int64_t>(i),
+                 {.scale = 1.0,
+                  .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
+                  .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
+}
+
+// Held-out keyframes are no part of the window; they stay where its keyframes see them.
+void Mapper::move_followers(std::size_t view, const Tensor& motion) {
+  const auto found = followers_.find(view);
+  if (found == followers_.end()) return;
+  for (const std::size_t i : found->second) {
+    keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
+  }
+}
+
+void Mapper::keep(const Keyframe& keyframe) {
+  by_stamp_[keyframe.stamp_ns] = keyframes_.size();
+  keyframes_.add(keyframe);
+  if (learner_) learner_->add_view();
+}
+
+// Of the older keyframes goes the one whose neighbours in time stand closest together.
+void Mapper::make_memory() {
+  const double most = options_.online.memory_mib * 1024.0 * 1024.0;
+  const auto recent = static_cast<std::size_t>(std::max(2, options_.online.recent_keyframes));
+  while (static_cast<double>(keyframes_.image_bytes()) > most) {
+    const std::vector<std::size_t>& views = keyframes_.training();
+    if (views.size() <= recent + 2) return;
+    std::size_t redundant = views[1];
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 1; k + recent < views.size(); ++k) {
+      const Tensor before = camera_center(keyframes_[views[k - 1]].T_camera_world);
+      const Tensor after = camera_center(keyframes_[views[k + 1]].T_camera_world);
+      const double gap = (after - before).norm().item<double>();
+      if (gap >= least) continue;
+      least = gap;
+      redundant = views[k];
+    }
+    keyframes_.drop_image(redundant);
+    schedule_.remove(redundant);
+  }
+}
+
+// Every second one goes when there are too many, and from then on only every second is kept.
+void Mapper::thin_held_out() {
+  const std::size_t newest = keyframes_.size() - 1;
+  if (heldout_seen_++ % heldout_stride_ != 0) return keyframes_.drop_image(newest);
+  const auto most = static_cast<std::size_t>(std::max(1, options_.online.heldout_views));
+  if (keyframes_.held_out().size() <= most) return;
+  const std::vector<std::size_t> all = keyframes_.held_out();
+  for (std::size_t k = 1; k < all.size(); k += 2) keyframes_.drop_image(all[k]);
+  heldout_stride_ *= 2;
+}
+
+void Mapper::maybe_begin_medium() {
+  if (!options_.medium || !learner_ || learner_->medium()) return;
+  if (static_cast<int>(keyframes_.training().size()) < options_.online.medium_after) return;
+  std::vector<Tensor> centers;
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    centers.push_back(camera_center(keyframes_[i].T_camera_world));
+  }
+  const splat::Gaussians map = learner_->map();
+  const Tensor from = torch::stack(centers).index_select(0, learner_->anchors().to(torch::kCPU));
+  const Tensor ranges = (map.means.to(torch::kCPU, torch::kFloat64) - from).norm(2, 1);
+  learner_->begin_medium(initial_medium(map, keyframes_), ranges);
+  learner_->set_vio_failing(vio_failing_);
+}
+
+// Small pictures first, as long as a keyframe is new.
+int Mapper::reduction(std::size_t view) const {
+  const int levels = static_cast<int>(std::lround(std::log2(options_.trainer.coarsest)));
+  if (final_start_ || options_.online.pyramid_uses <= 0) return 1;
+  const auto passed = static_cast<int>(schedule_.uses(view) / options_.online.pyramid_uses);
+  return 1 << std::max(0, levels - passed);
+}
+
+double Mapper::step() {
+  TORCH_CHECK(ready(), "mapper: there is nothing to learn yet");
+  const Stopwatch watch;
+  Random random(seed_of(options_.trainer.seed, Stream::order, iteration_));
+  const std::size_t view = schedule_.draw(random);
+  const auto degree = static_cast<int>(iteration_ / options_.trainer.sh_interval);
+  const bool correct = final_start_ && progress() >= options_.trainer.poses.begin;
+  const double loss =
+      learner_->step(keyframes_, view,
+                     {.reduction = reduction(view),
+                      .sh_degree = std::min(options_.trainer.sh_degree, degree),
+                      .correct_pose = correct,
+                      .rates = rates_at(options_.trainer.rates, extent_, progress())});
+  schedule_.report(view, loss);
+  ++iteration_;
+  maybe_densify();
+  if (final_start_) final_seconds_ += watch.seconds();
+  return loss;
+}
+
+void Mapper::maybe_densify() {
+  const DensifyOptions& d = options_.trainer.densify;
+  if (final_start_ || d.kind == Densification::none || iteration_ % d.interval != 0) return;
+  const DensifyResult result = learner_->densify(
+      extent_, d.max_gaussians, seed_of(options_.trainer.seed, Stream::split, iteration_));
+  log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
+             result.cloned, result.split, result.pruned, size());
+}
+
+void Mapper::begin_final() {
+  if (final_start_) return;
+  const torch::NoGradGuard no_grad;
+  for (const std::size_t view : waiting_) fill_from_depth(view);
+  waiting_.clear();
+  schedule_.forget_recency();
+  final_start_ = iteration_;
+}
+
+bool Mapper::final_done() const {
+  return final_start_ && (!ready() || options_.trainer.final_iterations == 0 || progress() >= 1.0);
+}
+
+double Mapper::progress() const {
+  if (!final_start_) return 0.0;
+  const double by_count = static_cast<double>(iteration_ - *final_start_) /
+                          std::max(1, options_.trainer.final_iterations);
+  const double budget = options_.trainer.time_budget_s;
+  return std::min(1.0, std::max(by_count, budget > 0.0 ? final_seconds_ / budget : 0.0));
+}
+
+Map Mapper::snapshot() const {
+  const bool antialiased = options_.trainer.antialiased;
+  if (!learner_) {
+    return {.gaussians = splat::Gaussians::empty(options_.trainer.sh_degree, torch::kFloat32),
+            .medium = std::nullopt,
+            .antialiased = antialiased};
+  }
+  return {.gaussians = clone(learner_->map()),
+          .medium = learner_->medium(),
+          .antialiased = antialiased};
+}
+
+Tensor Mapper::pose(std::size_t i) const {
+  const Tensor& given = keyframes_[i].T_camera_world;
+  return learner_ ? corrected_pose(given, learner_->corrections().pose_delta(i, false)) : given;
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <torch/torch.h>
+
+#include <string>
+
+#include "apvi/mapping/mapper.hpp"
+#include "archive.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+using torch::serialize::InputArchive;
+using torch::serialize::OutputArchive;
+
+std::int64_t read_int(InputArchive& archive, const char* key) {
+  c10::IValue value;
+  archive.read(key, value);
+  return value.toInt();
+}
+
+double read_double(InputArchive& archive, const char* key) {
+  c10::IValue value;
+  archive.read(key, value);
+  return value.toDouble();
+}
+
+void write(OutputArchive& archive, const Keyframe& keyframe) {
+  const splat::Intrinsics& k = keyframe.intrinsics;
+  archive.write("stamp", c10::IValue(keyframe.stamp_ns));
+  archive.write("name", c10::IValue(keyframe.name));
+  archive.write("held_out", c10::IValue(keyframe.held_out));
+  archive.write("width", c10::IValue(static_cast<std::int64_t>(k.width)));
+  archive.write("height", c10::IValue(static_cast<std::int64_t>(k.height)));
+  archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy}, torch::kFloat64));
+  archive.write("pose", keyframe.T_camera_world);
+  const bool kept = keyframe.image.defined();
+  archive.write("kept", c10::IValue(kept));
+  if (kept) archive.write("image", keyframe.image);
+}
+
+Keyframe read_keyframe(InputArchive& archive) {
+  Keyframe keyframe;
+  c10::IValue value;
+  keyframe.stamp_ns = read_int(archive, "stamp");
+  archive.read("name", value);
+  keyframe.name = value.toStringRef();
+  archive.read("held_out", value);
+  keyframe.held_out = value.toBool();
+  Tensor lens;
+  archive.read("lens", lens);
+  const auto f = lens.accessor<double, 1>();
+  keyframe.intrinsics = {.fx = f[0],
+                         .fy = f[1],
+                         .cx = f[2],
+                         .cy = f[3],
+                         .width = static_cast<int>(read_int(archive, "width")),
+                         .height = static_cast<int>(read_int(archive, "height"))};
+  archive.read("pose", keyframe.T_camera_world);
+  archive.read("kept", value);
+  if (value.toBool()) archive.read("image", keyframe.image);
+  return keyframe;
+}
+
+}  // namespace
+
+void Mapper::save(const std::filesystem::path& checkpoint) const {
+  OutputArchive archive;
+  archive.write("keyframes", c10::IValue(static_cast<std::int64_t>(keyframes_.size())));
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    OutputArchive inner;
+    write(inner, keyframes_[i]);
+    archive.write("keyframe" + std::to_string(i), inner);
+  }
+  OutputArchive schedule;
+  schedule_.save(schedule);
+  archive.write("schedule", schedule);
+  archive.write("learning", c10::IValue(learner_.has_value()));
+  if (learner_) {
+    OutputArchive inner;
+    learner_->save(inner);
+    archive.write("learner", inner);
+  }
+  archive.write("points", points_);
+  archive.write("extent", c10::IValue(extent_));
+  archive.write("iteration", c10::IValue(iteration_));
+  archive.write("heldout_stride", c10::IValue(static_cast<std::int64_t>(heldout_stride_)));
+  archive.write("heldout_seen", c10::IValue(static_cast<std::int64_t>(heldout_seen_)));
+  write_archive(checkpoint, archive);
+}
+
+// Keyframes whose depth was still to be estimated are not among what is saved: `begin_final` comes
+// before the last save of a run.
+void Mapper::resume(const std::filesystem::path& checkpoint) {
+  Mapper read(options_);
+  read_archive(checkpoint, [&read](InputArchive& archive) {
+    const std::int64_t count = read_int(archive, "keyframes");
+    InputArchive part;
+    for (std::int64_t i = 0; i < count; ++i) {
+      archive.read("keyframe" + std::to_string(i), part);
+      const Keyframe keyframe = read_keyframe(part);
+      read.by_stamp_[keyframe.stamp_ns] = read.keyframes_.size();
+      read.keyframes_.add(keyframe);
+    }
+    archive.read("schedule", part);
+    read.schedule_.load(part);
+    c10::IValue learning;
+    archive.read("learning", learning);
+    if (learning.toBool()) {
+      read.learner_.emplace(
+          splat::Gaussians::empty(read.options_.trainer.sh_degree, torch::kFloat32),
+          read.options_.trainer, read.keyframes_.size());
+      archive.read("learner", part);
+      read.learner_->load(part);
+    }
+    archive.read("points", read.points_);
+    read.extent_ = read_double(archive, "extent");
+    read.iteration_ = read_int(archive, "iteration");
+    read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
+    read.heldout_seen_ = static_cast<std::size_t>(read_int(archive, "heldout_seen"));
+  });
+  *this = std::move(read);
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Where the mapper's Gaussians come from.
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <vector>
+
+#include "apvi/mapping/initial_map.hpp"
+#include "apvi/mapping/mapper.hpp"
+#include "apvi/mapping/quadtree_insertion.hpp"
+#include "apvi/mapping/random_insertion.hpp"
+#include "apvi/splat/render.hpp"
+#include "seed_stream.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kExtentOverDepth = 1.1;
+constexpr double kExtentMemory = 0.9;   // of the mean over keyframes
+constexpr double kLeastRadiusPx = 1.0;  // of a Gaussian at a sparse point
+constexpr double kMostRadiusPx = 8.0;
+constexpr std::int64_t kMostPoints = 4096;  // sparse ones that are remembered
+constexpr double kMostReplaced = 0.1;       // of a full map, by one keyframe
+
+double finite_median(const Tensor& values) {
+  return values.median().item<double>();
+}
+
+// Half of the distance to the nearest neighbours in the picture, in pixels.
+Tensor spacing(const Tensor& pixels) {
+  const Tensor flat = torch::cat({pixels, torch::zeros({pixels.size(0), 1}, pixels.options())}, 1);
+  const Tensor distance = neighbour_distance(flat.to(torch::kFloat32)).to(torch::kFloat64);
+  return (0.5 * distance).clamp(kLeastRadiusPx, kMostRadiusPx);
+}
+
+Tensor finite_rows(const Tensor& positions) {
+  return torch::isfinite(positions).all(1);
+}
+
+}  // namespace
+
+// Points that are new, in view and known well; those that were ranged need no id.
+Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
+  const splat::View camera = keyframes_.view(view, 1);
+  std::map<std::int64_t, bool> known;
+  Tensor positions = torch::empty({0, 3}, torch::kFloat64);
+  const SparsePoints& points = input.points;
+  if (points.ids.defined() && points.ids.size(0) > 0) {
+    const SeenPoints seen = project(camera, points.positions);
+    const Tensor good = finite_rows(points.positions) & seen.in_view &
+                        (points.sigmas <= options_.online.point_sigma * seen.depths);
+    Tensor fresh = torch::zeros({points.ids.size(0)}, torch::kBool);
+    const auto id = points.ids.accessor<std::int64_t, 1>();
+    const auto is_good = good.accessor<bool, 1>();
+    auto is_fresh = fresh.accessor<bool, 1>();
+    for (std::int64_t i = 0; i < id.size(0); ++i) {
+      const auto before = known_.find(id[i]);
+      const bool inserted = before != known_.end() && before->second;
+      is_fresh[i] = is_good[i] && !inserted && !known.contains(id[i]);
+      known[id[i]] = inserted || is_good[i];
+    }
+    positions = points.positions.index({fresh});
+  }
+  known_ = std::move(known);
+  const Tensor& samples = input.depth_samples;
+  if (samples.defined() && samples.size(0) > 0) {
+    const Tensor usable = finite_rows(samples) & project(camera, samples).in_view;
+    positions = torch::cat({positions, samples.index({usable})});
+  }
+  points_ = torch::cat({points_, positions});
+  if (points_.size(0) > kMostPoints) {
+    points_ = points_.slice(0, points_.size(0) - kMostPoints).clone();
+  }
+  const SeenPoints seen = project(camera, positions);
+  return {.pixels = seen.pixels,
+          .depths = seen.depths,
+          .radii_px = spacing(seen.pixels),
+          .opacities = torch::full({positions.size(0)}, options_.online.opacity, torch::kFloat64)};
+}
+
+void Mapper::insert_points(std::size_t view, const MapperInput& input) {
+  const Seeds seeds = point_seeds(view, input);
+  if (seeds.size() > 0) insert(view, seeds);
+}
+
+void Mapper::fill_from_depth(std::size_t view) {
+  if (!keyframes_[view].image.defined()) return;
+  DepthRequest request;
+  if (learner_) request.medium = learner_->medium();
+  std::vector<std::size_t> others = keyframes_.training();
+  const auto distance = [view](std::size_t i) { return i > view ? i - view : view - i; };
+  std::ranges::stable_sort(others, {}, distance);  // itself first
+  others.resize(
+      std::min<std::size_t>(others.size(), static_cast<std::size_t>(options_.depth.views)));
+  for (const std::size_t i : others) {
+    request.views.push_back({to_grey(keyframes_[i].image), keyframes_.view(i, 1)});
+  }
+  const DepthEstimate estimate = estimate_depth(request, options_.depth);
+  if (estimate.verdict != DepthVerdict::estimated) return;
+  const splat::View camera = keyframes_.view(view, 1);
+  const Tensor picture = keyframes_.image(view, 1, torch::kCPU);
+  Tensor drawn = torch::zeros_like(picture);
+  Tensor alpha = torch::zeros({picture.size(0), picture.size(1)});
+  if (learner_) {
+    const Map map = {.gaussians = learner_->map(),
+                     .medium = learner_->medium(),
+                     .antialiased = options_.trainer.antialiased};
+    const Picture shown = take_picture(map, camera);
+    drawn = shown.as_seen.to(torch::kCPU);
+    alpha = shown.alpha.to(torch::kCPU);
+  }
+  const SeenPoints seen = project(camera, points_);
+  const Tensor pixels = seen.pixels.index({seen.in_view});
+  const Tensor which = blocks_to_fill(estimate, pixels, drawn, alpha, picture, options_.online);
+  const Seeds seeds = seeds_of_blocks(estimate, which, options_.online.opacity);
+  if (seeds.size() > 0) insert(view, seeds);
+}
+
+void Mapper::insert_random(std::size_t view) {
+  if (!learner_) return;
+  const std::int64_t count = make_room(options_.trainer.densify.random_per_round);
+  if (count <= 0) return;
+  Random random(seed_of(options_.trainer.seed, Stream::insertion, static_cast<std::int64_t>(view)));
+  const Map map = {.gaussians = learner_->map(),
+                   .medium = learner_->medium(),
+                   .antialiased = options_.trainer.antialiased};
+  learner_->insert(random_gaussians(map, keyframes_, view, count, extent_, random),
+                   torch::full({count}, static_cast<std::int64_t>(view), torch::kInt64));
+}
+
+void Mapper::insert(std::size_t view, Seeds seeds) {
+  const double depth = kExtentOverDepth * finite_median(seeds.depths);
+  extent_ = extent_ == 0.0 ? depth : kExtentMemory * extent_ + (1.0 - kExtentMemory) * depth;
+  const std::int64_t room = make_room(seeds.size());
+  if (room <= 0) return;
+  if (seeds.size() > room) {  // evenly over the picture
+    const Tensor kept = (torch::arange(0, room, torch::kFloat64) *
+                         (static_cast<double>(seeds.size()) / static_cast<double>(room)))
+                            .floor()
+                            .to(torch::kInt64);
+    seeds = seeds.select(kept);
+  }
+  const std::optional<splat::Medium> medium = learner_ ? learner_->medium() : std::nullopt;
+  const splat::Gaussians made =
+      gaussians_at(seeds, keyframes_, view, options_.trainer.sh_degree, medium);
+  const Tensor anchors = torch::full({made.size()}, static_cast<std::int64_t>(view), torch::kInt64);
+  if (!learner_) {
+    learner_.emplace(splat::Gaussians::empty(options_.trainer.sh_degree, torch::kFloat32),
+                     options_.trainer, keyframes_.size());
+  }
+  learner_->insert(made, anchors);
+}
+
+// A full map lets its faintest older Gaussians go for what is new.
+std::int64_t Mapper::make_room(std::int64_t wanted) {
+  const std::int64_t most = options_.trainer.densify.max_gaussians;
+  const std::int64_t room = most - size();
+  if (room >= wanted || !learner_ || size() == 0) return std::min(room, wanted);
+  const auto& views = keyframes_.training();
+  const auto recent =
+      std::min(views.size(), static_cast<std::size_t>(options_.online.recent_keyframes));
+  const auto oldest_recent = static_cast<std::int64_t>(views[views.size() - recent]);
+  const Tensor old = learner_->anchors() < oldest_recent;
+  const auto limit = static_cast<std::int64_t>(kMostReplaced * static_cast<double>(most));
+  const std::int64_t count = std::min({wanted - room, limit, old.sum().item<std::int64_t>()});
+  if (count <= 0) return std::min(room, wanted);
+  const Tensor order =
+      learner_->map().logit_opacities.masked_fill(~old, std::numeric_limits<float>::infinity());
+  Tensor remove = torch::zeros_like(old);
+  remove.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
+  learner_->remove(remove);
+  return std::min(most - size(), wanted);
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/bridge/online_run.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "apvi/bridge/export.hpp"
+#include "apvi/bridge/render_run.hpp"
+#include "apvi/core/error.hpp"
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/sim/simulate.hpp"
+#include "apvi/splat/ply.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::bridge {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A simulated swim of seven seconds over a reef, made once for all tests.
+class OnlineRunTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    data_ = std::make_unique<test::TmpDir>();
+    const sim::Scene scene =
+        sim::load_scene(fs::path(APVI_SOURCE_DIR) / "configs/scenes/seabed_easy.yaml",
+                        {"duration_s=7", "rig.cam0.resolution=[240, 180]",
+                         "rig.cam0.intrinsics=[157.5, 157.5, 119.5, 89.5]", "rig.cam0.rate_hz=15"});
+    sim::simulate(scene, data_->path() / "reef", {.threads = 2});
+  }
+  static void TearDownTestSuite() { data_.reset(); }
+
+  static RunConfig config(std::vector<std::string> overrides = {}) {
+    overrides.insert(overrides.begin(),
+                     {"dataset.path=" + (data_->path() / "reef").string(), "mapping.enabled=true",
+                      "mapping.densification=quadtree", "mapping.medium=true",
+                      "mapping.sh_degree=0", "mapping.coarsest=2", "mapping.max_gaussians=6000",
+                      "mapping.final_iterations=60", "mapping.online.steps_per_keyframe=8"});
+    return load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/default.yaml", overrides);
+  }
+  fs::path folder(const std::string& name) const { return tmp_.path() / name; }
+  static std::string bytes(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return (std::stringstream() << in.rdbuf()).str();
+  }
+
+  static std::unique_ptr<test::TmpDir> data_;
+  test::TmpDir tmp_;
+};
+
+std::unique_ptr<test::TmpDir> OnlineRunTest::data_;
+
+TEST_F(OnlineRunTest, LocalizesAndMapsIntoOneFolder) {
+  const OnlineRunResult result = run_online(config(), {.folder = folder("run")});
+  ASSERT_TRUE(result.localization);
+  EXPECT_LT(result.localization->metrics.fused.ate.value->rmse, 0.03);
+  const eval::Json metrics = eval::read_metrics(folder("run") / "metrics.json");
+  const eval::Json& map = metrics["mapping"];
+  EXPECT_GT(map["psnr_db"].get<double>(), map["psnr_median_image_db"].get<double>() + 2.0);
+  EXPECT_GT(map["heldout_views"].get<int>(), 3);
+  EXPECT_LT(map["depth_abs_rel"].get<double>(), 0.1);
+  EXPECT_GT(map["restored_psnr_db"].get<double>(), 12.0);
+  EXPECT_LE(map["gaussians"].get<int>(), 6000);
+  EXPECT_TRUE(metrics["medium"].contains("error_percent"));
+  EXPECT_TRUE(metrics["trajectory"].contains("ate_rmse_m"));
+  EXPECT_EQ(metrics["dropped"]["keyframes"], 0);
+  for (const char* file : {"map.ply", "medium.json", "keyframes.tum", "trajectory.tum",
+                           "checkpoint.pt", "resolved.yaml", "mapping.csv"}) {
+    EXPECT_TRUE(fs::exists(folder("run") / file)) << file;
+  }
+  // What was found can be drawn, exported and refined further.
+  const fs::path images = folder("images");
+  EXPECT_GT(render_run({.source = folder("run"), .out = images, .restore = true}), 5U);
+  EXPECT_EQ(open_run(folder("run")).keyframes.size(),
+            io::read_trajectory(folder("run") / "keyframes.tum").size());
+  const OnlineRunResult more = run_online(config({"mapping.final_iterations=10"}),
+                                          {.folder = folder("run"), .resume = true});
+  EXPECT_FALSE(more.localization);
+  EXPECT_EQ(more.map.iterations, result.map.iterations + 10);
+}
+
+TEST_F(OnlineRunTest, AMapperOnItsOwnThreadMakesTheSameMap) {
+  const std::vector<std::string> less = {"mapping.final_iterations=5"};
+  run_online(config(less), {.folder = folder("one")});
+  std::vector<std::string> replay = less;
+  replay.emplace_back("run.mode=replay");
+  run_online(config(replay), {.folder = folder("three")});
+  for (const char* file : {"map.ply", "keyframes.tum", "trajectory.tum"}) {
+    EXPECT_EQ(bytes(folder("one") / file), bytes(folder("three") / file)) << file;
+  }
+}
+
+TEST_F(OnlineRunTest, AStopOnTheWaySavesTheMap) {
+  int asked = 0;
+  MappingRunOptions options{.folder = folder("run")};
+  options.interrupted = [&asked] { return ++asked > 1400; };
+  const OnlineRunResult result = run_online(config(), options);
+  EXPECT_TRUE(result.map.interrupted);
+  EXPECT_TRUE(result.localization->interrupted);
+  EXPECT_GT(splat::read_ply(folder("run") / "map.ply").size(), 100);
+  EXPECT_TRUE(fs::exists(folder("run") / "checkpoint.pt"));
+}
+
+TEST_F(OnlineRunTest, WhatCannotBeDoneIsSaidAtOnce) {
+  EXPECT_THROW(config({"sensors.use=[imu, dvl]"}), InputError);
+  EXPECT_THROW(config({"mapping.depth.near_m=30"}), InputError);
+  EXPECT_THROW(config({"mapping.depth.quadtree.largest_px=12"}), InputError);
+  EXPECT_THROW(run_online(config(), {.folder = folder("none"), .resume = true}), InputError);
+  fs::create_directories(folder("taken"));
+  std::ofstream(folder("taken") / "map.ply") << "x";
+  EXPECT_THROW(run_online(config(), {.folder = folder("taken")}), InputError);
+  EXPECT_EQ(bytes(folder("taken") / "map.ply"), "x");
+}
+
+TEST_F(OnlineRunTest, WithoutAnyGoodKeyframeThereIsNoMapButATrajectory) {
+  EXPECT_THROW(run_online(config({"dataset.blackout_s=[[0, 100]]"}), {.folder = folder("run")}),
+               RunError);
+  EXPECT_GT(fs::file_size(folder("run") / "trajectory.tum"), 100U);
+  EXPECT_FALSE(fs::exists(folder("run") / "map.ply"));
+}
+
+}  // namespace
+}  // namespace apvi::bridge

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/mapper.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <limits>
+
+#include "apvi/core/error.hpp"
+#include "apvi/mapping/evaluation.hpp"
+#include "support/posed_scene.hpp"
+#include "support/tmp_dir.hpp"
+#include "support/torch_reference.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using test::camera_at;
+using test::wall_of_gaussians;
+using torch::Tensor;
+
+MapperOptions quick_options() {
+  MapperOptions options;
+  options.trainer.sh_degree = 0;
+  options.trainer.coarsest = 1;
+  options.trainer.final_iterations = 200;
+  options.trainer.rates.means = 1e-3;
+  options.trainer.rates.sh_dc = 1e-2;
+  options.trainer.densify.kind = Densification::none;
+  options.trainer.densify.interval = 20;
+  options.trainer.densify.max_gaussians = 900;
+  options.online.medium_after = 3;
+  return options;
+}
+
+/// The middles of the wall's Gaussians, as a front end would have triangulated them.
+SparsePoints points_of(const splat::Gaussians& world, std::int64_t first_id = 0) {
+  return {.ids = torch::arange(first_id, first_id + world.size(), torch::kInt64),
+          .positions = world.means.to(torch::kFloat64),
+          .sigmas = torch::full({world.size()}, 0.01, torch::kFloat64)};
+}
+
+MapperInput input_of(const splat::Gaussians& world, double x, double y, std::int64_t number,
+                     bool held_out = false) {
+  MapperInput input;
+  input.keyframe = test::photograph(world, camera_at(x, y), number, held_out);
+  if (!held_out) input.points = points_of(world);
+  return input;
+}
+
+/// Takes in keyframes that pass before the wall, every third of them held out.
+void swim(Mapper& mapper, const splat::Gaussians& world, int keyframes, int steps) {
+  for (int i = 0; i < keyframes; ++i) {
+    mapper.add(input_of(world, 0.1 * i - 0.4, 0.05 * (i % 3), i, i % 3 == 1));
+    for (int k = 0; k < steps && mapper.ready(); ++k) mapper.step();
+  }
+}
+
+bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
+  for (std::size_t i = 0; i < a.tensors().size(); ++i) {
+    if (!torch::equal(*a.tensors()[i], *b.tensors()[i])) return false;
+  }
+  return true;
+}
+
+TEST(Mapper, LearnsAWorldWhileItsKeyframesComeIn) {
+  const splat::Gaussians world = wall_of_gaussians();
+  Mapper mapper(quick_options());
+  swim(mapper, world, 9, 40);
+  const auto psnr = [&] {
+    return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
+  };
+  const double online = psnr();
+  EXPECT_GT(online, 19.0);
+  mapper.begin_final();
+  while (!mapper.final_done()) mapper.step();
+  EXPECT_DOUBLE_EQ(mapper.progress(), 1.0);
+  EXPECT_GT(psnr(), online + 0.5);
+}
+
+TEST(Mapper, RefusesWhatIsNoKeyframeAndSaysWhy) {
+  const splat::Gaussians world = wall_of_gaussians();
+  Mapper mapper(quick_options());
+  EXPECT_EQ(mapper.add({}), Intake::no_picture);
+  EXPECT_FALSE(mapper.ready());
+  EXPECT_EQ(mapper.add(input_of(world, 0.0, 0.0, 0)), Intake::taken);
+  const splat::Gaussians before = mapper.snapshot().gaussians;
+  MapperInput nan = input_of(world, 0.1, 0.0, 1);
+  nan.keyframe.T_camera_world = nan.keyframe.T_camera_world.clone();
+  nan.keyframe.T_camera_world[0][3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(mapper.add(nan), Intake::bad_pose);
+  MapperInput stretched = input_of(world, 0.1, 0.0, 1);
+  stretched.keyframe.T_camera_world = 2.0 * stretched.keyframe.T_camera_world;
+  EXPECT_EQ(mapper.add(stretched), Intake::bad_pose);
+  MapperInput black = input_of(world, 0.1, 0.0, 1);
+  black.keyframe.image = torch::ones_like(black.keyframe.image);
+  EXPECT_EQ(mapper.add(black), Intake::black);
+  MapperInput small = input_of(world, 0.1, 0.0, 1);
+  small.keyframe.image = small.keyframe.image.slice(0, 0, 8).contiguous();
+  EXPECT_EQ(mapper.add(small), Intake::bad_picture);
+  EXPECT_EQ(mapper.add(input_of(world, 0.3, 0.0, 0)), Intake::duplicate);
+  EXPECT_EQ(mapper.keyframes().size(), 1U);
+  EXPECT_TRUE(same(mapper.snapshot().gaussians, before));
+}
+
+TEST(Mapper, PointsThatAreNoneMakeNoGaussians) {
+  const splat::Gaussians world = wall_of_gaussians(40);
+  Mapper mapper(quick_options());
+  MapperInput input = input_of(world, 0.0, 0.0, 0);
+  input.points.positions[0].fill_(std::numeric_limits<double>::quiet_NaN());
+  input.points.positions[1][2] = -3.0;   // behind the camera
+  input.points.sigmas[2] = 1e3;          // at no known distance
+  input.points.positions[3][0] = 100.0;  // out of the picture
+  input.points.positions.slice(0, 4) = torch::tensor({0.0, 0.0, 3.0}, torch::kFloat64);
+  EXPECT_EQ(mapper.add(input), Intake::taken);
+  EXPECT_EQ(mapper.size(), 36);
+  EXPECT_TRUE(torch::isfinite(mapper.snapshot().gaussians.log_scales).all().item<bool>());
+}
+
+TEST(Mapper, APointMakesOneGaussianHoweverOftenItIsSeen) {
+  const splat::Gaussians world = wall_of_gaussians(60);
+  Mapper mapper(quick_options());
+  mapper.add(input_of(world, 0.0, 0.0, 0));
+  const std::int64_t first = mapper.size();
+  EXPECT_GT(first, 10);
+  mapper.add(input_of(world, 0.0, 0.0, 1));
+  EXPECT_EQ(mapper.size(), first);
+  MapperInput others = input_of(world, 0.0, 0.0, 2);
+  others.points = points_of(world, 1000);
+  mapper.add(others);
+  EXPECT_EQ(mapper.size(), 2 * first);
+}
+
+TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.trainer.densify.kind = Densification::gradient;
+  options.trainer.densify.gradient_threshold = 1e-6;
+  options.trainer.densify.max_gaussians = 5000;
+  Mapper mapper(options);
+  for (int i = 0; i < 4; ++i) {
+    MapperInput input = input_of(world, 0.15 * i - 0.3, 0.0, i);
+    input.points = points_of(world, 1000 * i);
+    mapper.add(input);
+    for (int k = 0; k < 25; ++k) mapper.step();
+  }
+  const Tensor own = mapper.learner().anchors() == 2;
+  ASSERT_GT(own.sum().item<std::int64_t>(), 10);
+  const splat::Gaussians before = mapper.snapshot().gaussians;
+  const Tensor old_pose = mapper.keyframes()[2].T_camera_world;
+  Tensor turn = torch::eye(4, torch::kFloat64);
+  turn.slice(0, 0, 2).slice(1, 0, 2).copy_(
+      torch::tensor({{0.8, -0.6}, {0.6, 0.8}}, torch::kFloat64));
+  turn[2][3] = 0.2;
+  MapperInput news;
+  news.moved.push_back({mapper.keyframes()[2].stamp_ns, turn.mm(old_pose)});
+  mapper.add(news);
+
+  const splat::Gaussians after = mapper.snapshot().gaussians;
+  const Tensor others = own.logical_not();
+  EXPECT_TRUE(torch::equal(after.means.index({others}), before.means.index({others})));
+  EXPECT_TRUE(torch::equal(after.log_scales, before.log_scales));
+  const auto in_camera = [&](const splat::Gaussians& map, const Tensor& pose) {
+    const Tensor points = map.means.index({own}).to(torch::kFloat64);
+    return points.mm(pose.slice(0, 0, 3).slice(1, 0, 3).t()) + pose.slice(0, 0, 3).select(1, 3);
+  };
+  EXPECT_TRUE(test::tensors_near(in_camera(after, mapper.keyframes()[2].T_camera_world),
+                                 in_camera(before, old_pose), 1e-5));
+  // What it alone shows looks as it did.
+  const auto picture = [&](const splat::Gaussians& map, const Tensor& pose) {
+    splat::Gaussians part;
+    for (std::size_t k = 0; k < map.tensors().size(); ++k) {
+      *part.tensors()[k] = map.tensors()[k]->index({own});
+    }
+    splat::View view;
+    view.intrinsics = test::small_camera();
+    view.T_camera_world = pose;
+    return splat::render(part, view, {}).color;
+  };
+  EXPECT_TRUE(
+      test::tensors_near(picture(after, turn.mm(old_pose)), picture(before, old_pose), 1e-4));
+}
+
+TEST(Mapper, HeldOutKeyframesFollowTheOneTheyBelongTo) {
+  const splat::Gaussians world = wall_of_gaussians();
+  Mapper mapper(quick_options());
+  mapper.add(input_of(world, 0.0, 0.0, 0));
+  MapperInput held_out = input_of(world, 0.1, 0.0, 1, true);
+  held_out.follows_ns = mapper.keyframes()[0].stamp_ns;
+  EXPECT_EQ(mapper.add(held_out), Intake::held_out);
+  const Tensor between =
+      mapper.keyframes()[1].T_camera_world.mm(rigid_inverse(mapper.keyframes()[0].T_camera_world));
+  MapperInput news;
+  news.moved.push_back({mapper.keyframes()[0].stamp_ns, camera_at(0.5, -0.2)});
+  mapper.add(news);
+  EXPECT_TRUE(test::tensors_near(
+      mapper.keyframes()[1].T_camera_world.mm(rigid_inverse(camera_at(0.5, -0.2))), between, 1e-9));
+}
+
+TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.trainer.densify.kind = Densification::random;
+  options.trainer.densify.gradient_threshold = 1e-7;
+  options.trainer.densify.random_per_round = 100;
+  options.trainer.densify.max_gaussians = 300;
+  options.online.recent_keyframes = 3;
+  options.online.memory_mib = 20.0 * 48 * 32 * 3 / (1024.0 * 1024.0);
+  options.online.heldout_views = 8;
+  Mapper mapper(options);
+  for (int i = 0; i < 150; ++i) {
+    MapperInput input = input_of(world, 0.01 * i - 0.7, 0.05 * (i % 3), i, i % 4 == 0);
+    if (!input.keyframe.held_out) input.points = points_of(world, 1000 * i);
+    mapper.add(input);
+    ASSERT_LE(mapper.size(), 300);
+    ASSERT_LE(mapper.keyframes().training().size(), 20U);
+    ASSERT_LE(mapper.keyframes().held_out().size(), 8U);
+    for (int k = 0; k < 3 && mapper.ready(); ++k) mapper.step();
+    ASSERT_LE(mapper.size(), 300);
+  }
+  EXPECT_GT(mapper.size(), 200);
+  EXPECT_EQ(mapper.keyframes().training().back(), 149U);
+  // A full map still takes up what is new.
+  EXPECT_GT((mapper.learner().anchors() >= 147).sum().item<std::int64_t>(), 20);
+  const auto& held_out = mapper.keyframes().held_out();
+  EXPECT_LT(held_out.front(), 40U);
+  EXPECT_GT(held_out.back(), 110U);
+}
+
+TEST(Mapper, HeldOutImagesAreNeverLearntFrom) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.trainer.densify.kind = Densification::random;
+  Mapper first(options);
+  Mapper second(options);
+  for (int i = 0; i < 8; ++i) {
+    MapperInput input = input_of(world, 0.1 * i - 0.4, 0.0, i, i % 3 == 1);
+    first.add(input);
+    if (input.keyframe.held_out) input.keyframe.image = 255 - input.keyframe.image;
+    second.add(input);
+    for (int k = 0; k < 15 && first.ready(); ++k) {
+      first.step();
+      second.step();
+    }
+  }
+  EXPECT_EQ(first.keyframes().held_out().size(), 3U);
+  EXPECT_TRUE(same(first.snapshot().gaussians, second.snapshot().gaussians));
+}
+
+TEST(Mapper, GoesOnFromACheckpointAsIfItHadNeverStopped) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.medium = true;
+  options.trainer.exposure.enabled = true;
+  const test::TmpDir dir;
+  Mapper whole(options);
+  swim(whole, world, 6, 10);
+  whole.save(dir.path() / "checkpoint.pt");
+  Mapper resumed(options);
+  resumed.resume(dir.path() / "checkpoint.pt");
+  EXPECT_EQ(resumed.iteration(), whole.iteration());
+  EXPECT_EQ(resumed.keyframes().size(), 6U);
+  for (Mapper* mapper : {&whole, &resumed}) {
+    mapper->begin_final();
+    for (int k = 0; k < 20; ++k) mapper->step();
+  }
+  EXPECT_TRUE(same(whole.snapshot().gaussians, resumed.snapshot().gaussians));
+  EXPECT_TRUE(torch::equal(whole.snapshot().medium->beta_d, resumed.snapshot().medium->beta_d));
+  EXPECT_THROW(resumed.resume(dir.write("damaged.pt", "nonsense")), InputError);
+}
+
+TEST(Mapper, TheWaterLearnsTwiceAsFastWhileVisionFails) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.medium = true;
+  Mapper mapper(options);
+  swim(mapper, world, 5, 5);
+  const double usual = *mapper.learner().medium_rate();
+  MapperInput news;
+  news.vio_failing = true;
+  mapper.add(news);
+  EXPECT_DOUBLE_EQ(*mapper.learner().medium_rate(), 2.0 * usual);
+  mapper.add(MapperInput{});
+  EXPECT_DOUBLE_EQ(*mapper.learner().medium_rate(), usual);
+}
+
+TEST(Mapper, OneKeyframeInTheWrongPlaceSpoilsNoOthers) {
+  const splat::Gaussians world = wall_of_gaussians();
+  const auto psnr_with = [&](bool wrong) {
+    Mapper mapper(quick_options());
+    for (int i = 0; i < 9; ++i) {
+      MapperInput input = input_of(world, 0.1 * i - 0.4, 0.0, i, i % 3 == 1);
+      if (wrong && i == 5) input.keyframe.T_camera_world = camera_at(3.0, 1.0);
+      mapper.add(input);
+      for (int k = 0; k < 30 && mapper.ready(); ++k) mapper.step();
+    }
+    return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
+  };
+  EXPECT_GT(psnr_with(true), psnr_with(false) - 3.0);
+}
+
+TEST(Mapper, SnapshotsStayAsTheyWere) {
+  const splat::Gaussians world = wall_of_gaussians();
+  Mapper mapper(quick_options());
+  EXPECT_EQ(mapper.snapshot().gaussians.size(), 0);
+  swim(mapper, world, 2, 5);
+  const Map then = mapper.snapshot();
+  const Tensor means = then.gaussians.means.clone();
+  swim(mapper, world, 2, 5);
+  for (int k = 0; k < 5; ++k) mapper.step();
+  EXPECT_TRUE(torch::equal(then.gaussians.means, means));
+  EXPECT_FALSE(torch::equal(mapper.snapshot().gaussians.means, means));
+}
+
+}  // namespace
+}  // namespace apvi::mapping

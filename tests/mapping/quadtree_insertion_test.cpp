@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/quadtree_insertion.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "support/torch_reference.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+/// Four blocks of 16 px, all with a depth that is believed.
+DepthEstimate four_blocks() {
+  DepthEstimate estimate;
+  for (int i = 0; i < 4; ++i) {
+    estimate.blocks.push_back({16 * (i % 2), 16 * (i / 2), 16, 16, 16});
+  }
+  estimate.points = torch::tensor({{8.0F, 8.0F}, {24.0F, 8.0F}, {8.0F, 24.0F}, {24.0F, 24.0F}});
+  estimate.depth = torch::tensor({1.0F, 2.0F, 3.0F, 4.0F});
+  estimate.confident = torch::ones({4}, torch::kBool);
+  return estimate;
+}
+
+struct Drawing {
+  Tensor image = torch::zeros({32, 32, 3});
+  Tensor alpha = torch::zeros({32, 32});
+  Tensor picture = torch::full({32, 32, 3}, 0.5F);
+  Tensor points = torch::empty({0, 2}, torch::kFloat64);
+};
+
+std::vector<bool> filled(const DepthEstimate& estimate, const Drawing& d) {
+  const Tensor which = blocks_to_fill(estimate, d.points, d.image, d.alpha, d.picture, {});
+  std::vector<bool> result;
+  for (std::int64_t i = 0; i < which.size(0); ++i) result.push_back(which[i].item<bool>());
+  return result;
+}
+
+using Four = std::vector<bool>;
+
+TEST(BlocksToFill, AreAllWhereThereIsNoMap) {
+  EXPECT_EQ(filled(four_blocks(), {}), Four({true, true, true, true}));
+}
+
+TEST(BlocksToFill, AreNoneWhoseDepthIsNotBelieved) {
+  DepthEstimate estimate = four_blocks();
+  estimate.confident[1] = false;
+  estimate.depth[2] = 0.0F;
+  EXPECT_EQ(filled(estimate, {}), Four({true, false, false, true}));
+}
+
+TEST(BlocksToFill, AreNoneThatHoldASparsePoint) {
+  Drawing drawing;
+  drawing.points =
+      torch::tensor({{3.0, 30.9}, {16.0, 15.9}, {-5.0, 3.0}, {400.0, 3.0}}, torch::kFloat64);
+  EXPECT_EQ(filled(four_blocks(), drawing), Four({true, false, false, true}));
+}
+
+TEST(BlocksToFill, AreNoneThatTheMapShowsRight) {
+  Drawing drawing;
+  drawing.alpha.slice(1, 0, 16).fill_(0.99F);                            // left: dense
+  drawing.image.slice(0, 0, 16).copy_(drawing.picture.slice(0, 0, 16));  // top: right
+  EXPECT_EQ(filled(four_blocks(), drawing), Four({false, true, true, true}));
+}
+
+TEST(BlocksToFill, BecomeSeedsInTheirMiddleAsWideAsTheyAre) {
+  const Seeds seeds =
+      seeds_of_blocks(four_blocks(), torch::tensor({false, true, false, true}), 0.2);
+  ASSERT_EQ(seeds.size(), 2);
+  EXPECT_TRUE(test::tensors_near(seeds.pixels,
+                                 torch::tensor({{24.0, 8.0}, {24.0, 24.0}}, torch::kFloat64), 0));
+  EXPECT_TRUE(test::tensors_near(seeds.depths, torch::tensor({2.0, 4.0}, torch::kFloat64), 0));
+  EXPECT_DOUBLE_EQ(seeds.radii_px[0].item<double>(), 8.0);
+}
+
+TEST(BlockMeans, AreMeansOfWhatTheBlockCovers) {
+  torch::manual_seed(2);
+  const Tensor image = torch::rand({20, 30});
+  const std::vector<Block> blocks = {{0, 0, 16, 16, 16}, {16, 8, 16, 14, 12}, {29, 19, 4, 1, 1}};
+  const Tensor means = block_means(image, blocks);
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const Block& b = blocks[i];
+    const double expected =
+        image.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width).mean().item<double>();
+    EXPECT_NEAR(means[static_cast<std::int64_t>(i)].item<double>(), expected, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace apvi::mapping

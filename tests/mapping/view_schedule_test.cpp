@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/view_schedule.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <map>
+
+namespace apvi::mapping {
+namespace {
+
+std::map<std::size_t, int> draws(const ViewSchedule& schedule, int count) {
+  Random random(3);
+  std::map<std::size_t, int> drawn;
+  for (int i = 0; i < count; ++i) ++drawn[schedule.draw(random)];
+  return drawn;
+}
+
+TEST(ViewSchedule, TheNewestAreDrawnMoreOften) {
+  ViewSchedule schedule(2, 0.5);
+  for (std::size_t view = 0; view < 10; ++view) schedule.add(view);
+  auto drawn = draws(schedule, 10000);
+  EXPECT_NEAR(drawn[8] + drawn[9], 6000, 300);  // half of all, and their part of the other half
+  schedule.forget_recency();
+  drawn = draws(schedule, 10000);
+  EXPECT_NEAR(drawn[8] + drawn[9], 2000, 200);
+}
+
+TEST(ViewSchedule, WhatIsShownBadlyOrWasSeldomUsedIsDrawnMoreOften) {
+  ViewSchedule schedule(1, 0.0);
+  for (std::size_t view = 0; view < 3; ++view) schedule.add(view);
+  for (int i = 0; i < 9; ++i) schedule.report(0, 0.1);
+  for (int i = 0; i < 9; ++i) schedule.report(1, 0.3);
+  schedule.report(2, 0.1);
+  auto drawn = draws(schedule, 10000);
+  EXPECT_NEAR(static_cast<double>(drawn[1]) / drawn[0], 3.0, 0.5);
+  EXPECT_NEAR(static_cast<double>(drawn[2]) / drawn[0], 5.0, 0.8);
+  EXPECT_EQ(schedule.uses(1), 9);
+}
+
+TEST(ViewSchedule, WhatTheMapNeverExplainsIsDrawnSeldom) {
+  ViewSchedule schedule(1, 0.0);
+  for (std::size_t view = 0; view < 8; ++view) schedule.add(view);
+  for (std::size_t view = 0; view < 8; ++view) {
+    for (int i = 0; i < 20; ++i) schedule.report(view, view == 3 ? 0.5 : 0.05);
+  }
+  auto drawn = draws(schedule, 10000);
+  EXPECT_LT(drawn[3], drawn[2]);
+  EXPECT_GT(drawn[3], 0);
+}
+
+TEST(ViewSchedule, WhatWasTakenOutIsNeverDrawn) {
+  ViewSchedule schedule(3, 0.5);
+  for (std::size_t view = 0; view < 5; ++view) schedule.add(view);
+  schedule.remove(4);
+  schedule.remove(1);
+  const auto drawn = draws(schedule, 2000);
+  EXPECT_EQ(drawn.size(), 3U);
+  EXPECT_FALSE(drawn.contains(4));
+  EXPECT_FALSE(drawn.contains(1));
+  ViewSchedule empty(3, 0.5);
+  Random random(0);
+  EXPECT_THROW(empty.draw(random), c10::Error);
+}
+
+}  // namespace
+}  // namespace apvi::mapping
