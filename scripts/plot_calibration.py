@@ -10,12 +10,12 @@ import json
 import pathlib
 import sys
 
-from report.style import BLUE, MUTED, ORANGE, RED, TEAL, WIDTH, apply, legend_above
-
 import numpy as np
 from matplotlib import pyplot
 
-BLOCKS = {"rotation": "rad⁻²", "position": "m⁻²"}
+from report.style import BLUE, MUTED, ORANGE, RED, TEAL, WIDTH, apply, legend_above
+
+BLOCKS = {"rotation": r"rad$^{-2}$", "position": r"m$^{-2}$"}
 COLORS = (BLUE, ORANGE, TEAL)
 BINS = 70
 
@@ -74,7 +74,7 @@ def panel(axes, frames, block, fit):
         axes.plot(x, density(x, part["mean"], part["radius"]), color=RED, label="semicircle")
     axes.axvline(np.log10(part["edge"]), color=RED, linewidth=1.0, linestyle=":", label="its edge")
     axes.axvline(np.log10(part["threshold"]), color=RED, linewidth=1.2, label="threshold")
-    axes.set_xlabel(f"log₁₀ of the {block} block's eigenvalues [{BLOCKS[block]}"
+    axes.set_xlabel(f"decadic logarithm of the {block} block's eigenvalues [{BLOCKS[block]}"
                     + (" per inlier]" if fit["normalisation"] == "per_inlier" else "]"))
     axes.set_ylabel("density")
     legend_above(axes, handletextpad=0.5)

@@ -70,9 +70,16 @@ std::optional<FineCalibration> calibrate_fine(const RecordedFrames& frames,
                          .thresholds = {lowered(fit->rotation.lower_edge, rotation, share),
                                         lowered(fit->position.lower_edge, position, share)},
                          .healthy = {},
-                         .blind = {}};
-  result.healthy = outcome(frames.healthy, result.thresholds, normalisation, min_directions);
-  result.blind = outcome(frames.blind, result.thresholds, normalisation, min_directions);
+                         .blind = {},
+                         .healthy_at_edge = {},
+                         .blind_at_edge = {}};
+  const auto tested = [&](const std::vector<RecordedFrame>& of, const EigenThresholds& thresholds) {
+    return outcome(of, thresholds, normalisation, min_directions);
+  };
+  result.healthy = tested(frames.healthy, result.thresholds);
+  result.blind = tested(frames.blind, result.thresholds);
+  result.healthy_at_edge = tested(frames.healthy, fit->thresholds());
+  result.blind_at_edge = tested(frames.blind, fit->thresholds());
   return result;
 }
 

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using fusion::Normalisation;
 
 // Long enough for a window to forget what it saw, and a pause in which it starts to see again.
-constexpr double kDark_s = 5.0;
+constexpr double kDark_s = 10.0;
 constexpr double kLight_s = 15.0;
 
 std::string read_text(const fs::path& file) {

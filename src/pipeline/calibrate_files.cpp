@@ -13,6 +13,7 @@ namespace apvi::pipeline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using fusion::EigenThresholds;
 using fusion::FineCalibration;
 using fusion::FineOutcome;
 using fusion::Normalisation;
@@ -56,7 +57,9 @@ Json json_of(const FineCalibration& c) {
           {"rotation", json_of(c.fit.rotation, c.thresholds.rotation)},
           {"position", json_of(c.fit.position, c.thresholds.position)},
           {"healthy", json_of(c.healthy)},
-          {"blind", json_of(c.blind)}};
+          {"blind", json_of(c.blind)},
+          {"healthy_at_edge", json_of(c.healthy_at_edge)},
+          {"blind_at_edge", json_of(c.blind_at_edge)}};
 }
 
 std::string outcome_cells(const FineOutcome& healthy, const FineOutcome& blind) {
@@ -64,22 +67,25 @@ std::string outcome_cells(const FineOutcome& healthy, const FineOutcome& blind) 
                      100.0 * blind.rejected, blind.frames);
 }
 
-std::string row(const char* name, const FineCalibration& c) {
-  return fmt::format("| {} | {:.3g} | {:.3g} | {:.2f} | {:.3g} | {:.3g} | {:.2f} | {} |\n", name,
-                     c.fit.rotation.lower_edge, c.thresholds.rotation, c.fit.rotation.misfit,
-                     c.fit.position.lower_edge, c.thresholds.position, c.fit.position.misfit,
-                     outcome_cells(c.healthy, c.blind));
+std::string row(const std::string& name, const EigenThresholds& thresholds,
+                const FineOutcome& healthy, const FineOutcome& blind) {
+  return fmt::format("| {} | {:.3g} | {:.3g} | {} |\n", name, thresholds.rotation,
+                     thresholds.position, outcome_cells(healthy, blind));
 }
 
-std::string remap_row(const FineCalibration& c) {
-  FineOutcome healthy = c.healthy;
-  FineOutcome blind = c.blind;
-  healthy.rejected = healthy.rejected_by_remap;
-  blind.rejected = blind.rejected_by_remap;
-  return fmt::format(
-      "| remap: directions kept {:.2f}, blind {:.2f} | | {:.3g} | | | {:.3g} | | {} |\n",
-      healthy.directions, blind.directions, c.thresholds.rotation, c.thresholds.position,
-      outcome_cells(healthy, blind));
+// A frame is rejected by remapping when too few directions are left.
+FineOutcome by_remap(FineOutcome outcome) {
+  outcome.rejected = outcome.rejected_by_remap;
+  return outcome;
+}
+
+std::string rows(const std::string& name, const FineCalibration& c) {
+  const std::string remap =
+      fmt::format("{}, remapped ({:.2f} directions kept, of blind ones {:.2f})", name,
+                  c.healthy.directions, c.blind.directions);
+  return row(name + ", edges of the fit", c.fit.thresholds(), c.healthy_at_edge, c.blind_at_edge) +
+         row(name + ", thresholds", c.thresholds, c.healthy, c.blind) +
+         row(remap, c.thresholds, by_remap(c.healthy), by_remap(c.blind));
 }
 
 }  // namespace
@@ -110,12 +116,10 @@ std::string internal::calibration_json(const CalibrationResult& result) {
 
 std::string to_table(const CalibrationResult& result) {
   std::string text =
-      "| test | rotation edge | threshold [rad^-2] | misfit | position edge | threshold [m^-2] | "
-      "misfit | healthy rejected | blind rejected |\n|---|---|---|---|---|---|---|---|---|\n";
-  text += row("as they are", result.plain);
-  text += remap_row(result.plain);
-  text += row("per inlier", result.per_inlier);
-  text += remap_row(result.per_inlier);
+      "| test | rotation [rad^-2] | position [m^-2] | healthy rejected | blind rejected |\n"
+      "|---|---|---|---|---|\n";
+  text += rows("as they are", result.plain);
+  text += rows("per inlier", result.per_inlier);
   text += "\n| run | fingerprint | healthy rejected | blind rejected |\n|---|---|---|---|\n";
   for (const CalibrationRun& run : result.runs) {
     text += fmt::format("| {} | {} | {} |\n", run.name, run.fingerprint,

@@ -14,9 +14,8 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/pipeline/navigator.hpp"
 #include "apvi/pipeline/run_folder.hpp"
-#include "apvi/pipeline/visual_pipeline.hpp"
+#include "apvi/pipeline/system.hpp"
 #include "apvi/version.hpp"
 
 namespace apvi::pipeline {
@@ -28,8 +27,13 @@ std::size_t total_dropped(const io::StreamReport& report) {
   return sum;
 }
 
-eval::Json counts_json(const Navigator& navigator, const io::SequenceReader& reader) {
+eval::Json counts_json(const System& system, const io::SequenceReader& reader) {
+  const Navigator& navigator = system.navigator();
   eval::Json json = eval::Json::object();
+  for (const Outage& outage : system.watch().outages()) {
+    eval::Json& count = json["outages"][outage.sensor];
+    count = count.is_null() ? 1 : count.get<int>() + 1;
+  }
   for (const auto& [sensor, report] : reader.report()) {
     json["dropped_samples"][sensor] = total_dropped(report);
   }
@@ -101,28 +105,6 @@ void add_pose(Pass& pass, const StampedPose& pose) {
   poses.push_back(pose);
 }
 
-/// The sensors of a run as they are: asked for, and in the recording.
-struct Sensors {
-  bool dvl = false;
-  std::size_t cameras = 0;
-};
-
-Sensors find_sensors(const RunConfig& config, const Rig& rig, const io::SequenceReader& reader) {
-  const auto wanted = [&](const char* name) {
-    return std::ranges::find(config.sensors.use, name) != config.sensors.use.end();
-  };
-  Sensors sensors;
-  sensors.dvl = wanted("dvl") && rig.dvl.has_value();
-  if (wanted("camera") && reader.report().contains("camera")) {
-    sensors.cameras = std::min<std::size_t>(rig.cameras.size(), config.vio.stereo ? 2 : 1);
-  }
-  if (sensors.dvl || sensors.cameras > 0) return sensors;
-  fail_input(
-      "{}: nothing to localize with: neither a DVL nor a camera is in the recording and in "
-      "sensors.use",
-      config.dataset.path);
-}
-
 /// One run over a recording: the stages, the files they fill, and what is kept for the evaluation.
 class Runner {
  public:
@@ -131,11 +113,12 @@ class Runner {
       : config_(config),
         map_(sensors.cameras > 0 ? map : nullptr),
         folder_(folder),
-        navigator_(config.dipo, rig, sensors.dvl, sensors.cameras) {
-    if (sensors.cameras == 0) return;
+        system_(config, rig, sensors,
+                {.ping = [this](const LocalizationOutput& o) { take(o); },
+                 .frame = [this](const FrameOutput& o) { take(o); },
+                 .pose = {},
+                 .map = map_}) {
     if (map_ != nullptr) map_->begin(rig);
-    visual_.emplace(
-        config, rig, sensors.cameras, [this](const FrameOutput& o) { take(o); }, map_);
   }
 
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
@@ -145,32 +128,27 @@ class Runner {
       pass_.last = stamp_of(*event);
       if (!pass_.first) pass_.first = pass_.last;
       if (config_.run.mode == RunMode::realtime) keep_pace();
-      process(*event);
+      system_.process(*event);
       if (++count % 256 == 0) status.update(reader.fraction(), detail());
       if (interrupted()) {
         pass_.interrupted = true;
         break;
       }
     }
-    if (visual_) visual_->finish();
+    system_.finish();
     if (map_ != nullptr) map_->finish();
     return std::move(pass_);
   }
 
-  const Navigator& navigator() const { return navigator_; }
-  const VisualPipeline* visual() const { return visual_ ? &*visual_ : nullptr; }
+  const System& system() const { return system_; }
 
  private:
-  void process(const SensorEvent& event) {
-    Navigator::Output output = navigator_.process(event);
-    for (const LocalizationOutput& ping : output.pings) {
-      folder_.write(ping);
-      const StampedPose pose = stamped(ping.estimate.stamp, ping.estimate.state.nav);
-      pass_.dipo.poses.push_back(pose);
-      if (!visual_) add_pose(pass_, pose);
-      pass_.accel_factor = ping.ping.accel_factor;
-    }
-    for (FrameJob& job : output.frames) visual_->push(std::move(job));
+  void take(const LocalizationOutput& output) {
+    folder_.write(output);
+    const StampedPose pose = stamped(output.estimate.stamp, output.estimate.state.nav);
+    pass_.dipo.poses.push_back(pose);
+    if (system_.visual() == nullptr) add_pose(pass_, pose);
+    pass_.accel_factor = output.ping.accel_factor;
   }
 
   // From the last stage's thread. The status line reads what is guarded here.
@@ -196,8 +174,9 @@ class Runner {
       const std::string map = map_ == nullptr ? "" : ", " + map_->status();
       return fmt::format("{} poses, {:.1f} m{}", pass_.fused.size(), pass_.length_m, map);
     }
-    if (navigator_.has_dipo() && !navigator_.localization().dipo().initialized()) {
-      return "waiting for " + navigator_.localization().dipo().waiting_for();
+    const Navigator& navigator = system_.navigator();
+    if (navigator.has_dipo() && !navigator.localization().dipo().initialized()) {
+      return "waiting for " + navigator.localization().dipo().waiting_for();
     }
     return "waiting for " + waiting_for_;
   }
@@ -206,11 +185,10 @@ class Runner {
   MapSink* map_;
   RunFolder& folder_;
   Stopwatch watch_;
-  Navigator navigator_;
   std::mutex mutex_;
   Pass pass_;
   std::string waiting_for_ = "the camera";
-  std::optional<VisualPipeline> visual_;  // last: its threads end before what they fill
+  System system_;  // last: its threads end before what they fill
 };
 
 eval::Json vio_json(const VisualPipeline& visual, const Pass& pass) {
@@ -234,9 +212,9 @@ void warn_if_sensors_disagree(const RunConfig& config, const Pass& pass) {
       "and at dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
 }
 
-std::string waited_for(const Runner& runner) {
-  if (!runner.navigator().has_dipo()) return "a start of visual-inertial odometry";
-  return runner.navigator().localization().dipo().waiting_for();
+std::string waited_for(const Navigator& navigator) {
+  if (!navigator.has_dipo()) return "a start of visual-inertial odometry";
+  return navigator.localization().dipo().waiting_for();
 }
 
 eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
@@ -263,9 +241,13 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
     fail_input("dataset.path: not given; add --set dataset.path=FOLDER");
   }
   const auto reader = io::open_sequence(config.dataset, config.sensors.use);
-  const config::Node rig_node = rig_of(config, reader->rig());
+  return run(config, *reader, options);
+}
+
+RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options) {
+  const config::Node rig_node = rig_of(config, reader.rig());
   const Rig rig = make_rig(rig_node);
-  const Sensors sensors = find_sensors(config, rig, *reader);
+  const Sensors sensors = find_sensors(config, rig, reader.report().contains("camera"));
   if (options.map != nullptr && sensors.cameras == 0) {
     fail_input("{}: no images of cam0 there; a map needs them", config.dataset.path);
   }
@@ -277,28 +259,29 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
 
   const Stopwatch watch;
   Runner runner(config, rig, sensors, folder, options.map);
-  const Pass pass = runner.run(*reader, options.interrupted);
+  const Pass pass = runner.run(reader, options.interrupted);
+  const System& system = runner.system();
   folder.close();
   warn_if_sensors_disagree(config, pass);
   RunResult result{.interrupted = pass.interrupted,
                    .poses = pass.fused.size(),
                    .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
                    .wall_s = watch.seconds(),
-                   .metrics = evaluate(config, rig, *reader, pass, sensors)};
+                   .metrics = evaluate(config, rig, reader, pass, sensors)};
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
-                      {"counts", counts_json(runner.navigator(), *reader)},
+                      {"counts", counts_json(system, reader)},
                       {"speed", speed},
                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
-  if (const VisualPipeline* visual = runner.visual()) {
+  if (const VisualPipeline* visual = system.visual()) {
     sections["vio"] = vio_json(*visual, pass);
     sections["dropped"]["images"] = visual->dropped_images();
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);
   if (result.poses == 0 && !result.interrupted) {
     fail_run("{}: no pose was estimated: waited for {} to the end; `apvi doctor` says more",
-             config.dataset.path, waited_for(runner));
+             config.dataset.path, waited_for(system.navigator()));
   }
   return result;
 }

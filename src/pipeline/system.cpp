@@ -33,11 +33,12 @@ void System::make_stages() {
   visual_.reset();  // its threads first
   navigator_.emplace(config_.dipo, rig_, sensors_.dvl, sensors_.cameras);
   if (sensors_.cameras == 0) return;
-  visual_.emplace(config_, rig_, sensors_.cameras, [this](const FrameOutput& output) {
+  const auto tell = [this](const FrameOutput& output) {
     if (sinks_.frame) sinks_.frame(output);
     const auto pose = output.fused();
     if (pose && sinks_.pose) sinks_.pose(*pose);
-  });
+  };
+  visual_.emplace(config_, rig_, sensors_.cameras, tell, sinks_.map);
 }
 
 void System::process(const SensorEvent& event) {

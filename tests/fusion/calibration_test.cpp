@@ -63,6 +63,7 @@ TEST(FineCalibration, AnEdgeThatRejectsTooManyIsLowered) {
   EXPECT_LT(mild->thresholds.position, mild->fit.position.lower_edge);
   EXPECT_LE(mild->healthy.rejected, 0.02);
   EXPECT_GT(mild->healthy.rejected, 0.0);
+  EXPECT_NEAR(mild->healthy_at_edge.rejected, 0.05, 1e-12);
 }
 
 TEST(FineCalibration, PerInlierABlindWindowLooksHealthy) {

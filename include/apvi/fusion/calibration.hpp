@@ -37,6 +37,8 @@ struct FineCalibration {
   EigenThresholds thresholds;  ///< the fit's edges, or less where they would reject too much
   FineOutcome healthy;
   FineOutcome blind;
+  FineOutcome healthy_at_edge;  ///< had the thresholds been the edges
+  FineOutcome blind_at_edge;
 };
 
 /// Eigenvalues of a frame as step 3 would test them.

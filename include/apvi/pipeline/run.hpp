@@ -35,5 +35,7 @@ struct RunResult {
 /// InputError for a bad recording or configuration, RunError when nothing could be estimated or
 /// written.
 RunResult run(const RunConfig& config, const RunOptions& options);
+/// The same over any sequence, one that is fed while it is read too; `dataset` is not looked at.
+RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options);
 
 }  // namespace apvi::pipeline

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "apvi/geometry/trajectory.hpp"
+#include "apvi/pipeline/map_sink.hpp"
 #include "apvi/pipeline/navigator.hpp"
 #include "apvi/pipeline/run_config.hpp"
 #include "apvi/pipeline/sensor_watch.hpp"
@@ -29,6 +30,8 @@ struct SystemSinks {
   std::function<void(const FrameOutput&)> frame = {};
   /// The trajectory: one pose a frame; without a camera one a ping.
   std::function<void(const StampedPose&)> pose = {};
+  MapSink* map =
+      nullptr;  ///< gets what a map is made of; its `begin` and `finish` are the caller's
 };
 
 /// Localization as a library: samples in, poses out, no files. `process` and everything below are

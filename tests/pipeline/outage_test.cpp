@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "apvi/eval/metrics_file.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/pipeline/run.hpp"
+#include "support/dive_folder.hpp"
+#include "support/muted_sequence.hpp"
+#include "support/test_data.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+std::string read_all(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return (std::stringstream() << in.rdbuf()).str();
+}
+
+std::size_t count_lines(const std::string& text) {
+  return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+struct Muted {
+  std::string sensor;
+  double from_s;
+  double to_s;
+  double most_m = 0.03;  ///< ATE
+};
+
+RunResult run_muted(const RunConfig& config, const Muted& muted, const fs::path& folder) {
+  test::MutedSequence reader(io::open_sequence(config.dataset, config.sensors.use), muted.sensor,
+                             muted.from_s, muted.to_s);
+  return run(config, reader, {.folder = folder});
+}
+
+void expect_said(const fs::path& run, const std::string& sensor) {
+  const std::string log = read_all(run / "log.txt");
+  EXPECT_THAT(log, HasSubstr("warning: " + sensor + ": silent since"));
+  EXPECT_THAT(log, HasSubstr("info: " + sensor + ": back at"));
+  EXPECT_EQ(eval::read_metrics(run / "metrics.json")["counts"]["outages"][sensor].get<int>(), 1);
+}
+
+// Every line whole: as many cells as the header has.
+void expect_complete(const fs::path& csv) {
+  std::istringstream lines(read_all(csv));
+  std::string line;
+  std::getline(lines, line);
+  const auto commas = std::count(line.begin(), line.end(), ',');
+  while (std::getline(lines, line)) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), commas) << csv << ": " << line;
+  }
+}
+
+// A dive of a minute on IMU, DVL and depth, simulated.
+class DiveOutage : public testing::Test {
+ protected:
+  DiveOutage() {
+    test::write_dive(tmp_, "dive", {});
+    config_.dataset.path = (tmp_.path() / "dive").string();
+  }
+  double ate(const Muted& muted) {
+    const RunResult result = run_muted(config_, muted, tmp_.path() / "run");
+    expect_said(tmp_.path() / "run", muted.sensor);
+    poses_ = io::read_trajectory(tmp_.path() / "run" / "trajectory.tum").poses;
+    return result.metrics.fused.ate.value->rmse;
+  }
+  double last_pose_s() const { return seconds_between(poses_.front().stamp, poses_.back().stamp); }
+
+  test::TmpDir tmp_;
+  RunConfig config_;
+  std::vector<StampedPose> poses_;
+};
+
+TEST_F(DiveOutage, FiveSecondsWithoutTheDvlCostLittleAndPosesGoOnWithIt) {
+  EXPECT_LT(ate({"dvl", 25.0, 30.0}), 0.5);
+  EXPECT_GT(last_pose_s(), 55.0);
+}
+
+TEST_F(DiveOutage, TenSecondsWithoutDepthCostNextToNothing) {
+  EXPECT_LT(ate({"depth", 25.0, 35.0}), 0.2);
+  EXPECT_GT(last_pose_s(), 55.0);
+}
+
+TEST_F(DiveOutage, HalfASecondWithoutTheImuCostsLittle) {
+  EXPECT_LT(ate({"imu", 25.0, 25.5}), 0.5);
+  EXPECT_GT(last_pose_s(), 55.0);
+}
+
+TEST_F(DiveOutage, ASensorThatNeverComesBackIsSaidOnce) {
+  run_muted(config_, {"depth", 30.0, 1e9}, tmp_.path() / "run");
+  const std::string log = read_all(tmp_.path() / "run" / "log.txt");
+  EXPECT_THAT(log, HasSubstr("depth: silent since"));
+  EXPECT_THAT(log, testing::Not(HasSubstr("depth: back")));
+}
+
+// EuRoC MH_01 with a DVL and a pressure sensor: 22 s, images in the first 16.
+class RealOutage : public testing::TestWithParam<Muted> {};
+
+TEST_P(RealOutage, DegradesSaysSoAndRecovers) {
+  APVI_NEEDS_DATA(dataset, "euroc_mh01_apvi");
+  const test::TmpDir tmp;
+  const RunConfig config = load_run_config(
+      fs::path(APVI_SOURCE_DIR) / "configs/datasets/euroc_apvi.yaml",
+      {"dataset.path=" + dataset.string(), "dataset.duration_s=15", "run.mode=replay"});
+  const RunResult result = run_muted(config, GetParam(), tmp.path() / "run");
+  expect_said(tmp.path() / "run", GetParam().sensor);
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, GetParam().most_m);
+  // The last second is as good as a run that nothing befell: VIO is back.
+  const std::string health = read_all(tmp.path() / "run" / "health.csv");
+  EXPECT_THAT(health.substr(health.size() - 500), HasSubstr("fused,accepted"));
+  EXPECT_EQ(count_lines(health), count_lines(read_all(tmp.path() / "run" / "timing.csv")));
+  expect_complete(tmp.path() / "run" / "health.csv");
+  expect_complete(tmp.path() / "run" / "timing.csv");
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, RealOutage,
+                         testing::Values(Muted{"camera", 6.0, 9.0}, Muted{"dvl", 6.0, 10.0},
+                                         Muted{"pressure", 6.0, 10.0},
+                                         Muted{"imu", 6.0, 6.5, 0.10}),
+                         [](const auto& one) { return one.param.sensor; });
+
+}  // namespace
+}  // namespace apvi::pipeline
