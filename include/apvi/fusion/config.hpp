@@ -51,8 +51,8 @@ enum class DegeneracyAction { reject, remap, ignore };
 /// `apvi calibrate` on the easy benchmark scenes with camera and IMU in the graph
 /// (docs/calibration.md); DVL and pressure in the graph only add information.
 struct FineConfig {
-  double min_rotation = 3.2e6;
-  double min_position = 320.0;
+  double min_rotation = 2.89e6;
+  double min_position = 332.0;
   Normalisation normalisation = Normalisation::none;
   DegeneracyAction action = DegeneracyAction::reject;
   int min_directions = 3;
