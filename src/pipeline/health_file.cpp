@@ -66,9 +66,10 @@ HealthLine line_of(const Columns& columns) {
   line.level = columns.text("level");
   line.vio = columns.text("vio");
   line.landmarks = static_cast<int>(columns.number("landmarks"));
-  for (int k = 0; k < 3; ++k) {
-    line.eigenvalues.rotation(k) = columns.number(kEigenvalues.at(static_cast<std::size_t>(k)));
-    line.eigenvalues.position(k) = columns.number(kEigenvalues.at(static_cast<std::size_t>(k + 3)));
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto row = static_cast<Eigen::Index>(k);
+    line.eigenvalues.rotation(row) = columns.number(kEigenvalues.at(k));
+    line.eigenvalues.position(row) = columns.number(kEigenvalues.at(k + 3));
   }
   return line;
 }
