@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "apvi/core/stopwatch.hpp"
 #include "graph.hpp"
@@ -20,7 +21,15 @@ constexpr double kKeepSamplesS = 30.0;
 constexpr double kStaleGyroBias = 0.005;  // [rad/s]
 constexpr double kStaleAccelBias = 0.05;  // [m/s²]
 
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+// Without a window nothing is taken out at the other end.
+template <typename Measurement>
+void keep(std::deque<Measurement>& kept, const Measurement& measurement) {
+  kept.push_back(measurement);
+  const Stamp oldest = measurement.stamp - Duration::from_seconds(kKeepSamplesS);
+  while (kept.front().stamp < oldest) kept.pop_front();
+}
 
 bool is_finite(const FrameState& state) {
   return Eigen::Map<const Eigen::Matrix<double, 7, 1>>(state.pose.data()).allFinite() &&
@@ -70,11 +79,11 @@ void Estimator::add(const ImuSample& sample) {
 }
 
 void Estimator::add(const DvlMeasurement& measurement) {
-  if (config_.graph == GraphKind::tight) pings_.push_back(measurement);
+  if (config_.graph == GraphKind::tight) keep(pings_, measurement);
 }
 
 void Estimator::add(const DepthMeasurement& measurement) {
-  if (config_.graph == GraphKind::tight) depths_.push_back(measurement);
+  if (config_.graph == GraphKind::tight) keep(depths_, measurement);
 }
 
 Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
@@ -197,33 +206,38 @@ std::string Estimator::why_diverged(const Result& result) {
                      bad_frames_);
 }
 
-Frame& Estimator::push_frame(Stamp stamp, const FrameState& state) {
+Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
+                             std::shared_ptr<imu::Preintegration> from_previous) {
   auto frame = std::make_unique<Frame>();
   frame->stamp = stamp;
   frame->state = state;
-  if (!window_.frames.empty()) {
-    const Frame& before = window_.newest();
-    frame->from_previous = preintegrate(before.stamp, stamp, before.state);
-  }
+  frame->from_previous = std::move(from_previous);
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }
 
 bool Estimator::append(const TrackedFrame& tracked) {
-  const Frame& before = window_.newest();
-  const auto motion = preintegrate(before.stamp, tracked.stamp, before.state);
+  auto motion = preintegrate_from_newest(tracked.stamp);
   if (!motion) return false;
-  const FrameState predicted = predict(before.state, *motion, rig_.gravity(config_.gravity));
-  if (!newest_is_keyframe_) drop_newest();
-  Frame& frame = push_frame(tracked.stamp, predicted);
-  if (!frame.from_previous) return false;
-  add_sightings(window_, frame, tracked);
+  const FrameState predicted =
+      predict(window_.newest().state, *motion, rig_.gravity(config_.gravity));
+  if (!newest_is_keyframe_) {
+    drop_newest();
+    motion = preintegrate_from_newest(tracked.stamp);
+    if (!motion) return false;
+  }
+  add_sightings(window_, push_frame(tracked.stamp, predicted, std::move(motion)), tracked);
   return true;
 }
 
 void Estimator::drop_newest() {
   remove_sightings(window_, window_.newest());
   window_.frames.pop_back();
+}
+
+std::shared_ptr<imu::Preintegration> Estimator::preintegrate_from_newest(Stamp to) const {
+  const Frame& newest = window_.newest();
+  return preintegrate(newest.stamp, to, newest.state);
 }
 
 std::shared_ptr<imu::Preintegration> Estimator::preintegrate(Stamp from, Stamp to,

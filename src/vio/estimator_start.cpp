@@ -23,7 +23,7 @@ Result Estimator::start(const TrackedFrame& tracked, const std::optional<Aid>& a
 // Attitude, velocity and biases are known with a covariance: the window starts with one frame and
 // grows, landmarks join as their rays open. Nothing is waited for.
 Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
-  Frame& frame = push_frame(tracked.stamp, to_frame_state(aid.state));
+  Frame& frame = push_frame(tracked.stamp, to_frame_state(aid.state), nullptr);
   window_.prior = prior_from(frame, aid, config_.start.yaw_position_sigma);
   add_sightings(window_, frame, tracked);
   Result result{.stamp = tracked.stamp, .status = Status::started, .detail = "DVL-aided"};
@@ -71,7 +71,9 @@ void Estimator::adopt(const std::vector<TrackedFrame>& frames,
   const std::size_t count = std::min(frames.size(), room);
   for (std::size_t n = 0; n < count; ++n) {
     const std::size_t k = count == 1 ? 0 : n * (frames.size() - 1) / (count - 1);
-    add_sightings(window_, push_frame(frames[k].stamp, to_frame_state(states[k])), frames[k]);
+    auto motion = n == 0 ? nullptr : preintegrate_from_newest(frames[k].stamp);
+    Frame& frame = push_frame(frames[k].stamp, to_frame_state(states[k]), std::move(motion));
+    add_sightings(window_, frame, frames[k]);
   }
   const Frame& first = *window_.frames.front();
   const StartConfig& c = config_.start;

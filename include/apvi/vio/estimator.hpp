@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -90,7 +91,9 @@ class Estimator {
   void estimate(Result& result, int iterations);
   bool append(const TrackedFrame& tracked);
   void drop_newest();
-  Frame& push_frame(Stamp stamp, const FrameState& state);
+  Frame& push_frame(Stamp stamp, const FrameState& state,
+                    std::shared_ptr<imu::Preintegration> from_previous);
+  std::shared_ptr<imu::Preintegration> preintegrate_from_newest(Stamp to) const;
   std::shared_ptr<imu::Preintegration> preintegrate(Stamp from, Stamp to,
                                                     const FrameState& state) const;
   void refresh_preintegrations();

@@ -71,8 +71,8 @@ struct InitConfig {
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 100.0},
       "a start with a larger root mean square is refused [px]");
     v("max_scale_sigma", max_scale_sigma, Range{1e-4, 10.0},
-      "a start from a second whose scale is less certain is refused, from two seconds twice that "
-      "(one sigma, relative)");
+      "a start whose scale is less certain is refused, for a span of a second; from two seconds on "
+      "twice that (one sigma, relative)");
     v("focal_px", focal_px, Range{1.0, 1e5},
       "focal length that angles are turned into pixels with");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
