@@ -7,15 +7,16 @@
 // depth, out of the nine keyframes that end N keyframes later. One line a case:
 //   blocks        blocks a keyframe
 //   all, sure     median relative error [%] at the representatives, of all and of confident blocks
-//   off           confident blocks off by more than 10 % [%]
+//   wrong, off    blocks off by more than 10 % [%], of all and of confident ones
 //   share, area   confident blocks [%], and the part of the image that they cover [%]
 //   dense, mean   median and mean relative error [%] of all pixels, after upsampling
-//   ms            time a keyframe
+//   ms, core ms   time a keyframe, and the processor's
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -177,7 +178,8 @@ class Jobs {
     const std::string stamp = std::to_string(frame.stamp.ns);
     const fs::path truth = arguments_.dataset / "truth" / "depth" / (stamp + ".pfm");
     const bool wanted = fs::exists(truth) && count_++ % arguments_.every == 0;
-    const bool moved = !last_ || (T_world_camera.translation - *last_).norm() >= arguments_.spacing_m;
+    const bool moved =
+        !last_ || (T_world_camera.translation - *last_).norm() >= arguments_.spacing_m;
     if (!wanted && !moved) return;
     const mapping::DepthView view = {
         .grey = mapping::to_grey(bridge::to_tensor(undistort_(frame.decode()))),
@@ -260,6 +262,11 @@ class Jobs {
   std::vector<Job> done_;
 };
 
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
 /// What is found over all keyframes of a case.
 struct Score {
   std::vector<Tensor> errors;     ///< relative, at representatives
@@ -267,6 +274,7 @@ struct Score {
   std::vector<Tensor> areas;
   std::vector<Tensor> dense;  ///< relative, of pixels
   std::vector<double> seconds;
+  std::vector<double> core_seconds;
 
   void add(const mapping::DepthEstimate& out, const Tensor& truth) {
     const Tensor at = (out.points - 0.5).round().to(torch::kInt64);
@@ -290,14 +298,13 @@ struct Score {
     const Tensor a = torch::cat(areas);
     const Tensor d = torch::cat(dense);
     const Tensor sure = e.masked_select(c);
-    std::vector<double> s = seconds;
-    std::sort(s.begin(), s.end());
-    std::printf("%-15s %7.0f %7.2f %7.2f %7.2f %7.1f %7.1f %7.2f %7.2f %7.0f\n", name.c_str(),
-                static_cast<double>(e.numel()) / static_cast<double>(errors.size()),
-                percent(e.median()), percent(sure.median()),
-                percent((sure > kOff).to(torch::kFloat32).mean()),
-                percent(c.to(torch::kFloat32).mean()), percent(a.masked_select(c).sum() / a.sum()),
-                percent(d.median()), percent(d.mean()), 1e3 * s[s.size() / 2]);
+    std::printf(
+        "%-15s %7.0f %7.2f %7.2f %7.2f %7.2f %7.1f %7.1f %7.2f %7.2f %7.0f %7.0f\n", name.c_str(),
+        static_cast<double>(e.numel()) / static_cast<double>(errors.size()), percent(e.median()),
+        percent(sure.median()), percent((e > kOff).to(torch::kFloat32).mean()),
+        percent((sure > kOff).to(torch::kFloat32).mean()), percent(c.to(torch::kFloat32).mean()),
+        percent(a.masked_select(c).sum() / a.sum()), percent(d.median()), percent(d.mean()),
+        1e3 * median(seconds), 1e3 * median(core_seconds));
     std::fflush(stdout);
   }
 };
@@ -344,15 +351,17 @@ void run(const Arguments& arguments) {
   torch::set_num_threads(arguments.threads);
   const std::vector<Job> jobs = Jobs(arguments).read();
   if (jobs.empty()) fail_input("{}: no frame with true depth", arguments.dataset.string());
-  std::printf("%zu keyframes of %s\n%-15s %7s %7s %7s %7s %7s %7s %7s %7s %7s\n", jobs.size(),
-              arguments.dataset.filename().c_str(), "case", "blocks", "all", "sure", "off", "share",
-              "area", "dense", "mean", "ms");
+  std::printf("%zu keyframes of %s\n%-15s %7s %7s %7s %7s %7s %7s %7s %7s %7s %7s %7s\n",
+              jobs.size(), arguments.dataset.filename().c_str(), "case", "blocks", "all", "sure",
+              "wrong", "off", "share", "area", "dense", "mean", "ms", "core ms");
   for (const Case& c : cases(arguments)) {
     Score score;
     for (const Job& job : jobs) {
       const Stopwatch watch;
+      const std::clock_t clock = std::clock();
       const mapping::DepthEstimate out = mapping::estimate_depth(job.request, c.options);
       score.seconds.push_back(watch.seconds());
+      score.core_seconds.push_back(static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC);
       score.add(out, job.truth);
       if (!arguments.images.empty()) draw(arguments.images, c.name, job, out);
     }

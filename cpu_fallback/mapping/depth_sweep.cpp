@@ -19,7 +19,7 @@ constexpr std::int64_t kBlocksPerTask = 64;
 constexpr std::int64_t kRowsPerTask = 32;
 constexpr std::int64_t kLeastSide = 8;              // [px] of a picture that a patch fits into
 constexpr float kUnits = 255.0F * 256.0F;           // of intensity in a pyramid
-constexpr float kLargestStep = 1.25F;               // [px] between two hypotheses in one picture
+constexpr float kLargestStep2 = 1.25F * 1.25F;      // [px²] between two hypotheses in one picture
 constexpr float kDifferenceLimit = 32.0F * 256.0F;  // of PhotometricCost::absolute
 constexpr float kBehind = 1e-6F;
 
@@ -208,9 +208,13 @@ class Sweeper {
       if (path.depth_factor(w[l]) < kBehind || path.depth_factor(next) < kBehind) continue;
       const PatchPlace place = path.at(w[l], slope[0], slope[1]);
       const PatchPlace neighbor = path.at(next, slope[0], slope[1]);
-      const float step = std::hypot(neighbor.x - place.x, neighbor.y - place.y);
+      const float step_x = neighbor.x - place.x;
+      const float step_y = neighbor.y - place.y;
+      const float step = step_x * step_x + step_y * step_y;
       int level = finest;
-      while (level < coarsest && step > kLargestStep * static_cast<float>(1 << level)) ++level;
+      while (level < coarsest && step > kLargestStep2 * static_cast<float>(1 << (2 * level))) {
+        ++level;
+      }
       const Reference::Sample& sample = reference.at(level);
       const PatchPlace where = in_level(place, sample, level);
       const Level& pixels = view.levels[static_cast<std::size_t>(level)];

@@ -24,8 +24,10 @@ constexpr double kRangeTail = 0.01;    // part of the blocks that may lie outsid
 constexpr double kRangeMargin = 1.25;  // and how much farther the range reaches than the rest
 constexpr std::size_t kFewestForRange = 20;
 constexpr int kRefinements = 2;
-constexpr std::int64_t kFine = 4;   // finer steps in one step; as many to either side are tried
-constexpr float kSteepest = 0.02F;  // relative change of 1/depth a pixel that a surface may have
+constexpr std::int64_t kFine = 4;     // finer steps in one step; as many to either side are tried
+constexpr float kSteepest = 0.02F;    // relative change of 1/depth a pixel that a surface may have
+constexpr float kSameSurface = 0.1F;  // relative difference of 1/depth between its blocks
+constexpr double kNowhere = 1e9;      // cost of what is not to be chosen
 constexpr std::int64_t kSameHypothesis = 3;  // steps within which two minima are one
 
 Tensor centers_of(const std::vector<Block>& blocks) {
@@ -88,8 +90,8 @@ class Estimator {
     const Tensor w = hypotheses(out.near_m, out.far_m, options_);
     const SweepOutput swept = sweep(out.points, levels_of(out.blocks), w, {});
     const BlockGraph graph = neighbor_graph(out.blocks, width(), height());
-    const Tensor label = labels(swept.cost, graph, out);
-    choose(w, label, swept, graph, out);
+    const Tensor belief = beliefs(swept.cost, graph, out);
+    choose(w, belief, swept, graph, out);
     upsample(out);
   }
 
@@ -125,7 +127,7 @@ class Estimator {
     const SweepOutput swept = sweep(points, levels, w, {});
     const Tensor label = least_of(swept.cost);
     const Tensor sure = (pick(swept.cost, label) < options_.confidence.good_cost) &
-                        (margin(swept, label) > options_.confidence.uniqueness);
+                        (margin(swept.cost, label) > options_.confidence.uniqueness);
     const Tensor found = std::get<0>(w.expand_as(swept.cost)
                                          .gather(1, label.unsqueeze(1))
                                          .squeeze(1)
@@ -139,28 +141,27 @@ class Estimator {
     return {std::max(all.first, 1.0 / nearest), std::min(all.second, 1.0 / farthest)};
   }
 
-  /// By how much the best cost elsewhere exceeds the one at `label`.
-  Tensor margin(const SweepOutput& swept, const Tensor& label) const {
-    const Tensor all = torch::arange(swept.cost.size(1));
-    const Tensor elsewhere = (all.unsqueeze(0) - label.unsqueeze(1)).abs() > kSameHypothesis;
-    const Tensor others = swept.cost.masked_fill(~elsewhere | (swept.views == 0), 1.0);
-    return std::get<0>(others.min(1)) - pick(swept.cost, label);
+  /// By how much the least cost elsewhere [B,L] exceeds the one at `label`.
+  static Tensor margin(const Tensor& cost, const Tensor& label) {
+    const Tensor all = torch::arange(cost.size(1));
+    const Tensor here = (all.unsqueeze(0) - label.unsqueeze(1)).abs() <= kSameHypothesis;
+    return std::get<0>(cost.masked_fill(here, kNowhere).min(1)) - pick(cost, label);
   }
 
-  /// The hypothesis of every block.
-  Tensor labels(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
-    if (!options_.belief.enabled) return least_of(cost);
+  /// What each block thinks of every hypothesis [B,L], its neighbours having been heard.
+  Tensor beliefs(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
+    if (!options_.belief.enabled) return cost;
     const auto tensor = [](const std::vector<std::int32_t>& v) {
       return torch::tensor(v, torch::kInt32);
     };
-    return least_of(backend_.propagate({.cost = cost,
-                                        .offsets = tensor(graph.offsets),
-                                        .neighbors = tensor(graph.neighbors),
-                                        .reverse = tensor(graph.reverse),
-                                        .weights = edge_weights(graph, out.blocks),
-                                        .step = options_.belief.step,
-                                        .limit = options_.belief.limit,
-                                        .iterations = options_.belief.iterations}));
+    return backend_.propagate({.cost = cost,
+                               .offsets = tensor(graph.offsets),
+                               .neighbors = tensor(graph.neighbors),
+                               .reverse = tensor(graph.reverse),
+                               .weights = edge_weights(graph, out.blocks),
+                               .step = options_.belief.step,
+                               .limit = options_.belief.limit,
+                               .iterations = options_.belief.iterations});
   }
 
   /// Neighbours that look different may well lie at different depths.
@@ -189,18 +190,19 @@ class Estimator {
   }
 
   /// Depth between the hypotheses, its slope and how sure it is.
-  void choose(const Tensor& w, const Tensor& label, const SweepOutput& swept,
+  void choose(const Tensor& w, const Tensor& belief, const SweepOutput& swept,
               const BlockGraph& graph, DepthEstimate& out) const {
     const Tensor row = w.squeeze(0);
+    const Tensor label = least_of(belief);
     const std::int64_t last = row.numel() - 1;
     const Tensor step = 0.5 * (row.index_select(0, (label - 1).clamp_min(0)) -
                                row.index_select(0, (label + 1).clamp_max(last)));
     Tensor best = row.index_select(0, label);
     BlockEvidence evidence = {.cost = pick(swept.cost, label),
-                              .margin = margin(swept, label),
+                              .margin = margin(belief, label),
                               .relative_sigma = {},
                               .seen = pick(swept.views, label).to(torch::kFloat32),
-                              .agreement = torch::ones_like(best)};
+                              .agreement = agreement(best, graph)};
     out.slope = slopes(best, graph, out);
     const Tensor levels = levels_of(out.blocks);
     double fineness = 1.0;
@@ -236,6 +238,25 @@ class Estimator {
     return {pick(tried, label) - step * shift, pick(swept.cost, label)};
   }
 
+  /// Part of the neighbours that lie on the same surface.
+  Tensor agreement(const Tensor& w, const BlockGraph& graph) const {
+    Tensor result = torch::ones_like(w);
+    const auto* const value = w.data_ptr<float>();
+    for (std::int64_t i = 0; i < w.numel(); ++i) {
+      const auto begin = graph.offsets[static_cast<std::size_t>(i)];
+      const auto end = graph.offsets[static_cast<std::size_t>(i) + 1];
+      int alike = 0;
+      for (auto e = begin; e < end; ++e) {
+        const auto j = graph.neighbors[static_cast<std::size_t>(e)];
+        if (std::abs(value[j] / value[i] - 1.0F) < kSameSurface) ++alike;
+      }
+      if (end > begin) {
+        result.data_ptr<float>()[i] = static_cast<float>(alike) / static_cast<float>(end - begin);
+      }
+    }
+    return result;
+  }
+
   /// How 1/depth changes from a block to its neighbours: the plane that fits them best.
   Tensor slopes(const Tensor& w, const BlockGraph& graph, const DepthEstimate& out) const {
     Tensor result = torch::zeros({w.numel(), 2}, torch::kFloat32);
@@ -248,7 +269,7 @@ class Estimator {
            e < graph.offsets[static_cast<std::size_t>(i) + 1]; ++e) {
         const auto j = graph.neighbors[static_cast<std::size_t>(e)];
         const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
-        if (std::abs(dw) > 0.1) continue;  // another surface
+        if (std::abs(dw) > kSameSurface) continue;
         const double dx = static_cast<double>(point[2 * j] - point[2 * i]);
         const double dy = static_cast<double>(point[2 * j + 1] - point[2 * i + 1]);
         xx += dx * dx;

@@ -11,7 +11,8 @@ torch::Tensor confidence_of(const BlockEvidence& evidence, const ConfidenceOptio
   const torch::Tensor precise =
       (2.0 - evidence.relative_sigma / options.relative_sigma).clamp(0.0, 1.0);
   const torch::Tensor seen = (evidence.seen >= 2).to(torch::kFloat32);
-  return match * unique * precise * seen * evidence.agreement;
+  const torch::Tensor agreed = (evidence.agreement / options.neighbors).clamp(0.0, 1.0);
+  return match * unique * precise * seen * agreed;
 }
 
 }  // namespace apvi::mapping

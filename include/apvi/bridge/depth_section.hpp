@@ -50,6 +50,8 @@ struct ConfidenceSection : mapping::ConfidenceOptions {
     v("good_cost", good_cost, Range{0.0, 1.0}, "photometric cost at which half the trust is gone");
     v("uniqueness", uniqueness, Range{1e-6, 1.0},
       "how much worse the best depth elsewhere must look");
+    v("neighbors", neighbors, Range{1e-6, 1.0},
+      "part of the neighbours that must lie on the same surface");
     v("match_sigma_px", match_sigma_px, Range{1e-3, 100.0},
       "how well a block is found in another picture, one sigma [px]");
     v("relative_sigma", relative_sigma, Range{1e-4, 10.0},

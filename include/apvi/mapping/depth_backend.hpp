@@ -83,7 +83,8 @@ class DepthBackend {
   virtual SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input) const = 0;
   /// Min-sum belief propagation, all nodes at once in every iteration (Felzenszwalb and
   /// Huttenlocher, "Efficient belief propagation for early vision", 2006): cost plus all messages
-  /// [B,L], the paper's B_u(d) with V in the place of the misprinted I.
+  /// [B,L], the mean of those of the last two iterations; the paper's B_u(d) with V in the place of
+  /// the misprinted I.
   virtual torch::Tensor propagate(const BeliefInput& input) const = 0;
   /// [2,H,W]: values, and weights, smoothed alike (Min et al., "Fast global image smoothing based
   /// on weighted least squares", 2014).

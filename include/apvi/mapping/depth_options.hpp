@@ -33,7 +33,7 @@ struct BeliefOptions {
 
 /// The edge-aware smoother that spreads the blocks' depths over the image.
 struct UpsampleOptions {
-  double lambda = 100.0;        ///< larger: smoother
+  double lambda = 20.0;         ///< larger: smoother
   double sigma = 12.0 / 255.0;  ///< an intensity step of this lets 1/e through
   int iterations = 3;
 };
@@ -44,6 +44,7 @@ struct ConfidenceOptions {
   double good_cost = 0.5;        ///< photometric cost at which half of the trust is gone
   double uniqueness = 0.15;      ///< cost by which the second best place must be worse
   double match_sigma_px = 0.5;   ///< how well a block is found in another picture, one sigma
+  double neighbors = 0.6;        ///< part of the neighbours that must lie on the same surface
   double relative_sigma = 0.05;  ///< depth known worse than to this part is not believed
 };
 
@@ -57,7 +58,7 @@ struct DepthOptions {
   bool adapt_range = true;
   int views = 10;  ///< at most so many pictures are compared, the reference among them
   PhotometricCost cost = PhotometricCost::zncc;
-  double noise = 2.0 / 255.0;  ///< of a pixel's intensity; contrast below it says little
+  double noise = 0.5 / 255.0;  ///< of an intensity; contrast below it says little
   QuadtreeOptions quadtree;
   BeliefOptions belief;
   UpsampleOptions upsample;
