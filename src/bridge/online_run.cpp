@@ -75,7 +75,13 @@ void continue_map(const RunConfig& config, const MappingRunOptions& options, con
 MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& options,
                             const Rig& rig, OnlineMap& map, bool interrupted,
                             const Stopwatch& watch) {
-  const bool refined = !interrupted && map.refine();
+  bool refined = false;
+  try {
+    refined = !interrupted && map.refine();
+  } catch (...) {
+    rescue(map);
+    throw;
+  }
   map.save();
   const double wall_s = watch.seconds();
   std::error_code error;
@@ -103,9 +109,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
           .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
 }
 
-}  // namespace
-
-OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
+OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOptions& options) {
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
   const Rig rig = rig_of(config);
@@ -123,6 +127,19 @@ OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& opt
   const bool interrupted = result.localization && result.localization->interrupted;
   result.map = finish_map(config, options, rig, map, interrupted, watch);
   return result;
+}
+
+}  // namespace
+
+OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
+  try {
+    return localize_and_map(config, options);
+  } catch (const c10::OutOfMemoryError&) {
+    fail_run(
+        "{}: no memory left on the device; what there was of the map is saved: lower "
+        "mapping.max_gaussians (now {}) or mapping.image_scale",
+        options.folder.string(), config.mapping.densify.max_gaussians);
+  }
 }
 
 }  // namespace apvi::bridge

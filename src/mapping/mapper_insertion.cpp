@@ -7,6 +7,8 @@
 #include <map>
 #include <vector>
 
+#include "apvi/core/log.hpp"
+#include "apvi/core/random.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/mapper.hpp"
 #include "apvi/mapping/quadtree_insertion.hpp"
@@ -117,6 +119,8 @@ void Mapper::fill_from_depth(std::size_t view) {
   const Tensor pixels = seen.pixels.index({seen.in_view});
   const Tensor which = blocks_to_fill(estimate, pixels, drawn, alpha, picture, options_.online);
   const Seeds seeds = seeds_of_blocks(estimate, which, options_.online.opacity);
+  log::debug("{}: depth of {} of {} blocks is believed, {} are filled", keyframes_[view].name,
+             estimate.confident.sum().item<std::int64_t>(), estimate.blocks.size(), seeds.size());
   if (seeds.size() > 0) insert(view, seeds);
 }
 

@@ -132,6 +132,19 @@ TEST(Mapper, APointMakesOneGaussianHoweverOftenItIsSeen) {
   EXPECT_EQ(mapper.size(), 2 * first);
 }
 
+TEST(Mapper, WhatWasRangedMakesGaussiansWhereTheViewSeesIt) {
+  const splat::Gaussians world = wall_of_gaussians(60);
+  Mapper mapper(quick_options());
+  MapperInput input = input_of(world, 0.0, 0.0, 0);
+  input.points = {};
+  input.depth_samples =
+      torch::tensor({{0.2, 0.1, 2.5}, {0.0, 0.0, -2.0}, {50.0, 0.0, 2.0}}, torch::kFloat64);
+  mapper.add(input);
+  ASSERT_EQ(mapper.size(), 1);
+  EXPECT_TRUE(test::tensors_near(mapper.snapshot().gaussians.means[0],
+                                 torch::tensor({0.2F, 0.1F, 2.5F}), 1e-5));
+}
+
 TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
   const splat::Gaussians world = wall_of_gaussians();
   MapperOptions options = quick_options();
