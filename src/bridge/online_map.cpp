@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/core/progress.hpp"
 #include "apvi/io/tum.hpp"
@@ -56,11 +57,11 @@ void OnlineMap::begin(const Rig& rig) {
   const bool may_drop = mode == pipeline::RunMode::realtime;
   worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
       kQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
-      [this](const pipeline::MapFrame& frame) { process(frame); });
+      [this](const pipeline::MapFrame& frame) { try_to_process(frame); });
 }
 
 void OnlineMap::take(pipeline::MapFrame frame) {
-  if (!worker_) return process(frame);
+  if (!worker_) return try_to_process(frame);
   if (!worker_->push(std::move(frame))) finish();  // it has ended: throws why
 }
 
@@ -76,6 +77,17 @@ std::string OnlineMap::status() const {
                      shown_gaussians_.load());
 }
 
+// What LibTorch says of itself is long.
+void OnlineMap::try_to_process(const pipeline::MapFrame& frame) {
+  try {
+    process(frame);
+  } catch (const c10::OutOfMemoryError&) {
+    throw;
+  } catch (const c10::Error& error) {
+    fail_run("mapping: image {}: {}", frame.image_stamp.ns, error.what_without_backtrace());
+  }
+}
+
 void OnlineMap::process(const pipeline::MapFrame& frame) {
   torch::set_num_threads(config_.run.threads);  // it is a property of the thread
   const mapping::Intake intake = mapper_.add(to_input(frame));
@@ -85,7 +97,7 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
       mapper_.counts().at(intake) == 1) {
     log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(intake));
   }
-  if (intake == taken || worker_ != nullptr) learn();
+  if (intake == taken || config_.run.mode == pipeline::RunMode::realtime) learn();
   shown_gaussians_ = mapper_.size();
   look_after();
 }

@@ -47,6 +47,7 @@ class OnlineMap : public pipeline::MapSink {
   std::size_t dropped_keyframes() const { return dropped_; }
 
  private:
+  void try_to_process(const pipeline::MapFrame& frame);
   void process(const pipeline::MapFrame& frame);
   mapping::MapperInput to_input(const pipeline::MapFrame& frame) const;
   torch::Tensor camera_pose(const SE3& T_world_body) const;

@@ -120,11 +120,15 @@ OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOption
   } else {
     result.localization = localize(config, options, map);
   }
+  const bool interrupted = result.localization && result.localization->interrupted;
+  if (map.mapper().size() == 0 && interrupted) {
+    result.map = {.interrupted = true, .psnr_db = std::numeric_limits<double>::quiet_NaN()};
+    return result;
+  }
   if (map.mapper().size() == 0) {
     fail_run("{}: no map: vision was never stable enough for a keyframe; {}", config.dataset.path,
              "health.csv says why");
   }
-  const bool interrupted = result.localization && result.localization->interrupted;
   result.map = finish_map(config, options, rig, map, interrupted, watch);
   return result;
 }

@@ -82,7 +82,7 @@ TEST_F(OnlineRunTest, LocalizesAndMapsIntoOneFolder) {
   // What was found can be drawn, exported and refined further.
   const fs::path images = folder("images");
   EXPECT_GT(render_run({.source = folder("run"), .out = images, .restore = true}), 5U);
-  EXPECT_EQ(open_run(folder("run")).keyframes.size(),
+  EXPECT_GE(open_run(folder("run")).keyframes.size(),
             io::read_trajectory(folder("run") / "keyframes.tum").size());
   const OnlineRunResult more = run_online(config({"mapping.final_iterations=10"}),
                                           {.folder = folder("run"), .resume = true});
