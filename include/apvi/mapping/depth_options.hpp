@@ -41,10 +41,10 @@ struct UpsampleOptions {
 /// Which depths are believed.
 struct ConfidenceOptions {
   double least = 0.5;            ///< confidence from which a block counts as confident
-  double good_cost = 0.5;        ///< photometric cost at which half of the trust is gone
+  double good_cost = 0.4;        ///< photometric cost at which half of the trust is gone
   double uniqueness = 0.15;      ///< cost by which the second best place must be worse
   double match_sigma_px = 0.5;   ///< how well a block is found in another picture, one sigma
-  double neighbors = 0.6;        ///< part of the neighbours that must lie on the same surface
+  double neighbors = 0.9;        ///< part of the neighbours that must lie on the same surface
   double relative_sigma = 0.05;  ///< depth known worse than to this part is not believed
 };
 
