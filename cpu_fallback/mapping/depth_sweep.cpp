@@ -51,8 +51,8 @@ Tensor paired(const Tensor& pixels) {
     const float* const a = in + y * width;
     const float* const b = in + std::min(y + 1, height - 1) * width;
     for (std::int64_t x = 0; x < width; ++x) {
-      const auto low = static_cast<std::uint32_t>(a[x] + 0.5F);
-      const auto high = static_cast<std::uint32_t>(b[x] + 0.5F);
+      const auto low = static_cast<std::uint32_t>(std::lround(a[x]));
+      const auto high = static_cast<std::uint32_t>(std::lround(b[x]));
       out[y * width + x] = static_cast<std::int32_t>(low | (high << 16U));
     }
   }
@@ -82,7 +82,7 @@ class Reference {
       : view_(view), x_(x), y_(y), noise_(noise) {}
 
   struct Sample {
-    Patch patch;
+    Patch patch = {};
     float dx = 0.0F;  ///< [px] of the whole picture: how far the patch was moved to lie in it
     float dy = 0.0F;
   };
@@ -120,10 +120,10 @@ class Reference {
 
 /// One point's way through one other picture.
 struct Path {
-  std::array<float, 3> fixed;   ///< homogeneous pixel at infinity
-  std::array<float, 3> moving;  ///< what 1/depth adds to it
-  std::array<float, 3> by_x;    ///< derivatives by the place in the reference
-  std::array<float, 3> by_y;
+  std::array<float, 3> fixed = {};   ///< homogeneous pixel at infinity
+  std::array<float, 3> moving = {};  ///< what 1/depth adds to it
+  std::array<float, 3> by_x = {};    ///< derivatives by the place in the reference
+  std::array<float, 3> by_y = {};
 
   Path(const float* P, float x, float y) {
     for (std::size_t i = 0; i < 3; ++i, P += 4) {
@@ -239,7 +239,7 @@ class Sweeper {
     const auto* const center = input_.centers.data_ptr<float>() + 3 * (v - 1);
     double here = 0.0;
     double there = 0.0;
-    for (int i = 0; i < 3; ++i) {
+    for (std::int64_t i = 0; i < 3; ++i) {
       const double ray = static_cast<double>(K[3 * i] * points_[2 * point] +
                                              K[3 * i + 1] * points_[2 * point + 1] + K[3 * i + 2]) /
                          static_cast<double>(w);

@@ -2,8 +2,10 @@
 #include <ATen/Parallel.h>
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "depth_sweep.hpp"
@@ -28,7 +30,7 @@ class Affinity {
   }
   float operator()(float a, float b) const {
     const float difference = std::min(std::fabs(a - b), 1.0F);
-    return table_[static_cast<std::size_t>(difference * static_cast<float>(kTable) + 0.5F)];
+    return table_[static_cast<std::size_t>(std::lround(difference * static_cast<float>(kTable)))];
   }
 
  private:

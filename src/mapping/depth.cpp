@@ -267,7 +267,7 @@ class Estimator {
       double xx = 1.0, xy = 0.0, yy = 1.0, xw = 0.0, yw = 0.0;
       for (auto e = graph.offsets[static_cast<std::size_t>(i)];
            e < graph.offsets[static_cast<std::size_t>(i) + 1]; ++e) {
-        const auto j = graph.neighbors[static_cast<std::size_t>(e)];
+        const std::int64_t j = graph.neighbors[static_cast<std::size_t>(e)];
         const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
         if (std::abs(dw) > kSameSurface) continue;
         const double dx = static_cast<double>(point[2 * j] - point[2 * i]);

@@ -1,0 +1,3 @@
+apvi_add_torch_test(depth
+  SOURCES belief_propagation_test.cpp depth_sweep_test.cpp depth_test.cpp quadtree_test.cpp
+  DEPENDS apvi::mapping)

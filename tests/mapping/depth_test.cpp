@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/depth.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <limits>
+#include <string>
+
+#include "depth_scene.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using test::block_errors;
+using test::camera_at;
+using test::depth_of;
+using test::look;
+using test::Plane;
+using test::walk_along;
+using torch::Tensor;
+
+constexpr Plane kWall = {{0.0, 0.0, 1.0}, 2.0};
+constexpr Plane kSlope = {{0.0, -0.5, 0.866}, 1.8};  // farther away further down
+
+double share(const Tensor& mask) {
+  return mask.to(torch::kFloat64).mean().item<double>();
+}
+
+void expect_right(const Plane& plane, const DepthRequest& request, const DepthOptions& options,
+                  double most) {
+  const DepthEstimate out = estimate_depth(request, options);
+  ASSERT_EQ(out.verdict, DepthVerdict::estimated);
+  const Tensor truth = depth_of(plane, request.views.front().camera);
+  const Tensor errors = block_errors(out, truth);
+  EXPECT_LT(errors.median().item<double>(), most);
+  EXPECT_GT(share(out.confident), 0.6);
+  EXPECT_LT(share(errors.masked_select(out.confident) > 0.1), 0.01);
+  EXPECT_LT(((out.dense - truth).abs() / truth).median().item<double>(), 2.0 * most);
+}
+
+TEST(EstimateDepth, FindsAWall) {
+  expect_right(kWall, walk_along(kWall), {}, 0.003);
+}
+
+TEST(EstimateDepth, FindsASlope) {
+  expect_right(kSlope, walk_along(kSlope), {}, 0.005);
+}
+
+TEST(EstimateDepth, FindsAWallWithDepthsInEqualSteps) {
+  DepthOptions options;
+  options.spacing = DepthSpacing::linear_depth;
+  expect_right(kWall, walk_along(kWall), options, 0.003);
+}
+
+TEST(EstimateDepth, FindsAWallInTheWholeRangeOfHypotheses) {
+  DepthOptions options;
+  options.adapt_range = false;
+  expect_right(kWall, walk_along(kWall), options, 0.01);
+}
+
+TEST(EstimateDepth, FindsAWallByAbsoluteDifferences) {
+  DepthOptions options;
+  options.cost = PhotometricCost::absolute;
+  const DepthRequest request = walk_along(kWall);
+  const DepthEstimate out = estimate_depth(request, options);
+  const Tensor errors = block_errors(out, depth_of(kWall, request.views.front().camera));
+  EXPECT_LT(errors.median().item<double>(), 0.005);
+  EXPECT_LT(share(errors.masked_select(out.confident) > 0.1), 0.01);
+}
+
+TEST(EstimateDepth, FindsAWallInAnImageThatBlocksDoNotDivide) {
+  DepthRequest request = walk_along(kWall);
+  for (DepthView& view : request.views) {
+    view.grey = view.grey.slice(0, 0, 117).slice(1, 0, 149).contiguous();
+    view.camera.intrinsics.width = 149;
+    view.camera.intrinsics.height = 117;
+  }
+  const DepthEstimate out = estimate_depth(request, {});
+  EXPECT_EQ(out.dense.sizes(), request.views.front().grey.sizes());
+  EXPECT_LT(
+      block_errors(out, depth_of(kWall, request.views.front().camera)).median().item<double>(),
+      0.005);
+}
+
+TEST(EstimateDepth, TheGainOfOneViewChangesNothingMuch) {
+  DepthRequest request = walk_along(kSlope);
+  const DepthEstimate before = estimate_depth(request, {});
+  request.views[2].grey = request.views[2].grey * 0.6;
+  request.views[3].grey = (request.views[3].grey + 0.1).clamp(0.0, 1.0);
+  const DepthEstimate after = estimate_depth(request, {});
+  EXPECT_LT(((after.depth - before.depth).abs() / before.depth).median().item<double>(), 1e-3);
+  EXPECT_NEAR(share(after.confident), share(before.confident), 0.05);
+}
+
+TEST(EstimateDepth, TheOrderOfTheOtherViewsDoesNotMatter) {
+  DepthRequest request = walk_along(kSlope);
+  const DepthEstimate before = estimate_depth(request, {});
+  std::swap(request.views[1], request.views[4]);
+  const DepthEstimate after = estimate_depth(request, {});
+  EXPECT_LT(((after.depth - before.depth).abs() / before.depth).median().item<double>(), 1e-5);
+}
+
+TEST(EstimateDepth, DepthIsInTheUnitOfThePoses) {
+  DepthRequest request = walk_along(kSlope);
+  const DepthEstimate before = estimate_depth(request, {});
+  for (DepthView& view : request.views) {
+    Tensor T = view.camera.T_camera_world.clone();
+    T.slice(0, 0, 3).select(1, 3).mul_(1.5);
+    view.camera.T_camera_world = T;
+  }
+  DepthOptions options;
+  options.near_m *= 1.5;
+  options.far_m *= 1.5;
+  const DepthEstimate after = estimate_depth(request, options);
+  EXPECT_LT(((after.depth / 1.5 - before.depth).abs() / before.depth).median().item<double>(),
+            1e-3);
+}
+
+TEST(EstimateDepth, ThreadsDoNotChangeABit) {
+  const DepthRequest request = walk_along(kSlope);
+  const int threads = torch::get_num_threads();
+  torch::set_num_threads(1);
+  const DepthEstimate one = estimate_depth(request, {});
+  torch::set_num_threads(3);
+  const DepthEstimate three = estimate_depth(request, {});
+  torch::set_num_threads(threads);
+  EXPECT_TRUE(torch::equal(one.depth, three.depth));
+  EXPECT_TRUE(torch::equal(one.confidence, three.confidence));
+  EXPECT_TRUE(torch::equal(one.dense, three.dense));
+}
+
+TEST(EstimateDepth, WaterThatIsKnownDoesNotLeadAstray) {
+  // The far end of the slope is dimmer from farther away, and the water shines in between.
+  const splat::Medium medium = {.beta_d = torch::full({3}, 0.6),
+                                .beta_b = torch::full({3}, 0.5),
+                                .b_inf = torch::full({3}, 0.3)};
+  DepthRequest request;
+  for (const double z : {0.0, -0.15, 0.1, 0.2, -0.3, 0.3}) {
+    DepthView view = look(kSlope, camera_at(0.5 * z, 0.1 * z, z));
+    const splat::Intrinsics& k = view.camera.intrinsics;
+    const Tensor x = (torch::arange(k.width) + 0.5 - k.cx) / k.fx;
+    const Tensor y = (torch::arange(k.height) + 0.5 - k.cy) / k.fy;
+    const Tensor range =
+        depth_of(kSlope, view.camera) * (1.0 + x.square() + y.square().unsqueeze(1)).sqrt();
+    view.grey = (view.grey * (-0.6 * range).exp() + 0.3 * (1.0 - (-0.5 * range).exp()))
+                    .to(torch::kFloat32)
+                    .contiguous();
+    request.views.push_back(view);
+  }
+  DepthOptions options;
+  options.cost = PhotometricCost::absolute;
+  const Tensor truth = depth_of(kSlope, request.views.front().camera);
+  const Tensor without = block_errors(estimate_depth(request, options), truth);
+  request.medium = medium;
+  const Tensor with = block_errors(estimate_depth(request, options), truth);
+  EXPECT_LT(with.mean().item<double>(), without.mean().item<double>());
+  EXPECT_LT(with.median().item<double>(), 0.02);
+}
+
+DepthVerdict verdict_of(const DepthRequest& request) {
+  const DepthEstimate out = estimate_depth(request, {});
+  EXPECT_FALSE(out.confident.any().item<bool>());
+  EXPECT_TRUE(torch::isfinite(out.dense).all().item<bool>());
+  EXPECT_TRUE(torch::isfinite(out.depth).all().item<bool>());
+  return out.verdict;
+}
+
+TEST(EstimateDepth, NothingIsBelievedOfABlackPicture) {
+  DepthRequest request = walk_along(kWall);
+  request.views.front().grey.zero_();
+  EXPECT_EQ(verdict_of(request), DepthVerdict::no_contrast);
+}
+
+TEST(EstimateDepth, ABlackPictureAmongTheOthersDoesNotMatter) {
+  DepthRequest request = walk_along(kWall);
+  request.views[2].grey.zero_();
+  const DepthEstimate out = estimate_depth(request, {});
+  EXPECT_LT(
+      block_errors(out, depth_of(kWall, request.views.front().camera)).median().item<double>(),
+      0.005);
+}
+
+TEST(EstimateDepth, NothingIsBelievedOfOneView) {
+  DepthRequest request = walk_along(kWall);
+  request.views.resize(1);
+  EXPECT_EQ(verdict_of(request), DepthVerdict::too_few_views);
+}
+
+TEST(EstimateDepth, NothingIsBelievedWithoutABaseline) {
+  DepthRequest request;
+  for (int i = 0; i < 5; ++i) request.views.push_back(look(kWall, camera_at(0.0, 0.0, 0.0)));
+  EXPECT_EQ(verdict_of(request), DepthVerdict::no_baseline);
+}
+
+TEST(EstimateDepth, NothingIsBelievedOfACameraThatOnlyTurns) {
+  DepthRequest request;
+  for (const double yaw : {0.0, 0.05, -0.05, 0.1, -0.1}) {
+    request.views.push_back(look(kWall, camera_at(0.0, 0.0, 0.0, yaw)));
+  }
+  EXPECT_EQ(verdict_of(request), DepthVerdict::no_baseline);
+}
+
+TEST(EstimateDepth, NothingIsBelievedOfAMillimetre) {
+  DepthRequest request;
+  for (const double x : {0.0, 0.0003, -0.0003, 0.0005, -0.0005}) {
+    request.views.push_back(look(kWall, camera_at(x, 0.0, 0.0)));
+  }
+  EXPECT_EQ(verdict_of(request), DepthVerdict::estimated);
+}
+
+TEST(EstimateDepth, LittleIsBelievedOfNoise) {
+  DepthRequest request = walk_along(kWall);
+  torch::manual_seed(5);
+  for (DepthView& view : request.views) view.grey = torch::rand_like(view.grey);
+  EXPECT_LT(share(estimate_depth(request, {}).confident), 0.03);
+}
+
+std::string complaint(const DepthRequest& request) {
+  try {
+    estimate_depth(request, {});
+  } catch (const c10::Error& error) {
+    return error.what_without_backtrace();
+  }
+  return "";
+}
+
+TEST(EstimateDepth, APoseThatIsNoNumberIsNamed) {
+  DepthRequest request = walk_along(kWall);
+  request.views[3].camera.T_camera_world =
+      request.views[3].camera.T_camera_world * std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(complaint(request), testing::HasSubstr("view 3: the pose is not finite"));
+}
+
+TEST(EstimateDepth, APictureThatIsNoneIsNamed) {
+  DepthRequest request = walk_along(kWall);
+  request.views[1].grey[5][5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT(complaint(request), testing::HasSubstr("view 1: intensities"));
+  request.views[1].grey = torch::zeros({10, 10});
+  EXPECT_THAT(complaint(request), testing::HasSubstr("view 1: the picture is [10, 10]"));
+}
+
+}  // namespace
+}  // namespace apvi::mapping
