@@ -16,6 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Empty when there is no such file, which OpenCV would complain about.
+cv::Mat read_image(const fs::path& file, int how) {
+  return fs::exists(file) ? cv::imread(file.string(), how) : cv::Mat();
+}
+
 torch::Tensor channels(const nlohmann::json& json, const char* key) {
   return torch::tensor(json.at(key).get<std::vector<double>>(), torch::kFloat64);
 }
@@ -33,15 +38,14 @@ std::optional<SimulatedTruth> SimulatedTruth::open(const fs::path& recording,
 }
 
 std::optional<torch::Tensor> SimulatedTruth::depth(const std::string& stamp) const {
-  const cv::Mat image =
-      cv::imread((folder_ / "depth" / (stamp + ".pfm")).string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image = read_image(folder_ / "depth" / (stamp + ".pfm"), cv::IMREAD_UNCHANGED);
   if (image.empty() || image.type() != CV_32F) return std::nullopt;
   const cv::Mat depth = undistort_.nearest(image);
   return torch::from_blob(depth.data, {depth.rows, depth.cols}, torch::kFloat32).clone();
 }
 
 std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) const {
-  const cv::Mat image = cv::imread((folder_ / "clear" / (stamp + ".png")).string());
+  const cv::Mat image = read_image(folder_ / "clear" / (stamp + ".png"), cv::IMREAD_COLOR);
   if (image.empty()) return std::nullopt;
   return to_tensor(undistort_(image));
 }
