@@ -28,6 +28,7 @@ constexpr std::int64_t kFine = 4;     // finer steps in one step; as many to eit
 constexpr float kSteepest = 0.02F;    // relative change of 1/depth a pixel that a surface may have
 constexpr float kSameSurface = 0.1F;  // relative difference of 1/depth between its blocks
 constexpr double kNowhere = 1e9;      // cost of what is not to be chosen
+constexpr double kSameMinimum_px = 2.0;      // half the width of a minimum in the other pictures
 constexpr std::int64_t kSameHypothesis = 3;  // steps within which two minima are one
 
 Tensor centers_of(const std::vector<Block>& blocks) {
@@ -127,7 +128,8 @@ class Estimator {
     const SweepOutput swept = sweep(points, levels, w, {});
     const Tensor label = least_of(swept.cost);
     const Tensor sure = (pick(swept.cost, label) < options_.confidence.good_cost) &
-                        (margin(swept.cost, label) > options_.confidence.uniqueness);
+                        (margin(swept.cost, label, torch::full_like(label, kSameHypothesis)) >
+                         options_.confidence.uniqueness);
     const Tensor found = std::get<0>(w.expand_as(swept.cost)
                                          .gather(1, label.unsqueeze(1))
                                          .squeeze(1)
@@ -141,10 +143,11 @@ class Estimator {
     return {std::max(all.first, 1.0 / nearest), std::min(all.second, 1.0 / farthest)};
   }
 
-  /// By how much the least cost elsewhere [B,L] exceeds the one at `label`.
-  static Tensor margin(const Tensor& cost, const Tensor& label) {
+  /// By how much the least cost elsewhere [B,L] exceeds the one at `label`; elsewhere is farther
+  /// than `reach` [B] hypotheses.
+  static Tensor margin(const Tensor& cost, const Tensor& label, const Tensor& reach) {
     const Tensor all = torch::arange(cost.size(1));
-    const Tensor here = (all.unsqueeze(0) - label.unsqueeze(1)).abs() <= kSameHypothesis;
+    const Tensor here = (all.unsqueeze(0) - label.unsqueeze(1)).abs() <= reach.unsqueeze(1);
     return std::get<0>(cost.masked_fill(here, kNowhere).min(1)) - pick(cost, label);
   }
 
@@ -199,7 +202,7 @@ class Estimator {
                                row.index_select(0, (label + 1).clamp_max(last)));
     Tensor best = row.index_select(0, label);
     BlockEvidence evidence = {.cost = pick(swept.cost, label),
-                              .margin = margin(belief, label),
+                              .margin = margin(belief, label, reach(best, step, out)),
                               .relative_sigma = {},
                               .seen = pick(swept.views, label).to(torch::kFloat32),
                               .agreement = agreement(best, graph)};
@@ -236,6 +239,14 @@ class Estimator {
                                       torch::zeros_like(bend))
                              .clamp(-0.5, 0.5);
     return {pick(tried, label) - step * shift, pick(swept.cost, label)};
+  }
+
+  /// Hypotheses to either side that are the same minimum still, because the steps are finer than
+  /// it.
+  Tensor reach(const Tensor& w, const Tensor& step, const DepthEstimate& out) const {
+    const Tensor pixels = pixels_per_inverse_depth(geometry_, views_, out.points, w) * step;
+    return (kSameMinimum_px / pixels.clamp_min(1e-6))
+        .clamp(kSameHypothesis, 0.25 * options_.hypotheses);
   }
 
   /// Part of the neighbours that lie on the same surface.
