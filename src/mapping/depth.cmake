@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Depth of keyframes, and its backend on the CPU.
 set(fallback ${PROJECT_SOURCE_DIR}/cpu_fallback/mapping)
 target_sources(apvi_mapping PRIVATE

@@ -56,7 +56,8 @@ Tensor quaternion_of(const Tensor& R) {
        r[0][2] - r[2][0], r[1][0] + r[0][1], r[1][1] - r[0][0] - r[2][2], r[2][1] + r[1][2],  //
        r[1][0] - r[0][1], r[0][2] + r[2][0], r[2][1] + r[1][2], r[2][2] - r[0][0] - r[1][1]},
       torch::kFloat64);
-  return std::get<1>(torch::linalg_eigh(K.reshape({4, 4}))).select(1, 3);
+  const Tensor q = std::get<1>(torch::linalg_eigh(K.reshape({4, 4}))).select(1, 3);
+  return q * q.index_select(0, q.abs().argmax()).sign();  // an eigenvector comes with either sign
 }
 
 void check(const Similarity& similarity) {

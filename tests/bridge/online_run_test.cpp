@@ -45,8 +45,8 @@ class OnlineRunTest : public testing::Test {
         {"dataset.path=" + (data_->path() / "reef").string(), "mapping.enabled=true",
          "mapping.densification=quadtree", "mapping.medium=true", "mapping.sh_degree=0",
          "mapping.coarsest=2", "mapping.max_gaussians=6000", "mapping.final_iterations=60",
-         "fusion.discriminator.fine.min_rotation=4e5",  // few pixels
-         "mapping.online.steps_per_keyframe=8"});
+         "vio.tracker.min_distance_px=14",  // few pixels
+         "fusion.discriminator.fine.min_rotation=4e5", "mapping.online.steps_per_keyframe=8"});
     return load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/default.yaml", overrides);
   }
   fs::path folder(const std::string& name) const { return tmp_.path() / name; }

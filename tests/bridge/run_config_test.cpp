@@ -47,10 +47,11 @@ TEST(MappingConfig, ATypoIsAnsweredWithTheKeyThatWasMeant) {
               testing::AllOf(HasSubstr("c.yaml:4"), HasSubstr("max_gaussians")));
 }
 
-TEST(MappingConfig, WhatIsNotThereYetIsRefused) {
+TEST(MappingConfig, WhatCannotWorkTogetherIsRefused) {
   EXPECT_THAT(error_of(std::string(kGiven) + "  densification: quadtree\n"),
               HasSubstr("mapping.densification: quadtree"));
-  EXPECT_THAT(error_of("mapping: {enabled: true}\n"), HasSubstr("localization.enabled: false"));
+  EXPECT_THAT(error_of("mapping: {enabled: true}\nsensors: {use: [imu, dvl]}\n"),
+              HasSubstr("sensors.use: camera is missing"));
   EXPECT_THAT(error_of("localization: {enabled: false}\n"), HasSubstr("nothing is left to do"));
 }
 

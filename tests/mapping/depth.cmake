@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 apvi_add_torch_test(depth
   SOURCES belief_propagation_test.cpp depth_sweep_test.cpp depth_test.cpp quadtree_test.cpp
   DEPENDS apvi::mapping)
