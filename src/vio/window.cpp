@@ -94,11 +94,8 @@ void add_sightings(Window& window, Frame& frame, const TrackedFrame& tracked) {
 
 void remove_sightings(Window& window, const Frame& frame) {
   for (auto& [id, landmark] : window.landmarks) {
-    const auto& sightings = landmark.sightings;
-    if (sightings.empty()) continue;
-    if (sightings.front().frame == &frame || sightings.back().frame == &frame) {
-      drop_sightings(landmark, window, frame);
-    }
+    const auto of_frame = [&](const Landmark::Sighting& seen) { return seen.frame == &frame; };
+    if (std::ranges::any_of(landmark.sightings, of_frame)) drop_sightings(landmark, window, frame);
   }
   remove_unseen(window);
 }
