@@ -18,9 +18,8 @@ constexpr Duration kSameFrame{5'000'000};
 constexpr Duration kStereoPatience{30'000'000};
 
 // Cameras are silent when nothing comes for so long, and for three times as long as between the
-// last two images; at the beginning they may take longer.
+// last two images.
 constexpr Duration kSilence{500'000'000};
-constexpr Duration kFirstSilence{5'000'000'000};
 // Of the jobs that bridge a silence.
 constexpr Duration kSilentPeriod{100'000'000};
 
