@@ -18,7 +18,7 @@ void read_archive(const std::filesystem::path& file,
                   const std::function<void(torch::serialize::InputArchive&)>& read) {
   try {
     torch::serialize::InputArchive archive;
-    archive.load_from(file.string());
+    archive.load_from(file.string(), torch::kCPU);  // wherever it was written
     read(archive);
   } catch (const c10::Error& e) {
     fail_input("{}: cannot be resumed: {}; delete it to start anew", file.string(),

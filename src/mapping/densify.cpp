@@ -102,10 +102,14 @@ void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
 
 void DensityStatistics::load(torch::serialize::InputArchive& archive) {
   const torch::Device device = views_.device();
-  archive.read("gradient_sum", gradient_sum_, true);
-  archive.read("views", views_, true);
-  archive.read("max_weight", max_weight_, true);
-  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->to(device);
+  const auto read = [&](const char* name) {
+    Tensor values;
+    archive.read(name, values, true);
+    return values.to(device);
+  };
+  gradient_sum_ = read("gradient_sum");
+  views_ = read("views");
+  max_weight_ = read("max_weight");
 }
 
 Tensor useless(const Gaussians& gaussians, const DensityStatistics& statistics,

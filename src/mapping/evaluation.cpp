@@ -16,7 +16,7 @@ constexpr std::int64_t kLeastLpipsSide = 32;  // [px]
 constexpr std::size_t kMostInMedian = 200;    // images, spread over all: they are numbers by then
 
 Tensor rendered(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
-  return take_picture(map, keyframes.view(i, 1)).as_seen.to(torch::kCPU).clamp(0.0, 1.0);
+  return take_picture(map, keyframes.view(i, 1)).as_seen.clamp(0.0, 1.0);
 }
 
 // Undefined when there are none.
@@ -55,7 +55,8 @@ std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
                                 const std::vector<std::size_t>& which) {
   Mean mean;
   for (const std::size_t i : which) {
-    mean.add(splat::psnr(rendered(map, keyframes, i), keyframes.image(i, 1, torch::kCPU)));
+    const Tensor image = rendered(map, keyframes, i);
+    mean.add(splat::psnr(image, keyframes.image(i, 1, image.device())));
   }
   return mean.value();
 }
@@ -68,11 +69,12 @@ ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
   Mean psnr, ssim, ms_ssim, lpips, control;
   for (const std::size_t i : which) {
     const Tensor image = rendered(map, keyframes, i);
-    const Tensor truth = keyframes.image(i, 1, torch::kCPU);
+    const Tensor truth = keyframes.image(i, 1, image.device());
     psnr.add(splat::psnr(image, truth));
     ssim.add(splat::ssim(image, truth));
     ms_ssim.add(splat::ms_ssim(image, truth));
-    control.add(median.defined() ? std::optional(splat::psnr(median, truth)) : std::nullopt);
+    control.add(median.defined() ? std::optional(splat::psnr(median.to(truth.device()), truth))
+                                 : std::nullopt);
     const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kLeastLpipsSide;
     lpips.add(perceptual && large_enough ? std::optional((*perceptual)(image, truth))
                                          : std::nullopt);

@@ -44,6 +44,7 @@ void KeyframeStore::add(Keyframe keyframe) {
       " x ", keyframe.intrinsics.height);
   (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
   image_bytes_ += image.nbytes();
+  keyframe.image = image.to(device_);
   keyframes_.push_back(std::move(keyframe));
 }
 

@@ -72,7 +72,7 @@ Tensor MapLearner::image_of(std::size_t view, const splat::View& camera,
   return corrections_.expose(view, image, /*learn=*/true);
 }
 
-double MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
+Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                         const StepSettings& settings) {
   splat::View camera = keyframes.view(i, settings.reduction);
   camera.pose_delta = corrections_.pose_delta(i, settings.correct_pose);
@@ -87,7 +87,7 @@ double MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
   corrections_.step(i, camera.pose_delta);
   if (medium_) medium_->step();
-  return loss.item<double>();
+  return loss.detach();
 }
 
 void MapLearner::forget_statistics() {

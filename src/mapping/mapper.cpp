@@ -205,17 +205,17 @@ double Mapper::step() {
   const std::size_t view = schedule_.draw(random);
   const auto degree = static_cast<int>(iteration_ / options_.trainer.sh_interval);
   const bool correct = final_start_ && progress() >= options_.trainer.poses.begin;
-  const double loss =
-      learner_->step(keyframes_, view,
-                     {.reduction = reduction(view),
-                      .sh_degree = std::min(options_.trainer.sh_degree, degree),
-                      .correct_pose = correct,
-                      .rates = rates_at(options_.trainer.rates, extent_, progress())});
-  schedule_.report(view, loss);
+  losses_.add(view,
+              learner_->step(keyframes_, view,
+                             {.reduction = reduction(view),
+                              .sh_degree = std::min(options_.trainer.sh_degree, degree),
+                              .correct_pose = correct,
+                              .rates = rates_at(options_.trainer.rates, extent_, progress())}));
+  for (const auto& [seen, loss] : losses_.take()) schedule_.report(seen, loss);
   ++iteration_;
   maybe_densify();
   if (final_start_) final_seconds_ += watch.seconds();
-  return loss;
+  return losses_.newest();
 }
 
 void Mapper::maybe_densify() {

@@ -78,7 +78,8 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
   const std::int64_t n = seeds.size();
   const Tensor points = in_camera(k, seeds.pixels, seeds.depths);
   const Tensor bytes = keyframes[view].image.reshape({-1, 3});
-  Tensor colors = bytes.index_select(0, pixel_index(k, seeds.pixels)).to(torch::kFloat64) / 255.0;
+  const Tensor index = pixel_index(k, seeds.pixels).to(bytes.device());
+  Tensor colors = bytes.index_select(0, index).to(torch::kCPU, torch::kFloat64) / 255.0;
   if (medium) colors = without_water(colors, points.norm(2, 1), *medium);
   const Tensor log_scale = (seeds.radii_px * seeds.depths / k.fx).log().to(torch::kFloat32);
   const Tensor opacity = seeds.opacities;

@@ -62,15 +62,17 @@ int Trainer::reduction() const {
 double Trainer::step() {
   const Stopwatch watch;
   const auto degree = static_cast<int>(iteration_ / options_.sh_interval);
-  const double loss = learner_.step(keyframes_, choose_view(),
-                                    {.reduction = reduction(),
-                                     .sh_degree = std::min(options_.sh_degree, degree),
-                                     .correct_pose = progress() >= options_.poses.begin,
-                                     .rates = rates_at(options_.rates, extent_, progress())});
+  const std::size_t view = choose_view();
+  losses_.add(view, learner_.step(keyframes_, view,
+                                  {.reduction = reduction(),
+                                   .sh_degree = std::min(options_.sh_degree, degree),
+                                   .correct_pose = progress() >= options_.poses.begin,
+                                   .rates = rates_at(options_.rates, extent_, progress())}));
+  losses_.take();
   ++iteration_;
   maybe_densify();
   seconds_ += watch.seconds();
-  return loss;
+  return losses_.newest();
 }
 
 void Trainer::maybe_densify() {

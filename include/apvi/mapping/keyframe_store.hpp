@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "apvi/splat/medium_backend.hpp"
 #include "apvi/splat/view.hpp"
 
 namespace apvi::mapping {
@@ -23,9 +24,12 @@ struct Keyframe {
 };
 
 /// The pictures that a map is made of. They stay bytes, a twelfth of what they would need as an
-/// optimiser sees them with its gradients, and are made numbers when they are asked for.
+/// optimiser sees them with its gradients, and are made numbers when they are asked for. They lie
+/// where they are used, so that no step waits for one to be copied.
 class KeyframeStore {
  public:
+  explicit KeyframeStore(const torch::Device& device = splat::active_device()) : device_(device) {}
+
   /// One without a picture is a pose to know of and nothing else. Throws c10::Error when shapes or
   /// types do not fit.
   void add(Keyframe keyframe);
@@ -50,6 +54,7 @@ class KeyframeStore {
   splat::View view(std::size_t i, int factor) const;
 
  private:
+  torch::Device device_;
   std::vector<Keyframe> keyframes_;
   std::vector<std::size_t> training_;
   std::vector<std::size_t> held_out_;

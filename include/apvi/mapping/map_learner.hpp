@@ -38,8 +38,9 @@ class MapLearner {
   MapLearner(const splat::Gaussians& initial, const TrainerOptions& options, std::size_t views,
              const std::optional<splat::Medium>& medium = std::nullopt);
 
-  /// One step towards the picture of view `i`; returns its loss.
-  double step(const KeyframeStore& keyframes, std::size_t i, const StepSettings& settings);
+  /// One step towards the picture of view `i`; returns its loss, a tensor on the map's device that
+  /// nothing has waited for.
+  torch::Tensor step(const KeyframeStore& keyframes, std::size_t i, const StepSettings& settings);
 
   /// A round of growth, up to `limit` Gaussians, and of pruning.
   DensifyResult densify(double extent, std::int64_t limit, std::uint64_t seed);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/late_losses.hpp"
 #include "apvi/mapping/map_learner.hpp"
 #include "apvi/mapping/options.hpp"
 #include "apvi/mapping/rendering.hpp"
@@ -70,7 +71,8 @@ class Mapper {
   Intake add(const MapperInput& input);
   /// Whether there is something to learn.
   bool ready() const { return learner_.has_value() && schedule_.size() > 0; }
-  /// One iteration; returns its loss. Throws c10::Error unless `ready`.
+  /// One iteration; returns the newest loss that is known: on a GPU, that of some iterations ago,
+  /// because reading one waits for all that was begun. Throws c10::Error unless `ready`.
   double step();
 
   /// No more keyframes: what waits for neighbours is done with, and rates fall from now on over
@@ -120,6 +122,7 @@ class Mapper {
   std::map<std::int64_t, std::size_t> by_stamp_;
   ViewSchedule schedule_;
   std::optional<MapLearner> learner_;
+  LateLosses losses_;
   torch::Tensor points_;                ///< [n,3] float64: sparse ones, the newest
   std::map<std::int64_t, bool> known_;  ///< ids of the last input's points: whether inserted
   std::map<std::size_t, std::vector<std::size_t>> followers_;  ///< by keyframe: held-out ones

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/late_losses.hpp"
 #include "apvi/mapping/map_learner.hpp"
 #include "apvi/mapping/options.hpp"
 
@@ -29,7 +30,7 @@ class Trainer {
   void save(const std::filesystem::path& checkpoint) const;
 
   bool done() const;
-  /// One iteration; returns its loss.
+  /// One iteration; returns the newest loss that is known, as `Mapper::step`.
   double step();
   /// How far the training is, 0 to 1; by iterations or by time, whichever is further.
   double progress() const;
@@ -54,6 +55,7 @@ class Trainer {
   double extent_;
   std::int64_t initial_size_;
   MapLearner learner_;
+  LateLosses losses_;
   std::int64_t iteration_ = 0;
   double seconds_ = 0.0;
 };
