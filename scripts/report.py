@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Makes one self-contained report.html from a run folder.
+"""Makes one self-contained report.html from the folder of a run or a sweep.
 
     scripts/report.py RUN [-o report.html]
 
@@ -22,7 +22,7 @@ def missing_packages():
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="folder that `apvi run` made")
+    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="folder that `apvi run` or `apvi sweep` made")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="FILE",
                         help="the page (default: RUN/report.html)")
     return parser.parse_args()
@@ -39,14 +39,17 @@ def main():
     if missing:
         return fail(f"apt install {' '.join(missing)}; Debian's packages are for /usr/bin/python3, "
                     f"and this is {sys.executable}", 1)
-    from report import page, run_data  # pylint: disable=import-outside-toplevel
+    from report import page, run_data, sweep_data, sweep_page, template  # pylint: disable=import-outside-toplevel
     output = arguments.output or arguments.run / "report.html"
     try:
-        run = run_data.load(arguments.run)
+        if sweep_data.is_sweep(arguments.run):
+            text = sweep_page.render(sweep_data.load(arguments.run))
+        else:
+            text = page.render(run_data.load(arguments.run))
     except run_data.InputError as error:
         return fail(error, 2)
     try:
-        page.write(run, output)
+        template.write(text, output)
     except OSError as error:
         return fail(f"{output}: cannot be written: {error.strerror}", 1)
     print(output)

@@ -15,6 +15,7 @@ class Clock:
     def __init__(self, duration_s):
         self.scale, self.unit = (1.0, "s") if duration_s <= 600.0 else (60.0, "min")
         self.end = duration_s / self.scale
+        self.length = duration_s
 
     def __call__(self, t):
         return np.asarray(t) / self.scale
@@ -110,19 +111,31 @@ def plan(run, comparison):
     return figure
 
 
+def lift(track, onto):
+    """How much higher another track runs where both are, as a median [m]."""
+    if len(track) < 2 or len(onto) < 2:
+        return 0.0
+    t = track.t[(track.t >= onto.t[0]) & (track.t <= onto.t[-1])]
+    if len(t) == 0:
+        return 0.0
+    return float(np.median(np.interp(t, onto.t, onto.p[:, 2]) - np.interp(t, track.t, track.p[:, 2])))
+
+
 def profile(run, comparison):
-    """Depth over time in the estimate's own world, where it is what a pressure sensor measures."""
+    """Depth over time, at the heights of DIPO: those are what a pressure sensor measures."""
     estimate, others = placed(run, None)
+    up = lift(estimate, others["DIPO"]) if "DIPO" in others else 0.0
     clock = clock_of(run)
     figure, axes = pyplot.subplots(figsize=(style.WIDTH, 2.7))
     if comparison and not run.reference.planar:
         reference = comparison.motion.inverse().apply(seen_reference(run))
-        axes.plot(clock(reference.t), -reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
+        axes.plot(clock(reference.t), -up - reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
                   label="reference")
     for name, track in others.items():
-        axes.plot(clock(track.t), -track.p[:, 2], color=style.TRACKS[name], linewidth=1.2,
+        own = 0.0 if name == "DIPO" else up
+        axes.plot(clock(track.t), -own - track.p[:, 2], color=style.TRACKS[name], linewidth=1.2,
                   label=name)
-    axes.plot(clock(estimate.t), -estimate.p[:, 2], color=style.BLUE, label="estimate")
+    axes.plot(clock(estimate.t), -up - estimate.p[:, 2], color=style.BLUE, label="estimate")
     axes.set_ylabel("depth [m]")
     axes.invert_yaxis()
     clock.label(axes)
@@ -139,9 +152,33 @@ def expected_error(run, axes):
             np.sqrt(3.0) * run.pings[names[1]])
 
 
+def pose_spells(run):
+    """(state, start [s], end [s]) of the stretches of frames whose pose came from the same."""
+    if run.health is None or "state" not in run.health or len(run.health) < 2:
+        return []
+    t, states = seconds(run.health, run.start_s), run.health["state"]
+    changes = np.flatnonzero(states[1:] != states[:-1]) + 1
+    starts = np.concatenate([[0], changes])
+    ends = np.concatenate([changes, [len(t) - 1]])
+    return [(states[a], t[a], t[b]) for a, b in zip(starts, ends) if t[b] > t[a]]
+
+
+def verdict_bands(run, axes, clock, label=True):
+    """Behind a curve over time: which frames' poses were fused, frozen, dropped."""
+    named = set()
+    for state, start, end in pose_spells(run):
+        if end <= 0.0:
+            continue  # before the first pose
+        words, color = style.pose_style(state)
+        name = words if label and state not in named and end - start > 0.004 * clock.length else None
+        named |= {state} if name else set()
+        axes.axvspan(clock(max(start, 0.0)), clock(end), color=color, linewidth=0, zorder=0,
+                     alpha=0.08 if state == "fused" else 0.22, label=name)
+
+
 def error_panel(axes, t, error, sigma, label):
-    axes.fill_between(sigma[0], 0.0, sigma[1], color=style.BLUE, alpha=0.13, linewidth=0,
-                      label="filter's own sigma")
+    axes.plot(sigma[0], sigma[1], color=style.MUTED, linewidth=1.1, linestyle=(0, (4, 3)),
+              label="sigma of DIPO")
     axes.plot(t, error, color=style.BLUE, label="error")
     axes.set_ylabel(label)
     highest = np.max(error)
@@ -163,6 +200,8 @@ def error(run, comparison):
     if panels == 2:
         error_panel(axes[1, 0], clock(comparison.t), comparison.rotation,
                     (clock(sigma_t), rotation_sigma), "rotation error [°]")
+    for i, panel in enumerate(axes[:, 0]):
+        verdict_bands(run, panel, clock, label=i == 0)
     style.legend_above(axes[0, 0])
     clock.label(axes[-1, 0])
     figure.align_ylabels()

@@ -50,6 +50,13 @@ OTHERS = {
     "mapping.gaussians": ("Gaussians", "", None),
     "mapping.iterations": ("Optimisation steps", "", None),
     "mapping.heldout_views": ("Held-out views", "", None),
+    "speed.training_s": ("Time spent on the map", "s", 1),
+    "vio.resets": ("VIO: started anew", "", None),
+    "vio.success": ("VIO: back after every failure", "", None),
+    "counts.abandoned_frames": ("Images that came too late", "", None),
+    "counts.imu_saturated": ("Saturated inertial samples", "", None),
+    "medium.error_percent": ("Water: error of its coefficients", "%", 0),
+    "mapping.lpips_net": ("LPIPS by", "", None),
     "build.backend": ("Backend", "", None),
     "build.torch": ("LibTorch", "", None),
     "build.git": ("Revision", "", None),
@@ -59,7 +66,11 @@ ESTIMATORS = {"dipo": "DIPO", "vio": "VIO"}
 
 def number(value, digits):
     """As text, with thin spaces between thousands."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(number(item, 3) for item in value) or "none"
+    if not isinstance(value, (int, float)):
         return str(value)
     if digits is None:
         return f"{value:,.0f}".replace(",", " ") if float(value).is_integer() else f"{value:.4g}"
@@ -142,5 +153,11 @@ def headline(run):
               ("speed.realtime_factor", "×", "real time", 0)]
     if "trajectory.ate_rmse_m" in flat:
         flat.pop("trajectory.end_to_start_m", None)
-    return [(number(flat[key], digits), unit, words) for key, unit, words, digits in wanted
-            if key in flat]
+    return [(number(flat[key], digits_for(flat[key], digits)), unit, words)
+            for key, unit, words, digits in wanted if key in flat]
+
+
+def digits_for(value, digits):
+    """More of a number that would lose itself: 0.0057 is not 0.01."""
+    small = 0.0 < abs(value) < 2.0 * 10.0**-digits
+    return digits + (2 if digits == 0 else 1) if small else digits

@@ -1,27 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Puts the sections of a report together."""
-import base64
+"""Puts the sections of a run's report together."""
 import dataclasses
 import datetime
-import pathlib
 
-import jinja2
-import numpy as np
-
-from . import figures, metrics_table, sensor_figures, style
+from . import figures, map_figures, metrics_table, sensor_figures, style, template, vision_figures
 from .alignment import compare
 
-MAX_RENDERS = 12
 EPOCH_PLAUSIBLE_S = 1e9  # stamps below count from somewhere else
-
-
-@dataclasses.dataclass
-class Picture:
-    """A figure of a section: data URI, width on a wide screen [px], caption, alternative text."""
-    data: str
-    width: int
-    caption: str
-    alt: str
 
 
 @dataclasses.dataclass
@@ -29,11 +14,8 @@ class Section:
     title: str
     pictures: list = dataclasses.field(default_factory=list)
     note: str = ""
-
-
-def picture(figure, alt, caption=""):
-    width = style.display_width(figure)
-    return Picture(style.image_data(figure), width, caption, alt)
+    views: list = dataclasses.field(default_factory=list)  # of a map, to slide over
+    rows: list = dataclasses.field(default_factory=list)   # (words, number) of a small table
 
 
 def trajectory_section(run, comparison):
@@ -46,24 +28,52 @@ def trajectory_section(run, comparison):
     if comparison and run.reference.planar:
         depth = "Depth over time, of the estimate alone: the reference has no heights."
     elif comparison:
-        depth = "Depth over time; the reference is moved onto the estimate."
+        depth = "Depth over time; all are moved onto each other."
     return Section("Trajectory", [
-        picture(figures.plan(run, comparison), "the path from above", caption),
-        picture(figures.profile(run, comparison), "depth over time", depth)], run.reference_note)
+        template.picture(lambda: figures.plan(run, comparison), "the path from above", caption),
+        template.picture(lambda: figures.profile(run, comparison), "depth over time", depth)],
+                   run.reference_note)
 
 
 def error_section(run, comparison):
     if comparison is None:
         return None
     caption = (f"Distance from the reference at {len(comparison.t)} common stamps, RMSE "
-               f"{comparison.rmse:.3g} m, the trajectories {comparison.words}. Shaded: what the "
-               "filter expects of itself, all axes together, counted from its start; an alignment spreads "
-               "the error over the run, so the two need not match at the beginning.")
+               f"{comparison.rmse:.3g} m, the trajectories {comparison.words}. Dashed: what DIPO "
+               "expects of itself, all axes together, counted from its start; an alignment "
+               "spreads the error over the run, so the two need not match at the beginning.")
     _, sigma, _ = figures.expected_error(run, comparison.axes)
     if len(sigma) > 0:
-        caption += f" The filter's sigma at the end is {sigma[-1]:.2g} m."
-    return Section("Error over time",
-                   [picture(figures.error(run, comparison), "error over time", caption)])
+        caption += f" DIPO's sigma at the end is {sigma[-1]:.2g} m."
+    if figures.pose_spells(run):
+        caption += " Colours behind: where each frame's pose came from."
+    return Section("Error over time", [template.picture(
+        lambda: figures.error(run, comparison), "error over time", caption)])
+
+
+def vision_section(run, _):
+    if not vision_figures.has_features(run):
+        return None
+    pictures = [
+        template.picture(lambda: vision_figures.verdicts(run), "verdicts over time",
+                         "Where the pose of each frame came from: fused with vision, from DVL and "
+                         "pressure while vision fails (frozen: the window is kept), or dropped."),
+        template.picture(lambda: vision_figures.features(run), "features over time",
+                         "Corners in the image, those tracked for long, and landmarks in the "
+                         "solution" + ("; below, the eigenvalues of what the window knows about "
+                                       "its newest pose, with the threshold of the discriminator."
+                                       if vision_figures.has_eigenvalues(run) else "."))]
+    frames = len(run.health)
+    rows = [(words, f"{count} of {frames}") for words, count in vision_figures.reason_rows(run)]
+    return Section("Vision", pictures, rows=rows)
+
+
+def timing_section(run, _):
+    if not vision_figures.stage_times(run):
+        return None
+    return Section("Computing time", [template.picture(
+        lambda: vision_figures.timing(run), "histogram of computing times",
+        "Of every camera frame; the last bar holds all that took longer.")])
 
 
 def nis_section(run, _):
@@ -76,7 +86,8 @@ def nis_section(run, _):
                "it is cautious.")
     if sensor_figures.noise_factors(run)[1]:
         caption += " Lower panel: the factors that the noises of the rig were multiplied by."
-    return Section("Consistency", [picture(sensor_figures.nis(run), "NIS over time", caption)])
+    return Section("Consistency", [template.picture(
+        lambda: sensor_figures.nis(run), "NIS over time", caption)])
 
 
 def calibration_section(run, _):
@@ -84,11 +95,13 @@ def calibration_section(run, _):
         return None
     pictures = []
     if sensor_figures.estimated_states(run):
-        pictures.append(picture(sensor_figures.calibration(run), "calibration over time",
-                                "What the filter learnt about its sensors, with one sigma."))
-    pictures.append(picture(sensor_figures.biases(run), "biases over time",
-                            "Biases of the inertial sensors, with one sigma. The band of the first "
-                            "seconds may reach beyond the axes."))
+        pictures.append(template.picture(
+            lambda: sensor_figures.calibration(run), "calibration over time",
+            "What the filter learnt about its sensors, with one sigma."))
+    pictures.append(template.picture(
+        lambda: sensor_figures.biases(run), "biases over time",
+        "Biases of the inertial sensors, with one sigma. The band of the first seconds may reach "
+        "beyond the axes."))
     held = sensor_figures.held_states(run)
     return Section("Calibration", pictures, f"Held as given: {'; '.join(held)}." if held else "")
 
@@ -98,24 +111,37 @@ def timeline_section(run, _):
         return None
     caption = ("When each sensor spoke (a break is a gap of five sample times or more), and what "
                "became of every DVL ping.")
-    return Section("Sensors",
-                   [picture(sensor_figures.timeline(run), "timeline of sensors", caption)])
+    return Section("Sensors", [template.picture(
+        lambda: sensor_figures.timeline(run), "timeline of sensors", caption)])
 
 
-def renders_section(run, _):
-    if not run.renders:
+def map_section(run, _):
+    views, count = map_figures.views(run)
+    if not views:
         return None
-    chosen = np.unique(np.linspace(0, len(run.renders) - 1, MAX_RENDERS).round().astype(int))
-    pictures = [Picture("data:image/png;base64," + base64.b64encode(path.read_bytes()).decode(),
-                        490, path.stem.replace("_", " "), path.stem)
-                for path in (run.renders[i] for i in chosen)]
-    note = "" if len(chosen) == len(run.renders) else f"{len(chosen)} of {len(run.renders)} images."
-    return Section("Renders", pictures, note)
+    note = ("Views that the map never learnt from, drag the line: on the left what the camera saw, "
+            "on the right what the map makes of it.")
+    if len(views) < count:
+        note += f" {len(views)} of {count} views."
+    return Section("Map", note=note, views=views)
+
+
+def water_section(run, _):
+    pictures = []
+    if run.medium:
+        known = " Black lines: the truth of the simulation." if run.true_medium else ""
+        pictures.append(template.picture(
+            lambda: map_figures.water(run), "coefficients of the water",
+            f"What the map found out about the water.{known}"))
+    if map_figures.progress_panels(run) and len(run.mapping) > 1:
+        pictures.append(template.picture(lambda: map_figures.progress(run), "progress of the map",
+                                         "While the map was learnt."))
+    return Section("Water", pictures) if pictures else None
 
 
 # In the order of the page; each gives None when the run has nothing to show in it.
-SECTIONS = (trajectory_section, error_section, nis_section, calibration_section, timeline_section,
-            renders_section)
+SECTIONS = (trajectory_section, map_section, error_section, vision_section, water_section,
+            nis_section, calibration_section, timeline_section, timing_section)
 
 
 def make_sections(run):
@@ -143,20 +169,10 @@ def subtitle(run):
 
 def render(run):
     """The page as text."""
-    folder = pathlib.Path(__file__).resolve().parent
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(folder), autoescape=True,
-                                     trim_blocks=True, lstrip_blocks=True,
-                                     undefined=jinja2.StrictUndefined)
     estimators, trajectory = metrics_table.trajectory_table(run)
-    return environment.get_template("page.html.j2").render(
+    return template.render(
+        "page.html.j2",
         name=run.name, subtitle=subtitle(run), headline=metrics_table.headline(run),
         sections=make_sections(run), estimators=estimators, trajectory=trajectory,
         counts=metrics_table.count_rows(run), dropped=metrics_table.dropped_rows(run),
         others=metrics_table.other_rows(run), config=run.config, log=run.log)
-
-
-def write(run, output):
-    """Writes the page in one step, so that a reader never sees half of it."""
-    partial = output.with_name(output.name + ".partial")
-    partial.write_text(render(run), encoding="utf-8")
-    partial.replace(output)

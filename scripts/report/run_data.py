@@ -65,10 +65,16 @@ class Run:
     log: str
     calibration: Table = None
     pings: Table = None
+    health: Table = None           # a row a camera frame
+    timing: Table = None           # likewise
+    mapping: Table = None          # the map's progress
+    medium: dict = None            # the water as it was found
+    true_medium: dict = None       # and as it is, where that is known
+    dataset: pathlib.Path = None
     reference: Track = None
     reference_note: str = ""       # why there is no reference
     streams: dict = dataclasses.field(default_factory=dict)  # sensor -> stamps
-    renders: list = dataclasses.field(default_factory=list)
+    renders: dict = dataclasses.field(default_factory=dict)  # stamp -> kind -> file
     date: datetime.datetime = None
 
     def setting(self, *keys, default=""):
@@ -222,17 +228,27 @@ def read_streams(dataset, start_s):
     return streams
 
 
-def read_metrics(path):
+def read_json(path):
+    """An object, empty when the file is not there."""
     text = read_text(path)
     if not text:
         return {}
     try:
-        metrics = json.loads(text)
+        found = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: no JSON: {error.msg}") from error
-    if not isinstance(metrics, dict):
+    if not isinstance(found, dict):
         raise InputError(f"{path}: no JSON object")
-    return metrics
+    return found
+
+
+def read_renders(folder):
+    """Files STAMP_KIND.png by stamp and kind: truth, render, restored, depth."""
+    found = {}
+    for path in sorted(folder.glob("*_*.png")):
+        stamp, _, kind = path.stem.rpartition("_")
+        found.setdefault(stamp, {})[kind] = path
+    return found
 
 
 def load(folder):
@@ -248,15 +264,19 @@ def load(folder):
     run = Run(folder=folder, start_s=start_s, estimate=read_tum(trajectory, start_s, ned),
               others={name: read_tum(folder / file, start_s, ned)
                       for file, name in POSE_NAMES.items() if (folder / file).is_file()},
-              metrics=read_metrics(folder / "metrics.json"), config=config,
+              metrics=read_json(folder / "metrics.json"), config=config,
               log=read_text(folder / "log.txt"),
               calibration=read_table(folder / "calibration.csv"),
               pings=read_table(folder / "pings.csv"),
-              renders=sorted((folder / "renders").glob("*.png")),
+              health=read_table(folder / "health.csv"),
+              timing=read_table(folder / "timing.csv"),
+              mapping=read_table(folder / "mapping.csv"),
+              medium=read_json(folder / "medium.json"), renders=read_renders(folder / "renders"),
               date=datetime.datetime.fromtimestamp(trajectory.stat().st_mtime))
     path = run.setting("dataset", "path")
     if path:
-        dataset = pathlib.Path(path)
+        dataset = run.dataset = pathlib.Path(path)
+        run.true_medium = read_json(dataset / "truth" / "medium.json")
         run.reference, run.reference_note = read_reference(dataset, start_s, ned)
         run.streams = read_streams(dataset, start_s)
     return run

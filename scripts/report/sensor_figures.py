@@ -69,7 +69,7 @@ def held_states(run):
 
 def panel_grid(count):
     """Figure and flat list of axes: two columns, one when there is only one panel."""
-    across = min(count, 2)
+    across = 1 if style.is_narrow() else min(count, 2)
     down = math.ceil(count / across)
     figure, axes = pyplot.subplots(down, across, figsize=(style.WIDTH, 0.4 + 2.5 * down),
                                    sharex=True, squeeze=False)
@@ -198,7 +198,9 @@ def factor_panel(axes, t, factors):
     for (name, values), color in zip(factors.items(), (style.PURPLE, style.TEAL)):
         axes.plot(t, values, color=color, label=name)
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(ticker.LogFormatter())
+    for side in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        side(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_locator(ticker.LogLocator(subs=(2, 5), numticks=6))
     axes.set_ylabel("noise factor")
     style.legend_above(axes)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How figures look: one palette, thin lines, units on axes, nothing that carries no information."""
 import base64
+import contextlib
 import io
 
 import matplotlib
@@ -21,13 +22,41 @@ VERDICTS = {  # what pings.csv calls it: (in words, colour)
     "repeated": ("repeated", "#b58900"),
     "too_old": ("too old", REFERENCE),
 }
+POSES = {  # `state` of health.csv: (in words, colour), in the order of trust
+    "fused": ("fused", TEAL),
+    "vio_only": ("vision alone", "#7fb8a8"),
+    "dipo_only": ("DVL alone", "#e2b366"),
+    "frozen": ("frozen", BLUE),
+    "dropped": ("dropped", RED),
+    "waiting": ("waiting", REFERENCE),
+}
 FONTS = ("Liberation Sans", "DejaVu Sans")
-WIDTH = 10.0       # of a figure over the whole page [in]
+WIDE, NARROW = 10.0, 5.0  # of a figure over the whole page, and over a phone's [in]
+WIDTH = WIDE              # of the figures that are being made
 PIXELS_PER_INCH = 104
 
 
 def verdict_style(name):
     return VERDICTS.get(name, (name.replace("_", " "), MUTED))
+
+
+def pose_style(name):
+    return POSES.get(name, (str(name).replace("_", " "), MUTED))
+
+
+def is_narrow():
+    return WIDTH < 0.8 * WIDE
+
+
+@contextlib.contextmanager
+def narrow():
+    """Figures made inside fit a phone."""
+    global WIDTH  # pylint: disable=global-statement
+    WIDTH = NARROW
+    try:
+        yield
+    finally:
+        WIDTH = WIDE
 
 
 def apply():
@@ -57,7 +86,8 @@ def legend_above(axes, **kwargs):
     """A row of names above the axes, right-aligned, so that it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if len(handles) > 0:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.005), ncol=len(labels), **kwargs)
+        across = min(len(labels), 3) if is_narrow() else len(labels)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.005), ncol=across, **kwargs)
 
 
 def image_data(figure):

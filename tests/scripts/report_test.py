@@ -74,6 +74,39 @@ def gnss_lines():
         f"{ns},{y + 10:.6f},{x + 20:.6f},0\n" for ns, x, y, *_ in poses())
 
 
+FRAME_HEADER = (
+    "#timestamp [ns],state,level,reason,measured,threshold,vio,tracked,detected,stable,landmarks,"
+    "rotation_eigenvalue_1 [rad^-2],rotation_eigenvalue_2 [rad^-2],rotation_eigenvalue_3 [rad^-2],"
+    "position_eigenvalue_1 [m^-2],position_eigenvalue_2 [m^-2],position_eigenvalue_3 [m^-2]")
+
+
+def frame_lines():
+    """Ten frames a second; vision fails in the third of the middle."""
+    rows = []
+    for i in range(590):
+        dark = 200 <= i < 400
+        rows.append(f"{START_NS + i * 100_000_000},"
+                    + ("frozen,coarse,too_few_features,3,50,tracking,3,0,0,9,9e5,1e6,2e6,50,60,70"
+                       if dark else
+                       "fused,accepted,none,0,0,tracking,120,5,90,100,4e6,5e6,9e6,400,500,900"))
+    return FRAME_HEADER + "\n" + "\n".join(rows) + "\n"
+
+
+def timing_lines():
+    return "#timestamp [ns],track [s],solve [s],information [s],marginalize [s],localize [s],dropped\n" + \
+        "".join(f"{START_NS + i * 100_000_000},0.00{1 + i % 4},0.002,0.0001,0.0002,0.0001,0\n"
+                for i in range(590))
+
+
+def write_picture(path, color, size=(80, 60)):
+    from PIL import Image  # pylint: disable=import-outside-toplevel
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.stem.endswith("_depth"):
+        Image.effect_mandelbrot(size, (-2, -1.5, 1, 1.5), 100).point(lambda v: 8 * v + 500, "I").save(path)
+    else:
+        Image.new("RGB", size, color).save(path)
+
+
 METRICS = {
     "trajectory": {"ate_rmse_m": 1.2345, "coverage": 0.5, "matched": 60,
                    "dipo": {"ate_rmse_m": 1.2345, "coverage": 0.5, "matched": 60}},
@@ -120,8 +153,23 @@ def report(*arguments):
 
 
 def pictures_in(html):
-    found = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+    found = re.findall(r' src="data:image/svg\+xml;base64,([^"]+)"', html)
     return [base64.b64decode(data).decode() for data in found]
+
+
+def add_camera_and_map(folder):
+    """What a run with vision and a map has besides."""
+    folder.write(folder.run / "health.csv", frame_lines())
+    folder.write(folder.run / "timing.csv", timing_lines())
+    folder.write(folder.run / "mapping.csv", "#time [s],iteration,gaussians,psnr_heldout [dB]\n"
+                 "1,10,1000,20\n2,20,2000,22\n3,30,3000,23\n")
+    folder.write(folder.run / "medium.json", json.dumps(
+        {"beta_d": [0.3, 0.1, 0.1], "beta_b": [0.2, 0.1, 0.1], "b_inf": [0.0, 0.1, 0.2]}))
+    for i in range(9):
+        for kind, color in (("truth", "teal"), ("render", "green"), ("restored", "olive"),
+                            ("depth", None)):
+            write_picture(folder.run / "renders" / f"{START_NS + i}_{kind}.png", color)
+    write_picture(folder.dataset / "truth" / "clear" / f"{START_NS}.png", "khaki")
 
 
 class Case(unittest.TestCase):
@@ -224,16 +272,90 @@ class PartOfARun(Case):
         self.assert_sections(html, "Trajectory", "Consistency", "Calibration", "Sensors", "Metrics",
                              "Configuration")
 
-    def test_renders_are_put_into_the_page(self):
+    def test_renders_without_a_truth_are_shown_by_themselves(self):
         self.keep_only_poses()
-        image = b"\x89PNG of which the page knows nothing"
-        (self.folder.run / "renders").mkdir()
         for i in range(30):
-            (self.folder.run / "renders" / f"{i:06d}_render.png").write_bytes(image)
+            write_picture(self.folder.run / "renders" / f"{i:06d}_render.png", "green")
         html = self.make()
-        self.assertEqual(html.count('src="data:image/png;base64,'), 12)
-        self.assert_has(html, "12 of 30 images")
-        self.assert_has(html, "<h2>Renders</h2>")
+        self.assertEqual(html.count('src="data:image/jpeg;base64,'), 6)
+        self.assert_has(html, "6 of 30 views")
+        self.assert_sections(html, "Trajectory", "Map", "Metrics", "Configuration")
+
+
+class RunWithAMap(Case):
+    html = None
+
+    def make(self):
+        if RunWithAMap.html is None:
+            add_camera_and_map(self.folder)
+            RunWithAMap.html = super().make()
+        return RunWithAMap.html
+
+    def test_it_has_what_the_camera_and_the_map_add(self):
+        html = self.make()
+        self.assert_sections(html, "Trajectory", "Map", "Error over time", "Vision", "Water",
+                             "Consistency", "Calibration", "Sensors", "Computing time", "Metrics",
+                             "Configuration")
+        self.assertEqual(len(pictures_in(html)), 12)
+
+    def test_every_figure_is_there_for_a_phone_too(self):
+        html = self.make()
+        self.assertEqual(len(re.findall(r'srcset="data:image/svg\+xml', html)), 12)
+
+    def test_views_can_be_slid_over(self):
+        html = self.make()
+        self.assertEqual(html.count('type="range"'), 12)
+        self.assertEqual(html.count("truth without water"), 2)  # alternative text and tag of one
+        self.assert_has(html, r"depth, 0\.5 to \d\.\d m")
+
+    def test_reasons_of_the_discriminator_are_counted(self):
+        self.assert_has(self.make(), r'<td>too few features</td><td class="n">200 of 590</td>')
+
+    def test_the_page_loads_nothing(self):
+        text = self.make()
+        found = re.findall(r'https?://\S*|@import|(?:href|src|srcset)="(?!#|data:)[^"]*', text)
+        self.assertEqual(found, [])
+
+
+class SweepFolder(Case):
+    SUMMARY = ("group,seed,state,reason,case,dataset.path,trajectory.ate_rmse_m\n"
+               "full_a,1,done,,full,data/a,0.1\nfull_a,2,done,,full,data/a,0.3\n"
+               "full_b,1,done,,full,data/b,0.5\nfull_b,2,open,,full,data/b,\n"
+               "blind_a,1,done,,blind,data/a,0.4\nblind_a,2,done,,blind,data/a,0.6\n"
+               'blind_b,1,failed,"exit status 2: a, <b>",blind,data/b,\n'
+               "blind_b,2,failed,killed by signal 9,blind,data/b,\n")
+
+    def make_sweep(self):
+        folder = self.folder.run.parent / "sweep"
+        self.folder.write(folder / "summary.csv", self.SUMMARY)
+        self.folder.write(folder / "summary.md", "| case | dataset.path | finished | "
+                          "trajectory.ate_rmse_m | speed.wall_s |\n|---|---|---|---|---|\n")
+        result = report(folder)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return (folder / "report.html").read_text(encoding="utf-8")
+
+    def test_a_table_has_cases_down_and_sequences_across(self):
+        html = self.make_sweep()
+        self.assert_sections(html, r"Absolute position error, RMSE [m]", "Failures")
+        self.assert_has(html, r'<tr><th>case</th><th class="n">a</th><th class="n">b</th></tr>')
+        self.assert_has(html, r'<td>full</td><td class="n best">0\.2 ± 0\.14 <small>2/2</small></td>'
+                              r'<td class="n">0\.5 <small>1/2</small></td>')
+        self.assert_has(html, r'<td>blind</td><td class="n">0\.5 ± 0\.14 <small>2/2</small></td>'
+                              r'<td class="n">failed <small>0/2</small></td>')
+        self.assertEqual(len(pictures_in(html)), 1)
+
+    def test_failures_have_their_reasons(self):
+        html = self.make_sweep()
+        self.assert_has(html, r'<td>blind_b</td><td class="n">1</td><td>exit status 2: a, &lt;b&gt;</td>')
+        self.assert_has(html, r"<b>2<small></small></b><span>failed</span>")
+        self.assert_has(html, r"<b>1<small></small></b><span>not begun or interrupted</span>")
+
+    def test_a_folder_with_half_a_sweep_is_an_input_error(self):
+        folder = self.folder.run.parent / "half"
+        self.folder.write(folder / "summary.csv", self.SUMMARY)
+        result = report(folder)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("summary.md: missing or empty", result.stderr)
 
 
 class Program(Case):
