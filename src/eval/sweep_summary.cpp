@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 namespace apvi::eval {
 namespace {
@@ -26,6 +27,17 @@ const std::vector<std::string> kUsualColumns{"trajectory.ate_rmse_m",
                                              "medium.error_percent",
                                              "speed.realtime_factor"};
 
+// Of a list of numbers, its mean and its largest.
+void add_list(const Json& list, const std::string& name,
+              std::vector<std::pair<std::string, double>>& numbers) {
+  const auto is_number = [](const Json& value) { return value.is_number(); };
+  if (list.empty() || !std::all_of(list.begin(), list.end(), is_number)) return;
+  const auto values = list.get<std::vector<double>>();
+  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+  numbers.emplace_back(name + ".mean", sum / static_cast<double>(values.size()));
+  numbers.emplace_back(name + ".max", *std::max_element(values.begin(), values.end()));
+}
+
 void add_numbers(const Json& json, const std::string& path,
                  std::vector<std::pair<std::string, double>>& numbers) {
   for (const auto& [key, value] : json.items()) {
@@ -36,6 +48,8 @@ void add_numbers(const Json& json, const std::string& path,
       numbers.emplace_back(name, value.get<bool>() ? 1.0 : 0.0);
     } else if (value.is_number()) {
       numbers.emplace_back(name, value.get<double>());
+    } else if (value.is_array()) {
+      add_list(value, name, numbers);
     }
   }
 }

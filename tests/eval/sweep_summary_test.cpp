@@ -22,15 +22,17 @@ SweepRow row(const std::string& name, int seed, double ate) {
           .metrics = {{"trajectory.ate_rmse_m", ate}}};
 }
 
-TEST(Flatten, GivesNumbersByDottedName) {
+TEST(Flatten, GivesNumbersByDottedNameAndMeanAndMaximumOfLists) {
   const Json json = Json::parse(
       R"({"trajectory": {"ate_rmse_m": 0.5, "vio": {"matched": 3}}, "vio": {"success": true,
-          "reinit_times_s": [1.0, 2.0]}, "build": {"git": "abc"}})");
+          "reinit_times_s": [1.0, 4.0, 4.0], "none": []}, "build": {"git": "abc"}})");
   const auto numbers = flatten(json);
-  ASSERT_EQ(numbers.size(), 3U);
+  ASSERT_EQ(numbers.size(), 5U);
   EXPECT_EQ(numbers[0], (std::pair<std::string, double>("trajectory.ate_rmse_m", 0.5)));
   EXPECT_EQ(numbers[1].first, "trajectory.vio.matched");
   EXPECT_EQ(numbers[2], (std::pair<std::string, double>("vio.success", 1.0)));
+  EXPECT_EQ(numbers[3], (std::pair<std::string, double>("vio.reinit_times_s.mean", 3.0)));
+  EXPECT_EQ(numbers[4], (std::pair<std::string, double>("vio.reinit_times_s.max", 4.0)));
 }
 
 TEST(SweepTable, ShowsMeanAndSampleDeviationOverSeeds) {

@@ -25,7 +25,8 @@ struct SweepRow {
 };
 std::string_view to_string(SweepRow::State state);
 
-/// The numbers of a metrics file by dotted name; booleans count as 0 and 1, lists are left out.
+/// The numbers of a metrics file by dotted name; booleans count as 0 and 1, of a list of numbers
+/// there are `.mean` and `.max`, unless it is empty.
 std::vector<std::pair<std::string, double>> flatten(const Json& metrics);
 
 /// Every case a line: group, seed, state, reason, choices, all metrics (empty: not applicable).
