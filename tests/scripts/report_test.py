@@ -161,8 +161,11 @@ def add_camera_and_map(folder):
     """What a run with vision and a map has besides."""
     folder.write(folder.run / "health.csv", frame_lines())
     folder.write(folder.run / "timing.csv", timing_lines())
-    folder.write(folder.run / "mapping.csv", "#time [s],iteration,gaussians,psnr_heldout [dB]\n"
-                 "1,10,1000,20\n2,20,2000,22\n3,30,3000,23\n")
+    water = ("beta_d_r [m^-1],beta_d_g [m^-1],beta_d_b [m^-1],beta_b_r [m^-1],beta_b_g [m^-1],"
+             "beta_b_b [m^-1],b_inf_r,b_inf_g,b_inf_b")
+    folder.write(folder.run / "mapping.csv",
+                 f"#time [s],iteration,gaussians,psnr_heldout [dB],{water}\n" + "".join(
+                     f"{i},{10 * i},{1000 * i},{20 + i},.3,.1,.1,.2,.1,.1,.0,.1,.{i}\n" for i in range(1, 4)))
     folder.write(folder.run / "medium.json", json.dumps(
         {"beta_d": [0.3, 0.1, 0.1], "beta_b": [0.2, 0.1, 0.1], "b_inf": [0.0, 0.1, 0.2]}))
     for i in range(9):
@@ -387,6 +390,31 @@ class Program(Case):
         result = report(self.folder.run, "-o", self.folder.run / "none" / "a.html")
         self.assertEqual(result.returncode, 1)
         self.assertIn("cannot be written", result.stderr)
+
+
+class Explained(Case):
+    def explain(self, folder):
+        return subprocess.run([sys.executable, SCRIPTS / "explain_run.py", folder], capture_output=True,
+                              text=True, check=False)
+
+    def test_figures_are_said_with_what_they_mean(self):
+        metrics = {"trajectory": {"ate_rmse_m": 0.0123, "path_length_m": 40.0, "coverage": 0.5,
+                                  "ate_percent_of_path": 0.03075},
+                   "vio": {"failures": 2, "reinit_times_s": [0.2, 0.7]},
+                   "mapping": {"psnr_db": 28.0, "psnr_median_image_db": 20.0, "heldout_views": 9,
+                               "gaussians": 25000}}
+        self.folder.write(self.folder.run / "metrics.json", json.dumps(metrics))
+        result = self.explain(self.folder.run)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for words in ("0.012 m  position error", "40.0 m of path", "50 %  of the reference",
+                      "2  failures of vision, believed again at most 0.7 s", "28.0 dB  PSNR of 9 views",
+                      "reaches 20.0 dB", "25,000  Gaussians"):
+            self.assertIn(words, result.stdout)
+
+    def test_a_folder_without_metrics_is_an_input_error(self):
+        result = self.explain(self.folder.dataset)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("metrics.json", result.stderr)
 
 
 class Alignment(Case):
