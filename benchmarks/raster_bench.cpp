@@ -3,8 +3,16 @@
 // step of training (rendering, L1 and D-SSIM, derivatives, Adam over all parameters). One line of
 // JSON a program run:
 //   raster_bench MAP.ply [--copies N] [--size WxH] [--degree D] [--threads T] [--repeats R]
-// draws the map N x N times, 4 m apart, from where the reference image of the garden was taken.
+//                [--device cpu|cuda]
+// draws the map N x N times, 4 m apart, from where the reference image of the garden was taken. On
+// a GPU the times are between two of its events, one call at a time; `_streamed` are those of calls
+// in a row, divided by their number, as in training. Beside them the floors: the bytes that must be
+// moved over what a copy moves.
 #include <torch/torch.h>
+#if APVI_WITH_CUDA
+#include <ATen/cuda/CUDAEvent.h>
+#include <c10/cuda/CUDACachingAllocator.h>
+#endif
 
 #include <algorithm>
 #include <cstdio>
@@ -18,6 +26,7 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/splat/adam.hpp"
 #include "apvi/splat/losses.hpp"
+#include "apvi/splat/medium_backend.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/splat/raster_backend.hpp"
 #include "apvi/splat/render.hpp"
@@ -39,6 +48,7 @@ struct Arguments {
   int degree = 3;
   int threads = static_cast<int>(std::thread::hardware_concurrency());  // LibTorch's is often 1
   int repeats = 15;
+  torch::Device device = active_device();
 };
 
 Arguments parse(int argc, char** argv) {
@@ -60,6 +70,8 @@ Arguments parse(int argc, char** argv) {
       out.threads = std::stoi(value);
     } else if (key == "--repeats") {
       out.repeats = std::stoi(value);
+    } else if (key == "--device") {
+      out.device = torch::Device(value);
     } else {
       throw std::runtime_error("unknown option " + key);
     }
@@ -87,7 +99,7 @@ Gaussians make_map(const Arguments& arguments) {
   for (std::size_t k = 0; k < 6; ++k) {
     std::vector<Tensor> parts;
     for (const Gaussians& copy : all) parts.push_back(*copy.tensors()[k]);
-    *out.tensors()[k] = torch::cat(parts).requires_grad_(true);
+    *out.tensors()[k] = torch::cat(parts).to(arguments.device).requires_grad_(true);
   }
   return out;
 }
@@ -119,20 +131,87 @@ double status_mib(const std::string& key) {
   return 0.0;
 }
 
+/// Time and memory as the device counts them.
+class Meter {
+ public:
+  explicit Meter(const torch::Device& device) : device_(device) {}
+
+  /// Seconds between the beginning and the end of the work that `f` gives the device.
+  double seconds(const std::function<void()>& f) const {
+#if APVI_WITH_CUDA
+    if (device_.is_cuda()) {
+      at::cuda::CUDAEvent begin(cudaEventDefault);
+      at::cuda::CUDAEvent end(cudaEventDefault);
+      torch::cuda::synchronize();
+      begin.record();
+      f();
+      end.record();
+      end.synchronize();
+      return 1e-3 * static_cast<double>(begin.elapsed_time(end));
+    }
+#endif
+    const Stopwatch watch;
+    f();
+    return watch.seconds();
+  }
+
+  /// From now on, the peak is that of what comes.
+  void forget_peak() {
+#if APVI_WITH_CUDA
+    if (device_.is_cuda()) return c10::cuda::CUDACachingAllocator::resetPeakStats(0);
+#endif
+    before_mib_ = status_mib("VmRSS:");
+    std::ofstream("/proc/self/clear_refs") << "5";
+  }
+  /// Peak [MiB]: on a GPU of everything, on the CPU beyond what was there before.
+  double peak_mib() const {
+#if APVI_WITH_CUDA
+    if (device_.is_cuda()) {
+      const auto stats = c10::cuda::CUDACachingAllocator::getDeviceStats(0);
+      return static_cast<double>(stats.allocated_bytes[0].peak) / (1 << 20);
+    }
+#endif
+    return status_mib("VmHWM:") - before_mib_;
+  }
+
+ private:
+  torch::Device device_;
+  double before_mib_ = 0.0;
+};
+
 struct Timing {
   double median_ms = 0.0;
   double least_ms = 0.0;
+  double streamed_ms = 0.0;
 };
 
-/// Median over the repeats, after three runs that do not count. `run` returns seconds.
-Timing measure(int repeats, const std::function<double()>& run) {
+/// Median over the repeats, after three runs that do not count. `prepare` is not timed.
+Timing measure(const Meter& meter, int repeats, const std::function<void()>& prepare,
+               const std::function<void()>& run) {
   std::vector<double> ms;
   for (int i = -3; i < repeats; ++i) {
-    const double seconds = run();
+    prepare();
+    const double seconds = meter.seconds(run);
     if (i >= 0) ms.push_back(1e3 * seconds);
   }
   std::sort(ms.begin(), ms.end());
-  return {ms[ms.size() / 2], ms.front()};
+  const double all = meter.seconds([&] {
+    for (int i = 0; i < repeats; ++i) {
+      prepare();
+      run();
+    }
+  });
+  return {ms[ms.size() / 2], ms.front(), 1e3 * all / repeats};
+}
+
+/// Bytes that a copy on the device moves in a second, counting both reads and writes.
+double copy_rate(const Meter& meter, const torch::Device& device) {
+  const Tensor from = torch::ones({1 << 26}, torch::dtype(torch::kFloat32).device(device));
+  Tensor to = torch::empty_like(from);
+  std::vector<double> seconds;
+  for (int i = 0; i < 7; ++i) seconds.push_back(meter.seconds([&] { to.copy_(from); }));
+  std::sort(seconds.begin(), seconds.end());
+  return 8.0 * static_cast<double>(from.numel()) / seconds[3];
 }
 
 class Bench {
@@ -140,7 +219,7 @@ class Bench {
   explicit Bench(const Arguments& arguments)
       : map_(make_map(arguments)), view_(make_view(arguments)) {
     torch::manual_seed(1);
-    target_ = torch::rand({arguments.height, arguments.width, 3});
+    target_ = torch::rand({arguments.height, arguments.width, 3}).to(arguments.device);
     for (const Tensor* tensor : std::as_const(map_).tensors()) {
       groups_.push_back({.parameter = tensor->detach(),
                          .gradient = {},
@@ -151,41 +230,40 @@ class Bench {
   }
 
   std::int64_t size() const { return map_.size(); }
+  /// Bytes of the parameters, of each of their moments, and of their derivatives.
+  double bytes() const {
+    double values = 0.0;
+    for (const AdamGroup& group : groups_) values += static_cast<double>(group.parameter.numel());
+    return 4.0 * values;
+  }
 
-  double forward() const {
+  void forward() const {
     const torch::NoGradGuard no_grad;
-    const Stopwatch watch;
     render(map_, view_, {});
-    return watch.seconds();
   }
 
   /// Without the loss: its derivative by the image is given.
-  double forward_backward() {
-    clear();
-    const Stopwatch watch;
+  void forward_backward() {
     const RenderOutput drawn = render(map_, view_, {});
     drawn.color.backward(target_);
-    return watch.seconds();
   }
 
-  double training_step() {
-    clear();
-    const Stopwatch watch;
-    const RenderOutput drawn = render(map_, view_, {});
+  void training_step() {
+    const RenderOutput drawn = render(map_, view_, {.background = {}, .rows = true});
     photometric_loss(drawn.color, target_, kSsimWeight).backward();
+    if (drawn.rows != nullptr) return adam_step_rows(groups_, *drawn.rows, ++steps_);
     for (std::size_t k = 0; k < groups_.size(); ++k) {
       groups_[k].gradient = map_.tensors()[k]->grad();
     }
     adam_step(groups_, ++steps_);
-    return watch.seconds();
   }
 
- private:
   void clear() {
     for (AdamGroup& group : groups_) group.gradient = Tensor();
     for (Tensor* tensor : map_.tensors()) tensor->mutable_grad() = Tensor();
   }
 
+ private:
   Gaussians map_;
   View view_;
   Tensor target_;
@@ -193,24 +271,39 @@ class Bench {
   std::int64_t steps_ = 0;
 };
 
+void print_timing(const char* name, const Timing& timing) {
+  std::printf(R"("%s_ms": %.3f, "%s_least_ms": %.3f, "%s_streamed_ms": %.3f, )", name,
+              timing.median_ms, name, timing.least_ms, name, timing.streamed_ms);
+}
+
 void run(const Arguments& arguments) {
   torch::set_num_threads(std::max(arguments.threads, 1));
+  Meter meter(arguments.device);
+  const double rate = copy_rate(meter, arguments.device);
   Bench bench(arguments);
-  const double before_mib = status_mib("VmRSS:");
-  std::ofstream("/proc/self/clear_refs") << "5";  // the peak starts anew
-  const Timing forward = measure(arguments.repeats, [&] { return bench.forward(); });
-  const Timing both = measure(arguments.repeats, [&] { return bench.forward_backward(); });
-  const double net_mib = status_mib("VmHWM:") - before_mib;
-  const Timing step = measure(arguments.repeats, [&] { return bench.training_step(); });
+  const auto clear = [&] { bench.clear(); };
+  meter.forget_peak();
+  const Timing forward = measure(meter, arguments.repeats, clear, [&] { bench.forward(); });
+  const Timing both = measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(); });
+  const double drawing_mib = meter.peak_mib();
+  bench.clear();
+  meter.forget_peak();
+  const Timing step = measure(meter, arguments.repeats, clear, [&] { bench.training_step(); });
+  // Adam reads and writes parameters and both moments, whatever else a step does.
+  const double forward_floor_ms = 1e3 * bench.bytes() / rate;
+  const double adam_floor_ms = 1e3 * bench.bytes() * 6.0 / rate;
   std::printf(R"({"gaussians": %lld, "width": %d, "height": %d, "sh_degree": %d, "threads": %d, )"
-              R"("backend": "%s", "forward_ms": %.2f, "forward_least_ms": %.2f, )"
-              R"("forward_backward_ms": %.2f, "forward_backward_least_ms": %.2f, )"
-              R"("training_step_ms": %.2f, "training_step_least_ms": %.2f, "net_memory_mib": %.1f})"
-              "\n",
+              R"("backend": "%s", )",
               static_cast<long long>(bench.size()), arguments.width, arguments.height,
-              arguments.degree, torch::get_num_threads(), raster_backend(torch::kCPU).name().data(),
-              forward.median_ms, forward.least_ms, both.median_ms, both.least_ms, step.median_ms,
-              step.least_ms, net_mib);
+              arguments.degree, torch::get_num_threads(),
+              raster_backend(arguments.device).name().data());
+  print_timing("forward", forward);
+  print_timing("forward_backward", both);
+  print_timing("training_step", step);
+  std::printf(R"("drawing_mib": %.1f, "step_mib": %.1f, "copy_gb_s": %.0f, )"
+              R"("all_parameters_read_ms": %.3f, "adam_floor_ms": %.3f})"
+              "\n",
+              drawing_mib, meter.peak_mib(), 1e-9 * rate, forward_floor_ms, adam_floor_ms);
 }
 
 }  // namespace

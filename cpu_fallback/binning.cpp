@@ -13,40 +13,14 @@
 namespace apvi::splat {
 namespace {
 
-/// First and last pixel whose centre lies in [low, high]; empty when first > last.
-struct PixelSpan {
-  int first, last;
-};
-template <typename T>
-PixelSpan pixels_between(T low, T high, int size) {
-  const T half(0.5);
-  const auto end = static_cast<T>(size);
-  return {static_cast<int>(std::ceil(std::clamp(low - half, T(0), end))),
-          static_cast<int>(std::floor(std::clamp(high - half, T(-1), end - T(1))))};
-}
-
 /// Calls f(tile) for the tiles that hold a pixel centre of the splat's ellipse (or nearly so: a
 /// band of tiles is taken as a whole).
 template <typename T, typename F>
 void for_each_tile(const Splat<T>& s, const TileGrid& grid, F&& f) {
-  const T reach_y = std::sqrt(s.reach_y2);
-  const PixelSpan rows = pixels_between(s.v - reach_y, s.v + reach_y, grid.height);
+  const PixelSpan rows = rows_of(s, grid.height);
   for (int band = rows.first / kTileSize; band * kTileSize <= rows.last; ++band) {
-    const int top = std::max(rows.first, band * kTileSize);
-    const int bottom = std::min(rows.last, band * kTileSize + kTileSize - 1);
-    const T low = static_cast<T>(top) + T(0.5) - s.v;
-    const T high = static_cast<T>(bottom) + T(0.5) - s.v;
-    const T right = std::clamp(s.lean, low, high);
-    const T left = std::clamp(-s.lean, low, high);
-    const auto half_width = [&s](T dy) {
-      return s.half * std::sqrt(std::max(s.reach_y2 - dy * dy, T(0)));
-    };
-    const PixelSpan columns = pixels_between(s.u + s.slope * left - half_width(left),
-                                             s.u + s.slope * right + half_width(right), grid.width);
-    if (columns.first > columns.last) continue;
-    for (int x = columns.first / kTileSize; x <= columns.last / kTileSize; ++x) {
-      f(band * grid.columns() + x);
-    }
+    const PixelSpan columns = tiles_in_band(s, rows, band, grid.width);
+    for (int x = columns.first; x <= columns.last; ++x) f(band * grid.columns() + x);
   }
 }
 

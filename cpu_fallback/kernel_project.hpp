@@ -2,13 +2,11 @@
 #pragma once
 
 #include "apvi/splat/sh_math.hpp"
+#include "apvi/splat/splat.hpp"
 #include "raster_kernels.hpp"
 
 /// Projection of Gaussians and its derivative, kWidth Gaussians at a time. V is a vector of simd_*.
 namespace apvi::splat {
-
-inline constexpr double kLog2E = 1.4426950408889634;
-inline constexpr double kLn2 = 0.6931471805599453;
 
 /// A camera with every number in all lanes.
 template <typename V>
@@ -126,25 +124,8 @@ Shape<V> load_shape(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& c
   return out;
 }
 
-/// Unit vector from the camera to the Gaussian, in the world, and the distance's inverse.
-template <typename V>
-V view_direction(const Camera<V>& camera, const V* mean, V* direction) {
-  V norm2(0);
-  for (int i = 0; i < 3; ++i) {
-    direction[i] = mean[i] - camera.center[i];
-    norm2 = fma(direction[i], direction[i], norm2);
-  }
-  const V inverse = V(1) / sqrt(norm2);
-  for (int i = 0; i < 3; ++i) direction[i] = direction[i] * inverse;
-  return inverse;
-}
-
 /// Room for the coefficients beyond the constant one, in whole vectors.
 inline constexpr int kShColumns = 48;
-
-constexpr int sh_rest_used(int degree) {
-  return (degree + 1) * (degree + 1) - 1;
-}
 
 /// These coefficients, three channels after each other. Rows of Gaussians whose bit in `lanes` is
 /// not set are not read.
@@ -179,48 +160,14 @@ void evaluate_sh(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& came
   }
 }
 
-/// The footprint's fields of `Splat`, in the order in which they stand there.
-template <typename V>
-typename V::Mask describe(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera,
-                          const Shape<V>& shape, V* out) {
-  const Projection<V>& f = shape.f;
-  const V opacity = shape.opacity * shape.fade;
-  const V log2_opacity = log2(opacity);
-  const V inv_det = V(1) / f.det;
-  // A hair more than where alpha reaches kMinAlpha: the blending decides, this may not lose any.
-  const V reach2 = fma(log2_opacity - V(kLog2MinAlpha), V(2 * kLn2), V(1e-3));
-  const V reach_x = sqrt(reach2 * f.a);
-  const V reach_y2 = reach2 * f.c;
-  const V reach_y = sqrt(reach_y2);
-  const V middle = V(0.5) * (f.a + f.c);
-  const V spread = V(0.5) * (f.a - f.c);
-  out[0] = f.u;
-  out[1] = f.v;
-  out[2] = log2_opacity;
-  out[3] = V(-0.5 * kLog2E) * f.c * inv_det;
-  out[4] = V(kLog2E) * f.b * inv_det;
-  out[5] = V(-0.5 * kLog2E) * f.a * inv_det;
-  out[9] = f.p[2];
-  out[10] = f.b / f.c;
-  out[11] = sqrt(f.det) / f.c;
-  out[12] = reach_y2;
-  out[13] = reach_x;
-  out[14] = reach_x * f.b / f.a;
-  out[15] = sqrt(reach2 * (middle + sqrt(fma(spread, spread, f.b * f.b))));
-  // False for NaN throughout.
-  const V huge(1e30);
-  return (f.p[2] >= camera.near_m) & (opacity >= V(kMinAlpha)) & (f.det > V(0)) & (out[15] < huge) &
-         (inv_det < huge) & (f.u + reach_x > V(0)) & (f.u - reach_x < V(a.width)) &
-         (f.v + reach_y > V(0)) & (f.v - reach_y < V(a.height));
-}
-
 template <typename V>
 void project_batch(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera, Batch batch) {
   fetch_rows<V>(a.sh_rest, batch.first, batch.first + batch.count, 3 * a.sh_rest_count);
   const Shape<V> shape = load_shape(a, camera, batch);
   V out[16];
   for (int c = 0; c < 3; ++c) out[6 + c] = V(0);
-  auto visible = describe(a, camera, shape, out);
+  const V opacity = shape.opacity * shape.fade;
+  auto visible = describe(camera, shape.f, opacity, V(a.width), V(a.height), out);
   if (any(visible)) {
     const unsigned lanes = bits(visible) & ((1U << static_cast<unsigned>(batch.count)) - 1U);
     evaluate_sh(a, camera, shape.mean, batch, lanes, out + 6);

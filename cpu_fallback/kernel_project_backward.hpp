@@ -30,35 +30,6 @@ unsigned add_slots(const ProjectBackwardArgs<typename V::Scalar>& a, Batch batch
   return lanes;
 }
 
-/// By the footprint, from the sums over its pixels (see kSlotSize).
-template <typename V>
-FootprintGradient<V> footprint_gradient(const Camera<V>& camera, const Projection<V>& f,
-                                        const V* sums, bool antialiased) {
-  const V inv_det = V(1) / f.det;
-  const V A = f.c * inv_det;
-  const V B = V(0) - f.b * inv_det;
-  const V C = f.a * inv_det;
-  const V xx = V(0.5) * sums[6];  // minus the derivatives by the conic [[A, B], [B, C]]
-  const V yy = V(0.5) * sums[8];
-  const V xy = sums[9];
-  FootprintGradient<V> g = {};
-  g.u = A * sums[5] + B * sums[7];
-  g.v = B * sums[5] + C * sums[7];
-  g.z = sums[3];
-  g.a = A * A * xx + A * B * xy + B * B * yy;
-  g.b = V(2) * (A * B * xx + B * C * yy) + (A * C + B * B) * xy;
-  g.c = B * B * xx + B * C * xy + C * C * yy;
-  if (antialiased) {  // ln(opacity) + ln(det_sharp / det) / 2
-    const V half = V(0.5) * sums[4];
-    const V sharp = half / f.det_sharp;
-    const V blunt = half * inv_det;
-    g.a = g.a + sharp * (f.c - camera.low_pass) - blunt * f.c;
-    g.b = g.b - V(2) * f.b * (sharp - blunt);
-    g.c = g.c + sharp * (f.a - camera.low_pass) - blunt * f.a;
-  }
-  return g;
-}
-
 /// Zeros for the Gaussians of a batch that touch no pixel.
 template <typename V>
 void clear_rows(typename V::Scalar* rows, Batch batch, int size) {

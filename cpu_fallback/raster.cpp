@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "apvi/splat/camera.hpp"
 #include "apvi/splat/raster_backend.hpp"
 #include "binning.hpp"
 #include "recycler.hpp"
@@ -30,31 +31,6 @@ const RasterKernels<T>& of_type(const Kernels& kernels) {
   } else {
     return kernels.in_double;
   }
-}
-
-template <typename T>
-Camera<T> make_camera(const RasterInput& input) {
-  const auto* const m = input.T_camera_world.data_ptr<double>();
-  const Intrinsics& k = input.intrinsics;
-  Camera<T> out = {};
-  for (int i = 0; i < 3; ++i) {
-    out.t[i] = static_cast<T>(m[4 * i + 3]);
-    out.center[i] = static_cast<T>(-(m[i] * m[3] + m[4 + i] * m[7] + m[8 + i] * m[11]));
-    for (int j = 0; j < 3; ++j) out.R[3 * i + j] = static_cast<T>(m[4 * i + j]);
-  }
-  const double margin_x = kFieldMargin * 0.5 * k.width;
-  const double margin_y = kFieldMargin * 0.5 * k.height;
-  out.fx = static_cast<T>(k.fx);
-  out.fy = static_cast<T>(k.fy);
-  out.cx = static_cast<T>(k.cx);
-  out.cy = static_cast<T>(k.cy);
-  out.x_min = static_cast<T>(-(k.cx + margin_x) / k.fx);
-  out.x_max = static_cast<T>((k.width - k.cx + margin_x) / k.fx);
-  out.y_min = static_cast<T>(-(k.cy + margin_y) / k.fy);
-  out.y_max = static_cast<T>((k.height - k.cy + margin_y) / k.fy);
-  out.near_m = static_cast<T>(input.near_m);
-  out.low_pass = static_cast<T>(input.low_pass_px2);
-  return out;
 }
 
 std::uint32_t* unsigned_data(const Tensor& tensor) {
@@ -93,7 +69,8 @@ ProjectArgs<T> project_args(const RasterInput& input, const State<T>& state) {
           .width = input.intrinsics.width,
           .height = input.intrinsics.height,
           .antialiased = input.antialiased,
-          .camera = make_camera<T>(input),
+          .camera = make_camera<T>(input.T_camera_world.data_ptr<double>(), input.intrinsics,
+                                   input.near_m, input.low_pass_px2),
           .splats = state.splat_data()};
 }
 
@@ -302,7 +279,8 @@ class CpuRasterBackend final : public RasterBackend {
   }
 
   RasterInputGradient backward(const RasterInput& input, const RasterOutput& output,
-                               const RasterOutputGradient& grad) const override {
+                               const RasterOutputGradient& grad, bool as_rows) const override {
+    TORCH_CHECK(!as_rows, "render: the CPU has no rows of derivatives");
     const torch::NoGradGuard no_grad;
     return AT_DISPATCH_FLOATING_TYPES(input.gaussians.means.scalar_type(), "raster_backward", [&] {
       return with_memory([&] {

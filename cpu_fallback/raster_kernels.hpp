@@ -3,28 +3,12 @@
 
 #include <cstdint>
 
-#include "apvi/splat/projection_math.hpp"
+#include "apvi/splat/splat.hpp"
 
 /// The inner loops of the CPU rasterizer, compiled once for every instruction set. Plain pointers
 /// only: a template of the standard library or of LibTorch that was compiled here for a wide
 /// instruction set could be the copy that the linker keeps for the whole program.
 namespace apvi::splat {
-
-/// A projected Gaussian; in float one cache line. At the pixel (x, y), with dx = x - u, dy = y - v:
-/// log2(alpha) = e_0 + e_xx dx² + e_xy dx dy + e_yy dy².
-template <typename T>
-struct alignas(64) Splat {
-  T u, v;
-  T e_0, e_xx, e_xy, e_yy;
-  T color[3];
-  T z;
-  // The ellipse on which alpha is kMinAlpha (a hair larger): at the height dy its x spans
-  // u + slope dy ± half sqrt(reach_y2 - dy²).
-  T slope, half, reach_y2;
-  T reach_x;  // its half width
-  T lean;     // dy of its rightmost point; that of the leftmost is the negative
-  T radius;   // its larger half axis; 0 for a Gaussian that is not drawn
-};
 
 /// One Gaussian in one tile. `slot` counts them Gaussian by Gaussian: results are written there,
 /// where the sum over a Gaussian's tiles finds them in an order that no thread disturbs.
@@ -32,10 +16,6 @@ struct Entry {
   std::uint32_t splat;
   std::uint32_t slot;
 };
-
-/// Derivatives of the loss in a slot: by the colour, by the depth, then sums over the pixels of the
-/// derivative by ln(alpha) times 1, dx, dx², dy, dy², dx dy.
-inline constexpr int kSlotSize = 12;
 
 template <typename T>
 struct ProjectArgs {

@@ -19,16 +19,25 @@ const MediumBackend& medium_backend(const torch::Device& device) {
 
 const LossBackend& loss_backend(const torch::Device& device) {
   if (device.is_cpu()) return cpu_loss_backend();
+#if APVI_WITH_CUDA
+  if (device.is_cuda()) return cuda_loss_backend();
+#endif
   TORCH_CHECK(false, "this build has no photometric loss for ", device);
 }
 
 const RasterBackend& raster_backend(const torch::Device& device) {
   if (device.is_cpu()) return *cpu_raster_backends().front();
+#if APVI_WITH_CUDA
+  if (device.is_cuda()) return cuda_raster_backend();
+#endif
   TORCH_CHECK(false, "this build has no rasterizer for ", device);
 }
 
 const AdamBackend& adam_backend(const torch::Device& device) {
   if (device.is_cpu()) return cpu_adam_backend();
+#if APVI_WITH_CUDA
+  if (device.is_cuda()) return cuda_adam_backend();
+#endif
   TORCH_CHECK(false, "this build has no optimiser for ", device);
 }
 

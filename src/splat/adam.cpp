@@ -49,4 +49,26 @@ void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps, const A
   adam_backend(moving.front().parameter.device()).step(moving, steps, options, visible);
 }
 
+void adam_step_rows(const std::vector<AdamGroup>& groups, const GaussianRows& rows,
+                    std::int64_t steps, const AdamOptions& options, bool visible_only) {
+  TORCH_CHECK(steps > 0, "adam: the first step is number 1, not ", steps);
+  TORCH_CHECK(groups.size() == 6, "adam: a map has six groups of parameters, not ", groups.size());
+  const Tensor& means = groups.front().parameter;
+  for (const AdamGroup& group : groups) {
+    check_group(group, {});
+    TORCH_CHECK(group.parameter.size(0) == means.size(0), "adam: the groups are of ", means.size(0),
+                " and of ", group.parameter.size(0), " Gaussians");
+  }
+  TORCH_CHECK(rows.row.defined() && rows.row.sizes() == at::IntArrayRef({means.size(0)}) &&
+                  rows.row.device() == means.device(),
+              "adam: the rows are of another map");
+  adam_backend(means.device()).step_rows(groups, rows, steps, options, visible_only);
+}
+
+void AdamBackend::step_rows(const std::vector<AdamGroup>& /*groups*/, const GaussianRows& /*rows*/,
+                            std::int64_t /*steps*/, const AdamOptions& /*options*/,
+                            bool /*visible_only*/) const {
+  TORCH_CHECK(false, "adam: the backend ", name(), " knows no rows of derivatives");
+}
+
 }  // namespace apvi::splat

@@ -150,23 +150,33 @@ void GaussianStore::prune(const Tensor& remove) {
   view_ = {};
 }
 
-void GaussianStore::step(const GaussianRates& rates, const AdamOptions& options,
-                         const Tensor& visible) {
-  const torch::NoGradGuard no_grad;
+std::vector<AdamGroup> GaussianStore::groups(const GaussianRates& rates) const {
   const Gaussians& leaves = view();
   const Gaussians first = live_part(first_, size_);
   const Gaussians second = live_part(second_, size_);
-  std::vector<AdamGroup> groups;
+  std::vector<AdamGroup> out;
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     const Tensor& leaf = *leaves.tensors()[k];
-    groups.push_back({.parameter = leaf.detach(),
-                      .gradient = leaf.grad(),
-                      .first = *first.tensors()[k],
-                      .second = *second.tensors()[k],
-                      .rate = rates.values()[k]});
+    out.push_back({.parameter = leaf.detach(),
+                   .gradient = leaf.grad(),
+                   .first = *first.tensors()[k],
+                   .second = *second.tensors()[k],
+                   .rate = rates.values()[k]});
   }
-  adam_step(groups, ++steps_, options, visible);
+  return out;
+}
+
+void GaussianStore::step(const GaussianRates& rates, const AdamOptions& options,
+                         const Tensor& visible) {
+  const torch::NoGradGuard no_grad;
+  adam_step(groups(rates), ++steps_, options, visible);
   for (Tensor* leaf : view_.tensors()) leaf->mutable_grad() = Tensor();
+}
+
+void GaussianStore::step(const GaussianRates& rates, const GaussianRows& rows, bool visible_only,
+                         const AdamOptions& options) {
+  const torch::NoGradGuard no_grad;
+  adam_step_rows(groups(rates), rows, ++steps_, options, visible_only);
 }
 
 void GaussianStore::forget_momentum(const Tensor& which) {

@@ -2,6 +2,7 @@
 #include "lpips_weights.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <torch/torch.h>
 
 #include <fstream>

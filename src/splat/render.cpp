@@ -55,18 +55,22 @@ Tensor on_host(const Tensor& tensor) {
   return tensor.detach().to(torch::kCPU, torch::kFloat64);
 }
 
+/// World to camera, `delta` (empty: none) from the left included.
+Tensor perturbed(const Tensor& T_camera_world, const Tensor& delta) {
+  if (delta.numel() == 0) return T_camera_world.contiguous();
+  return se3_exp(on_host(delta)).matmul(on_host(T_camera_world)).contiguous();
+}
+
 /// A rasterizer's input out of the eight tensors that are differentiated.
 RasterInput to_input(const variable_list& tensors, const View& view, const RenderOptions& options) {
-  RasterInput input = {
-      .gaussians = {},
-      .background = tensors[7].contiguous(),
-      .T_camera_world =
-          se3_exp(on_host(tensors[6])).matmul(on_host(view.T_camera_world)).contiguous(),
-      .intrinsics = view.intrinsics,
-      .sh_degree = 0,
-      .near_m = options.near_m,
-      .low_pass_px2 = options.low_pass_px2,
-      .antialiased = options.antialiased};
+  RasterInput input = {.gaussians = {},
+                       .background = tensors[7].contiguous(),
+                       .T_camera_world = perturbed(view.T_camera_world, tensors[6]),
+                       .intrinsics = view.intrinsics,
+                       .sh_degree = 0,
+                       .near_m = options.near_m,
+                       .low_pass_px2 = options.low_pass_px2,
+                       .antialiased = options.antialiased};
   const auto members = input.gaussians.tensors();
   for (std::size_t i = 0; i < members.size(); ++i) *members[i] = tensors[i].contiguous();
   input.sh_degree = std::min(options.sh_degree, input.gaussians.sh_degree());
@@ -78,6 +82,7 @@ struct RenderPass : torch::CustomClassHolder {
   View view;
   RenderOptions options;
   RenderStatistics statistics;
+  std::shared_ptr<GaussianRows> rows;
 };
 
 /// A derivative as the backend wants it; without one, undefined, or zeros like `zeros` if that is.
@@ -132,7 +137,9 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
                                 .backward(input, output,
                                           {.color = given(grads[0], output.color),
                                            .depth = given(grads[1], {}),
-                                           .alpha = given(grads[2], {})});
+                                           .alpha = given(grads[2], {})},
+                                          render.rows != nullptr);
+    if (render.rows != nullptr) *render.rows = g.rows;
     Tensor statistic = render.statistics.mean2d_gradient;
     statistic.copy_(g.mean2d);
     return {g.gaussians.means,
@@ -147,6 +154,16 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
   }
 };
 
+/// Of a small matrix; LibTorch's operators would take longer than some renderings.
+bool all_finite(const Tensor& matrix) {
+  const auto m = matrix.accessor<double, 2>();
+  double sum = 0.0;
+  for (std::int64_t i = 0; i < m.size(0); ++i) {
+    for (std::int64_t j = 0; j < m.size(1); ++j) sum += 0.0 * m[i][j];
+  }
+  return sum == 0.0;
+}
+
 void check_view(const View& view) {
   const Intrinsics& k = view.intrinsics;
   TORCH_CHECK(k.width > 0 && k.height > 0 && k.width <= kMaxSide && k.height <= kMaxSide,
@@ -157,7 +174,7 @@ void check_view(const View& view) {
   TORCH_CHECK(T.defined() && T.sizes() == at::IntArrayRef({4, 4}) && T.device().is_cpu() &&
                   T.scalar_type() == torch::kFloat64,
               "render: T_camera_world must be [4,4] float64 on the CPU");
-  TORCH_CHECK(torch::isfinite(T).all().item<bool>(), "render: T_camera_world is not finite");
+  TORCH_CHECK(all_finite(T), "render: T_camera_world is not finite");
   const Tensor& delta = view.pose_delta;
   if (!delta.defined()) return;
   TORCH_CHECK(delta.sizes() == at::IntArrayRef({6}) && delta.is_floating_point(),
@@ -188,15 +205,22 @@ RenderOutput render(const Gaussians& gaussians, const View& view, const RenderOp
   auto pass = c10::make_intrusive<RenderPass>();
   pass->view = view;
   pass->options = options;
-  const Tensor delta = view.pose_delta.defined() ? view.pose_delta : torch::zeros({6});
+  if (options.rows && raster_backend(gaussians.means.device()).has_rows()) {
+    pass->rows = std::make_shared<GaussianRows>();
+  }
   const Tensor background = options.background.defined()
                                 ? options.background
                                 : torch::zeros({3}, gaussians.means.options().requires_grad(false));
+  // Autograd takes no undefined tensors.
+  const Tensor delta = view.pose_delta.defined() ? view.pose_delta : torch::empty({0});
   const variable_list images = Rasterize::apply(
       gaussians.means, gaussians.log_scales, gaussians.quaternions, gaussians.logit_opacities,
       gaussians.sh_dc, gaussians.sh_rest, delta, background, pass);
-  return {
-      .color = images[0], .depth = images[1], .alpha = images[2], .statistics = pass->statistics};
+  return {.color = images[0],
+          .depth = images[1],
+          .alpha = images[2],
+          .statistics = pass->statistics,
+          .rows = pass->rows};
 }
 
 Tensor depth_to_range(const Tensor& depth, const Intrinsics& intrinsics) {

@@ -21,9 +21,11 @@ using torch::Tensor;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-class HostileRender : public testing::TestWithParam<torch::ScalarType> {
+class HostileRender : public testing::TestWithParam<torch::TensorOptions> {
  protected:
-  Gaussians make(std::int64_t count) const { return make_gaussians(count, GetParam()); }
+  Gaussians make(std::int64_t count) const {
+    return map_tensors(make_gaussians(count), [](const Tensor& t) { return t.to(GetParam()); });
+  }
 };
 
 /// Draws and differentiates; whether all images and derivatives are finite.
@@ -85,7 +87,7 @@ TEST_P(HostileRender, HugeGaussiansStayFinite) {
 }
 
 TEST_P(HostileRender, AnEmptyMapShowsTheBackground) {
-  const auto options = torch::dtype(GetParam());
+  const torch::TensorOptions options = GetParam();
   RenderOptions blue;
   blue.background = torch::tensor({0.0, 0.1, 0.7}, options);
   const RenderOutput drawn = render(Gaussians::empty(3, options), make_view(), blue);
@@ -160,10 +162,18 @@ TEST(HostileRenderOfMillions, TenMillionGaussiansAreDrawnOrRefused) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Types, HostileRender, testing::Values(torch::kFloat32, torch::kFloat64),
-                         [](const auto& type) {
-                           return type.param == torch::kFloat32 ? "float" : "double";
-                         });
+std::vector<torch::TensorOptions> kinds() {
+  std::vector<torch::TensorOptions> out = {torch::dtype(torch::kFloat32),
+                                           torch::dtype(torch::kFloat64)};
+  if (APVI_WITH_CUDA && torch::cuda::is_available()) {
+    out.push_back(torch::dtype(torch::kFloat32).device(torch::kCUDA));
+  }
+  return out;
+}
+INSTANTIATE_TEST_SUITE_P(Kinds, HostileRender, testing::ValuesIn(kinds()), [](const auto& kind) {
+  if (kind.param.device().is_cuda()) return "cuda";
+  return kind.param.dtype() == torch::kFloat32 ? "float" : "double";
+});
 
 }  // namespace
 }  // namespace apvi::splat

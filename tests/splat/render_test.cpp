@@ -208,8 +208,8 @@ TEST_P(RasterBackends, FloatAgreesWithDouble) {
   EXPECT_LT((out32.color - out64.color).abs().max().item<double>(), 1e-2);
   EXPECT_LT((out32.color - out64.color).square().mean().sqrt().item<double>(), 5e-5);
   EXPECT_LT((out32.alpha - out64.alpha).square().mean().sqrt().item<double>(), 5e-5);
-  const RasterInputGradient g64 = GetParam()->backward(in64, out64, ones_like(out64));
-  const RasterInputGradient g32 = GetParam()->backward(in32, out32, ones_like(out32));
+  const RasterInputGradient g64 = GetParam()->backward(in64, out64, ones_like(out64), false);
+  const RasterInputGradient g32 = GetParam()->backward(in32, out32, ones_like(out32), false);
   for (std::size_t i = 0; i < 6; ++i) {
     const Tensor& expected = *g64.gaussians.tensors()[i];
     const double error = (*g32.gaussians.tensors()[i] - expected).norm().item<double>();

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "apvi/splat/gaussians.hpp"
+
 namespace apvi::splat {
 
 /// Kingma and Ba, "Adam: a method for stochastic optimization", 2015, with its bias correction. The
@@ -32,5 +34,11 @@ struct AdamGroup {
 /// Adam says). Throws c10::Error when shapes, types or devices do not fit.
 void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps,
                const AdamOptions& options = {}, const torch::Tensor& visible = {});
+
+/// The same for a whole map: six groups in the order of Gaussians::tensors(), whose gradients are
+/// not looked at, but those in `rows`. `visible_only`: Gaussians without a row stay as they are.
+/// Throws c10::Error when the backend of their device has no rows.
+void adam_step_rows(const std::vector<AdamGroup>& groups, const GaussianRows& rows,
+                    std::int64_t steps, const AdamOptions& options = {}, bool visible_only = false);
 
 }  // namespace apvi::splat

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "apvi/splat/adam.hpp"
 #include "apvi/splat/gaussians.hpp"
@@ -65,6 +66,10 @@ class GaussianStore {
   /// `visible` as in `adam_step`.
   void step(const GaussianRates& rates, const AdamOptions& options = {},
             const torch::Tensor& visible = {});
+  /// The same with what a picture left in `RenderOutput::rows`; with `visible_only`, Gaussians that
+  /// it does not show stay as they are.
+  void step(const GaussianRates& rates, const GaussianRows& rows, bool visible_only,
+            const AdamOptions& options = {});
   /// Lets Adam forget the Gaussians where `which` [size()] (bool) is set, because they were put
   /// elsewhere.
   void forget_momentum(const torch::Tensor& which);
@@ -82,6 +87,7 @@ class GaussianStore {
 
  private:
   void reserve(std::int64_t count);
+  std::vector<AdamGroup> groups(const GaussianRates& rates) const;
 
   std::int64_t size_ = 0;
   std::int64_t steps_ = 0;

@@ -39,6 +39,14 @@ struct Gaussians {
   static Gaussians empty(int sh_degree, const torch::TensorOptions& options);
 };
 
+/// Derivatives of a loss by those Gaussians of a map that a picture shows, as a rasterizer has them
+/// and a fused optimiser takes them; undefined tensors: none. In a form of the backend's own.
+struct GaussianRows {
+  torch::Tensor row;     ///< [N] int32: which row a Gaussian has; -1: none
+  torch::Tensor values;  ///< [rows, ...]
+  int sh_degree = 0;     ///< that was in use
+};
+
 /// Throws c10::Error naming the first tensor whose shape, type or device does not fit.
 void check(const Gaussians& gaussians);
 

@@ -41,6 +41,9 @@ class LossBackend {
 /// cpu_fallback/loss.cpp; float32 and float64, the same bits with any number of threads.
 const LossBackend& cpu_loss_backend();
 
+/// kernels/cuda_backend.cpp, in builds with APVI_BACKEND=cuda; float32.
+const LossBackend& cuda_loss_backend();
+
 /// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.
 const LossBackend& loss_backend(const torch::Device& device);
 

@@ -46,7 +46,8 @@ struct RasterOutputGradient {
 };
 
 struct RasterInputGradient {
-  Gaussians gaussians;
+  Gaussians gaussians;  ///< undefined when `rows` is what was asked for
+  GaussianRows rows;
   torch::Tensor background;  ///< [3]
   torch::Tensor pose;        ///< [6] float64, by a left perturbation: translation, rotation
   torch::Tensor mean2d;      ///< [N] norm of the derivative by the centre, in half image sizes
@@ -64,14 +65,19 @@ class RasterBackend {
 
   virtual std::string_view name() const = 0;
   virtual RasterOutput forward(const RasterInput& input) const = 0;
-  /// `output` as `forward` gave it for this very input.
+  /// Whether it can give the derivatives by the Gaussians as rows.
+  virtual bool has_rows() const { return false; }
+  /// `output` as `forward` gave it for this very input. `as_rows` only where `has_rows`.
   virtual RasterInputGradient backward(const RasterInput& input, const RasterOutput& output,
-                                       const RasterOutputGradient& grad) const = 0;
+                                       const RasterOutputGradient& grad, bool as_rows) const = 0;
 };
 
 /// cpu_fallback/raster.cpp; float32 and float64, the same bits with any number of threads. One for
 /// every instruction set that this processor has and the float path can use; the fastest first.
 const std::vector<const RasterBackend*>& cpu_raster_backends();
+
+/// kernels/cuda_backend.cpp, in builds with APVI_BACKEND=cuda; float32.
+const RasterBackend& cuda_raster_backend();
 
 /// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.
 const RasterBackend& raster_backend(const torch::Device& device);

@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <memory>
+
 #include "apvi/splat/gaussians.hpp"
 #include "apvi/splat/view.hpp"
 
@@ -16,6 +18,9 @@ struct RenderOptions {
   double low_pass_px2 = 0.3;
   bool antialiased = false;
   torch::Tensor background;  ///< [3] colour behind everything; undefined: black
+  /// Derivatives by the Gaussians go to `RenderOutput::rows` instead of to autograd where the
+  /// backend can do so: for an optimiser that takes them from there, at a fraction of the memory.
+  bool rows = false;
 };
 
 /// What densification and pruning want to know of each Gaussian.
@@ -33,6 +38,8 @@ struct RenderOutput {
   torch::Tensor depth;  ///< [H,W] expected depth along the optical axis [m]; 0 where alpha is 0
   torch::Tensor alpha;  ///< [H,W]
   RenderStatistics statistics;
+  /// Filled by the backward pass; null when not asked for, or when autograd has the derivatives.
+  std::shared_ptr<const GaussianRows> rows;
 };
 
 /// Draws the Gaussians as the view sees them, without water. Differentiable in every tensor of

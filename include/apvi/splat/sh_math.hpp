@@ -19,6 +19,10 @@ inline constexpr double kSh3d = 0.3731763325901154;
 inline constexpr double kSh3e = 1.445305721320277;
 
 inline constexpr int kMaxShRest = 15;
+/// Coefficients of each colour beyond the constant one that a degree has.
+APVI_HD constexpr int sh_rest_used(int degree) {
+  return (degree + 1) * (degree + 1) - 1;
+}
 
 /// Values of the basis beyond the constant one, `b[0 .. (degree+1)^2 - 1)`, for a unit direction.
 template <typename T>

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// L1 and SSIM of an image in one pass over tiles in shared memory, and the derivative in another. A
+// row of pixels is taken as a row of 3 W values whose neighbours in the same colour lie three
+// apart.
+#include "loss.hpp"
+
+namespace apvi::splat::cuda {
+namespace {
+
+constexpr int kTilePixelsX = 16;
+constexpr int kTileY = 16;
+constexpr int kTileX = 3 * kTilePixelsX;  // values
+constexpr int kRadius = 5;
+constexpr int kHaloX = 3 * kRadius;
+constexpr int kLoadX = kTileX + 2 * kHaloX;
+constexpr int kLoadY = kTileY + 2 * kRadius;
+constexpr int kThreads = 256;
+constexpr int kSums = 3;  // L1, SSIM, values that count
+
+// Half of the Gaussian of sigma 1.5 px over 11 taps, centre first, normalised to a sum of one.
+__constant__ float kTaps[kRadius + 1] = {0.2660117248617943f,   0.21300553771125366f,
+                                         0.1093606895097f,      0.03600077212843082f,
+                                         0.007598758135239184f, 0.0010283800844791099f};
+constexpr float kC1 = 0.01f * 0.01f;  // Wang et al., "Image quality assessment", 2004
+constexpr float kC2 = 0.03f * 0.03f;
+
+struct Tile {
+  int x0, y0;  ///< of the first value, in values and rows
+};
+__device__ Tile own_tile(const LossImages& in) {
+  const int across = (in.width + kTilePixelsX - 1) / kTilePixelsX;
+  const int block = static_cast<int>(blockIdx.x);
+  return {block % across * kTileX, block / across * kTileY};
+}
+
+/// Image and target at a value: sum and difference, where the mask counts.
+struct Pair {
+  float s, d, weight;
+};
+__device__ Pair pair_at(const LossImages& in, int x, int y) {
+  if (x < 0 || y < 0 || x >= 3 * in.width || y >= in.height) return {0.0f, 0.0f, 0.0f};
+  const std::int64_t at = static_cast<std::int64_t>(y) * 3 * in.width + x;
+  const float weight =
+      in.valid == nullptr ? 1.0f : in.valid[static_cast<std::int64_t>(y) * in.width + x / 3];
+  const float d = weight * (in.image[at] - in.target[at]);
+  return {2.0f * in.target[at] + d, d, weight};
+}
+
+__device__ float blur_along(const float* row) {
+  float sum = kTaps[0] * row[0];
+#pragma unroll
+  for (int t = 1; t <= kRadius; ++t) sum = fmaf(kTaps[t], row[-3 * t] + row[3 * t], sum);
+  return sum;
+}
+
+__device__ float blur_across(const float* column) {
+  float sum = kTaps[0] * column[0];
+#pragma unroll
+  for (int t = 1; t <= kRadius; ++t) {
+    sum = fmaf(kTaps[t], column[-t * kTileX] + column[t * kTileX], sum);
+  }
+  return sum;
+}
+
+/// SSIM of one value and its derivatives, from the blurred s, d, s², d². With P = s̄², Q = d̄²,
+/// U = blur(s²) - P and V = blur(d²) - Q, it is
+///     ((P - Q)/2 + c1) ((U - V)/2 + c2) / (((P + Q)/2 + c1) ((U + V)/2 + c2)).
+struct Ssim {
+  float value, by_mean, by_ss, by_dd;
+
+  __device__ Ssim(float s, float d, float ss, float dd) {
+    const float p = s * s;
+    const float q = d * d;
+    const float u = ss - p;
+    const float v = dd - q;
+    const float inverse_1 = 1.0f / (0.5f * (p + q) + kC1);
+    const float inverse_2 = 1.0f / (0.5f * (u + v) + kC2);
+    const float luminance = (0.5f * (p - q) + kC1) * inverse_1;
+    const float contrast = (0.5f * (u - v) + kC2) * inverse_2;
+    value = luminance * contrast;
+    by_ss = 0.5f * (luminance - value) * inverse_2;
+    by_dd = -0.5f * (luminance + value) * inverse_2;
+    const float by_p = 0.5f * (contrast - value) * inverse_1 - by_ss;
+    const float by_q = -0.5f * (contrast + value) * inverse_1 - by_dd;
+    by_mean = 2.0f * (s * by_p + d * by_q);
+  }
+};
+
+/// Sum over the block, in an order that does not change; the result is thread 0's.
+__device__ float block_sum(float value, float* warps) {
+  for (int by = 16; by > 0; by /= 2) value += __shfl_xor_sync(0xffffffffU, value, by);
+  __syncthreads();
+  if (threadIdx.x % 32 == 0) warps[threadIdx.x / 32] = value;
+  __syncthreads();
+  float sum = 0.0f;
+  if (threadIdx.x == 0) {
+    for (int k = 0; k < kThreads / 32; ++k) sum += warps[k];
+  }
+  return sum;
+}
+
+__global__ void __launch_bounds__(kThreads)
+    compare_kernel(LossImages in, float* maps, float* partials) {
+  __shared__ float s[kLoadY][kLoadX];
+  __shared__ float d[kLoadY][kLoadX];
+  __shared__ float blurred[4][kLoadY][kTileX];
+  __shared__ float warps[kThreads / 32];
+  const Tile tile = own_tile(in);
+  const auto thread = static_cast<int>(threadIdx.x);
+  for (int k = thread; k < kLoadX * kLoadY; k += kThreads) {
+    const int x = k % kLoadX;
+    const int y = k / kLoadX;
+    const Pair pair = pair_at(in, tile.x0 + x - kHaloX, tile.y0 + y - kRadius);
+    s[y][x] = pair.s;
+    d[y][x] = pair.d;
+  }
+  __syncthreads();
+  for (int k = thread; k < kTileX * kLoadY; k += kThreads) {
+    const int x = k % kTileX;
+    const int y = k / kTileX;
+    const float* const srow = &s[y][x + kHaloX];
+    const float* const drow = &d[y][x + kHaloX];
+    float ss = kTaps[0] * srow[0] * srow[0];
+    float dd = kTaps[0] * drow[0] * drow[0];
+#pragma unroll
+    for (int t = 1; t <= kRadius; ++t) {
+      ss = fmaf(kTaps[t], srow[-3 * t] * srow[-3 * t] + srow[3 * t] * srow[3 * t], ss);
+      dd = fmaf(kTaps[t], drow[-3 * t] * drow[-3 * t] + drow[3 * t] * drow[3 * t], dd);
+    }
+    blurred[0][y][x] = blur_along(srow);
+    blurred[1][y][x] = blur_along(drow);
+    blurred[2][y][x] = ss;
+    blurred[3][y][x] = dd;
+  }
+  __syncthreads();
+  float sums[kSums] = {};
+  const std::int64_t values = static_cast<std::int64_t>(in.height) * in.width * 3;
+  for (int k = thread; k < kTileX * kTileY; k += kThreads) {
+    const int x = k % kTileX;
+    const int y = k / kTileX;
+    if (tile.x0 + x >= 3 * in.width || tile.y0 + y >= in.height) continue;
+    float mean[4];
+    for (int m = 0; m < 4; ++m) mean[m] = blur_across(&blurred[m][y + kRadius][x]);
+    const Ssim ssim(mean[0], mean[1], mean[2], mean[3]);
+    const float weight = pair_at(in, tile.x0 + x, tile.y0 + y).weight;
+    sums[0] += fabsf(d[y + kRadius][x + kHaloX]);
+    sums[1] += weight * ssim.value;
+    sums[2] += weight;
+    if (maps == nullptr) continue;
+    const std::int64_t at = static_cast<std::int64_t>(tile.y0 + y) * 3 * in.width + tile.x0 + x;
+    maps[at] = weight * ssim.by_mean;
+    maps[values + at] = weight * ssim.by_ss;
+    maps[2 * values + at] = weight * ssim.by_dd;
+  }
+  for (int k = 0; k < kSums; ++k) {
+    const float sum = block_sum(sums[k], warps);
+    if (thread == 0) partials[blockIdx.x * kSums + k] = sum;
+  }
+}
+
+__global__ void add_up_kernel(const float* partials, int blocks, float ssim_weight, float* loss,
+                              float* share) {
+  __shared__ double parts[kSums][kThreads];
+  double sums[kSums] = {};
+  for (int b = static_cast<int>(threadIdx.x); b < blocks; b += kThreads) {
+    for (int k = 0; k < kSums; ++k) sums[k] += static_cast<double>(partials[b * kSums + k]);
+  }
+  for (int k = 0; k < kSums; ++k) parts[k][threadIdx.x] = sums[k];
+  for (int by = kThreads / 2; by > 0; by /= 2) {
+    __syncthreads();
+    if (static_cast<int>(threadIdx.x) >= by) continue;
+    for (int k = 0; k < kSums; ++k) parts[k][threadIdx.x] += parts[k][threadIdx.x + by];
+  }
+  if (threadIdx.x != 0) return;
+  const double inverse = parts[2][0] > 0.0 ? 1.0 / parts[2][0] : 0.0;
+  const auto w = static_cast<double>(ssim_weight);
+  const double total = (1.0 - w) * parts[0][0] * inverse + w * (1.0 - parts[1][0] * inverse);
+  *loss = inverse > 0.0 ? static_cast<float>(total) : 0.0f;
+  *share = static_cast<float>(inverse);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    differentiate_kernel(LossImages in, const float* maps, const float* share, float* gradient) {
+  __shared__ float loaded[kLossMaps][kLoadY][kLoadX];
+  __shared__ float blurred[kLossMaps][kLoadY][kTileX];
+  const Tile tile = own_tile(in);
+  const auto thread = static_cast<int>(threadIdx.x);
+  const int length = 3 * in.width;
+  const std::int64_t values = static_cast<std::int64_t>(in.height) * length;
+  for (int k = thread; k < kLoadX * kLoadY; k += kThreads) {
+    const int x = tile.x0 + k % kLoadX - kHaloX;
+    const int y = tile.y0 + k / kLoadX - kRadius;
+    const bool inside = x >= 0 && y >= 0 && x < length && y < in.height;
+    for (int m = 0; m < kLossMaps; ++m) {
+      loaded[m][k / kLoadX][k % kLoadX] =
+          inside ? maps[m * values + static_cast<std::int64_t>(y) * length + x] : 0.0f;
+    }
+  }
+  __syncthreads();
+  for (int k = thread; k < kTileX * kLoadY; k += kThreads) {
+    const int x = k % kTileX;
+    const int y = k / kTileX;
+    for (int m = 0; m < kLossMaps; ++m) blurred[m][y][x] = blur_along(&loaded[m][y][x + kHaloX]);
+  }
+  __syncthreads();
+  const float l1 = (1.0f - in.ssim_weight) * *share;
+  const float by_ssim = -in.ssim_weight * *share;
+  for (int k = thread; k < kTileX * kTileY; k += kThreads) {
+    const int x = k % kTileX;
+    const int y = k / kTileX;
+    if (tile.x0 + x >= length || tile.y0 + y >= in.height) continue;
+    float by[kLossMaps];
+    for (int m = 0; m < kLossMaps; ++m) by[m] = blur_across(&blurred[m][y + kRadius][x]);
+    const Pair pair = pair_at(in, tile.x0 + x, tile.y0 + y);
+    const float sign = pair.d > 0.0f ? l1 : (pair.d < 0.0f ? -l1 : 0.0f);
+    gradient[static_cast<std::int64_t>(tile.y0 + y) * length + tile.x0 + x] =
+        sign + by_ssim * pair.weight * (by[0] + 2.0f * (pair.s * by[1] + pair.d * by[2]));
+  }
+}
+
+}  // namespace
+
+std::int64_t loss_blocks(int width, int height) {
+  return static_cast<std::int64_t>((width + kTilePixelsX - 1) / kTilePixelsX) *
+         ((height + kTileY - 1) / kTileY);
+}
+
+cudaError_t launch_loss_forward(const LossImages& in, float* maps, float* partials, float* loss,
+                                float* share, cudaStream_t stream) {
+  const auto blocks = static_cast<unsigned>(loss_blocks(in.width, in.height));
+  compare_kernel<<<blocks, kThreads, 0, stream>>>(in, maps, partials);
+  add_up_kernel<<<1, kThreads, 0, stream>>>(partials, static_cast<int>(blocks), in.ssim_weight,
+                                            loss, share);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_loss_backward(const LossImages& in, const float* maps, const float* share,
+                                 float* gradient, cudaStream_t stream) {
+  const auto blocks = static_cast<unsigned>(loss_blocks(in.width, in.height));
+  differentiate_kernel<<<blocks, kThreads, 0, stream>>>(in, maps, share, gradient);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::splat::cuda

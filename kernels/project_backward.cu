@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From what the pixels say of a splat back to the parameters of its Gaussian and to the camera.
+#include "gaussian_rows.cuh"
+
+namespace apvi::splat::cuda {
+namespace {
+
+constexpr std::uint32_t kManySlots = 16;
+constexpr int kReduceThreads = 256;
+
+__device__ void add_slot(const float* slot_weight, const float* slot_gradient, std::uint32_t slot,
+                         float (&sums)[kSlotFloats]) {
+  if (slot_weight[slot] == 0.0f) return;  // never drawn, so never written
+  const auto* const from =
+      reinterpret_cast<const float2*>(slot_gradient + std::int64_t{slot} * kSlotFloats);
+  for (int k = 0; k < kSlotFloats / 2; ++k) {
+    const float2 pair = from[k];
+    sums[2 * k] += pair.x;
+    sums[2 * k + 1] += pair.y;
+  }
+}
+
+/// Sums over the slots of each thread's splat; those of splats that have many by the whole warp.
+__device__ void add_slots(SlotRange slots, std::uint32_t capacity, const float* slot_weight,
+                          const float* slot_gradient, float (&sums)[kSlotFloats]) {
+  const unsigned lane = threadIdx.x % kWarp;
+  for (float& x : sums) x = 0.0f;
+  if (slots.begin + slots.count > capacity) slots.count = 0;  // to be launched again
+  if (slots.count <= kManySlots) {
+    for (std::uint32_t k = 0; k < slots.count; ++k) {
+      add_slot(slot_weight, slot_gradient, slots.begin + k, sums);
+    }
+  }
+  for (unsigned left = __ballot_sync(kAllLanes, slots.count > kManySlots); left != 0;
+       left &= left - 1) {
+    const int owner = __ffs(static_cast<int>(left)) - 1;
+    const std::uint32_t begin = __shfl_sync(kAllLanes, slots.begin, owner);
+    const std::uint32_t count = __shfl_sync(kAllLanes, slots.count, owner);
+    float part[kSlotFloats] = {};
+    for (std::uint32_t k = lane; k < count; k += kWarp) {
+      add_slot(slot_weight, slot_gradient, begin + k, part);
+    }
+    for (int k = 0; k < kSlotFloats; ++k) {
+      for (int by = kWarp / 2; by > 0; by /= 2) part[k] += __shfl_xor_sync(kAllLanes, part[k], by);
+      if (static_cast<int>(lane) == owner) sums[k] = part[k];
+    }
+  }
+}
+
+/// Through the direction of view by mean and camera. `row` has the coefficients of colour.
+struct Basis {
+  float direction[3];
+  float values[kMaxShRest];
+};
+__device__ Basis view_backward(const Frame& frame, const float* mean, const float (&color)[3],
+                               const float* row, ProjectionGradient<float>& g) {
+  Basis out;
+  const float inverse = view_direction(frame.camera, mean, out.direction);
+  const float* const direction = out.direction;
+  float weights[kMaxShRest];
+  sh_basis(frame.sh_degree, direction[0], direction[1], direction[2], out.values);
+#pragma unroll
+  for (int k = 0; k < kMaxShRest; ++k) {
+    if (k >= sh_rest_used(frame.sh_degree)) break;
+    weights[k] = row[3 * k] * color[0] + row[3 * k + 1] * color[1] + row[3 * k + 2] * color[2];
+  }
+  float by_direction[3];
+  sh_basis_backward(frame.sh_degree, direction[0], direction[1], direction[2], weights,
+                    by_direction);
+  const float along = by_direction[0] * direction[0] + by_direction[1] * direction[1] +
+                      by_direction[2] * direction[2];
+  for (int i = 0; i < 3; ++i) {
+    by_direction[i] = (by_direction[i] - along * direction[i]) * inverse;
+    g.mean[i] += by_direction[i];
+  }
+  // A shift of the camera by its own axes moves its centre the other way.
+  float shift[3];
+  rotate(frame.camera.R, by_direction, shift);
+  for (int i = 0; i < 3; ++i) g.pose[i] += shift[i];
+  return out;
+}
+
+/// By the coefficients of colour, which replace those in `row`.
+__device__ void color_backward(const Frame& frame, const Basis& basis, const float (&color)[3],
+                               float* row) {
+#pragma unroll
+  for (int k = 0; k < kMaxShRest; ++k) {
+    if (k >= sh_rest_used(frame.sh_degree)) break;
+    for (int c = 0; c < 3; ++c) row[3 * k + c] = basis.values[k] * color[c];
+  }
+}
+
+/// The warp writes its threads' rows of coefficients, a row at a time.
+__device__ void store_sh(const Frame& frame, int rest_count, bool wanted, std::uint32_t gaussian,
+                         const float* rows, float* out) {
+  const int lane = static_cast<int>(threadIdx.x) % kWarp;
+  const int used = 3 * sh_rest_used(frame.sh_degree);
+  for (unsigned left = __ballot_sync(kAllLanes, wanted); left != 0; left &= left - 1) {
+    const int from = __ffs(static_cast<int>(left)) - 1;
+    const std::int64_t row = __shfl_sync(kAllLanes, gaussian, from);
+    for (int k = lane; k < used; k += kWarp) {
+      out[row * 3 * rest_count + k] = rows[from * kShStride + k];
+    }
+  }
+}
+
+__device__ void store_tensors(const GaussianGradientPointers& out, std::int64_t i,
+                              const ProjectionGradient<float>& g, const float (&color)[3],
+                              float logit) {
+  for (int k = 0; k < 3; ++k) {
+    out.means[3 * i + k] = g.mean[k];
+    out.log_scales[3 * i + k] = g.log_scale[k];
+    out.sh_dc[3 * i + k] = color[k] * static_cast<float>(kSh0);
+  }
+  reinterpret_cast<float4*>(out.quaternions)[i] =
+      make_float4(g.quaternion[0], g.quaternion[1], g.quaternion[2], g.quaternion[3]);
+  out.logit_opacities[i] = logit;
+}
+
+__device__ void store_row(float4* to, const ProjectionGradient<float>& g, const float (&color)[3],
+                          float logit, const float (&direction)[3]) {
+  to[0] = make_float4(g.mean[0], g.mean[1], g.mean[2], g.log_scale[0]);
+  to[1] = make_float4(g.log_scale[1], g.log_scale[2], g.quaternion[0], g.quaternion[1]);
+  to[2] = make_float4(g.quaternion[2], g.quaternion[3], logit, color[0]);
+  to[3] = make_float4(color[1], color[2], direction[0], direction[1]);
+  to[4] = make_float4(direction[2], 0.0f, 0.0f, 0.0f);
+}
+
+/// Sums of the block, in an order that does not change.
+__device__ void store_pose(const float (&pose)[kPoseScalars], float* partials) {
+  __shared__ float warps[kProjectThreads / kWarp][kPoseScalars];
+  for (int k = 0; k < kPoseScalars; ++k) {
+    float sum = pose[k];
+    for (int by = kWarp / 2; by > 0; by /= 2) sum += __shfl_xor_sync(kAllLanes, sum, by);
+    if (threadIdx.x % kWarp == 0) warps[threadIdx.x / kWarp][k] = sum;
+  }
+  __syncthreads();
+  if (threadIdx.x >= kPoseScalars) return;
+  float sum = 0.0f;
+  for (const auto& warp : warps) sum += warp[threadIdx.x];
+  partials[blockIdx.x * kPoseScalars + threadIdx.x] = sum;
+}
+
+template <bool kRows>
+__global__ void __launch_bounds__(kProjectThreads)
+    project_backward_kernel(GaussianPointers in, Frame frame, SplatPointers splats,
+                            const float* slot_weight, BackwardScratch scratch,
+                            GaussianGradientPointers out) {
+  __shared__ float coefficients[kProjectThreads * kShStride];
+  float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
+  float* const own_row = rows + threadIdx.x % kWarp * kShStride;
+  const std::uint32_t splat = blockIdx.x * kProjectThreads + threadIdx.x;
+  const bool wanted = splat < min(splats.counts->splats, splats.capacity);
+  const std::uint32_t gaussian = wanted ? splats.gaussian[splat] : 0;
+  fetch_sh(in, frame.sh_degree, wanted, gaussian, rows);
+  const SlotRange slots = wanted ? splats.slots[splat] : SlotRange{0, 0};
+  float sums[kSlotFloats];
+  add_slots(slots, splats.slot_capacity, slot_weight, scratch.slot_gradient, sums);
+  __pipeline_wait_prior(0);
+  __syncwarp();
+  float pose[kPoseScalars] = {};
+  if (wanted) {
+    const Shape shape = load_shape(in, frame, gaussian);
+    const FootprintGradient<float> by_footprint =
+        footprint_gradient(frame.camera, shape.f, sums, frame.antialiased);
+    ProjectionGradient<float> g = project_backward(frame.camera, shape.f, by_footprint);
+    const Splat<float>& drawn = splats.splats[splat];
+    float color[3];
+    for (int c = 0; c < 3; ++c) color[c] = drawn.color[c] > 0.0f ? sums[c] : 0.0f;
+    Basis basis = {};
+    if (frame.sh_degree > 0) basis = view_backward(frame, shape.mean, color, own_row, g);
+    const float logit = sums[4] * (1.0f - shape.opacity);
+    if constexpr (kRows) {
+      store_row(reinterpret_cast<float4*>(out.rows + std::int64_t{splat} * kRowFloats), g, color,
+                logit, basis.direction);
+    } else {
+      color_backward(frame, basis, color, own_row);
+      store_tensors(out, gaussian, g, color, logit);
+    }
+    const float du = by_footprint.u * 0.5f * static_cast<float>(frame.width);
+    const float dv = by_footprint.v * 0.5f * static_cast<float>(frame.height);
+    out.mean2d[gaussian] = sqrtf(du * du + dv * dv);
+    for (int k = 0; k < kPoseScalars; ++k) pose[k] = g.pose[k];
+  }
+  if constexpr (!kRows) {
+    __syncwarp();
+    store_sh(frame, in.sh_rest_count, wanted, gaussian, rows, out.sh_rest);
+  }
+  store_pose(pose, scratch.pose_partials);
+}
+
+/// One block a scalar.
+__global__ void add_up_kernel(BackwardScratch scratch, int pose_rows, int background_rows) {
+  __shared__ double parts[kReduceThreads];
+  const bool of_pose = blockIdx.x < kPoseScalars;
+  const int width = of_pose ? kPoseScalars : kBackgroundScalars;
+  const int column = static_cast<int>(of_pose ? blockIdx.x : blockIdx.x - kPoseScalars);
+  const float* const from = of_pose ? scratch.pose_partials : scratch.background_partials;
+  double sum = 0.0;
+  for (int row = static_cast<int>(threadIdx.x); row < (of_pose ? pose_rows : background_rows);
+       row += kReduceThreads) {
+    sum += static_cast<double>(from[row * width + column]);
+  }
+  parts[threadIdx.x] = sum;
+  for (int by = kReduceThreads / 2; by > 0; by /= 2) {
+    __syncthreads();
+    if (static_cast<int>(threadIdx.x) < by) parts[threadIdx.x] += parts[threadIdx.x + by];
+  }
+  if (threadIdx.x == 0) scratch.sums[blockIdx.x] = parts[0];
+}
+
+}  // namespace
+
+std::int64_t pose_partial_rows(std::uint32_t capacity) {
+  return (static_cast<std::int64_t>(capacity) + kProjectThreads - 1) / kProjectThreads;
+}
+
+cudaError_t launch_project_backward(const GaussianPointers& in, const Frame& frame,
+                                    const SplatPointers& splats, const float* slot_weight,
+                                    const BackwardScratch& scratch,
+                                    const GaussianGradientPointers& out, cudaStream_t stream) {
+  const auto blocks = static_cast<unsigned>(pose_partial_rows(splats.capacity));
+  const auto kernel =
+      out.rows != nullptr ? project_backward_kernel<true> : project_backward_kernel<false>;
+  kernel<<<blocks, kProjectThreads, 0, stream>>>(in, frame, splats, slot_weight, scratch, out);
+  add_up_kernel<<<kPoseScalars + kBackgroundScalars, kReduceThreads, 0, stream>>>(
+      scratch, static_cast<int>(blocks), frame.tiles() * kTileWarps);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::splat::cuda

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstddef>
+#include <cstdint>
+
+#include "apvi/splat/splat.hpp"
+
+/// Launchers of the rasterizer's kernels: pointers to device memory, sizes, a stream, and nothing
+/// of LibTorch. They return what the launches reported, and wait for nothing.
+///
+/// Gaussians that show become splats, in the order of the Gaussians. What a splat has to do with
+/// one tile is a slot; the slots of a splat lie next to each other, so that sums over them have an
+/// order and the derivatives the same bits from run to run. How many splats and slots there are is
+/// known on the device only: buffers have a capacity, what does not fit is left out, and the host
+/// reads the counts after everything has been launched, to launch again where they were too many.
+namespace apvi::splat::cuda {
+
+/// Floats of derivatives in a slot; see kSlotSize, whose last two are padding.
+inline constexpr int kSlotFloats = 10;
+inline constexpr int kProjectThreads = 128;
+/// Floats of a row of derivatives: by mean, log scales, quaternion, logit of opacity, by the colour
+/// (14 so far), the direction of view, padding. Those by the coefficients of colour are the basis
+/// at that direction times those by the colour, which whoever wants them multiplies himself.
+inline constexpr int kRowFloats = 20;
+inline constexpr int kPoseScalars = 6;
+inline constexpr int kBackgroundScalars = 3;
+/// Warps of a tile, each of which draws a block of 8x8 pixels.
+inline constexpr int kTileWarps = 4;
+inline constexpr int kTilePixels = kTileSize * kTileSize;
+/// Slots of a tile that one block draws. Tiles where the scene ends far away have a hundred times
+/// as many as others; cut in chunks they do not keep the device waiting.
+inline constexpr std::uint32_t kChunkSlots = 512;
+
+struct Frame {
+  Camera<float> camera;
+  int width, height;
+  int sh_degree;  ///< used
+  bool antialiased;
+
+  APVI_HD int tiles_x() const { return (width + kTileSize - 1) / kTileSize; }
+  APVI_HD int tiles_y() const { return (height + kTileSize - 1) / kTileSize; }
+  APVI_HD int tiles() const { return tiles_x() * tiles_y(); }
+};
+
+struct GaussianPointers {
+  std::int64_t count;
+  const float* means;            ///< [count,3]
+  const float* log_scales;       ///< [count,3]
+  const float* quaternions;      ///< [count,4]
+  const float* logit_opacities;  ///< [count]
+  const float* sh_dc;            ///< [count,3]
+  const float* sh_rest;          ///< [count,sh_rest_count,3]
+  int sh_rest_count;
+};
+
+struct Counts {
+  std::uint32_t splats, slots;
+};
+struct SlotRange {
+  std::uint32_t begin, count;
+};
+
+/// Blocks of the projection, each of which leaves one partial count.
+std::int64_t project_blocks(std::int64_t count);
+
+/// What the projection leaves.
+struct SplatPointers {
+  std::uint32_t capacity;
+  std::uint32_t slot_capacity;
+  Splat<float>* splats;             ///< [capacity]
+  std::uint32_t* gaussian;          ///< [capacity] of which Gaussian
+  SlotRange* slots;                 ///< [capacity]
+  std::uint32_t* depth_keys;        ///< [capacity] all bits set beyond the count
+  std::uint32_t* order;             ///< [capacity] 0, 1, ...; all bits set beyond the count
+  unsigned long long* block_state;  ///< [project_blocks + 1] zeros; the last counts the blocks
+  Counts* counts;                   ///< [1]
+  Counts* host_counts;              ///< the same in memory that the host reads
+};
+
+struct StatisticsPointers {
+  bool* visible;      ///< [count]
+  float* radii_px;    ///< [count]
+  float* max_weight;  ///< [count]
+  std::int32_t* row;  ///< [count] which splat; -1: none
+};
+
+cudaError_t launch_project(const GaussianPointers& in, const Frame& frame, const SplatPointers& out,
+                           const StatisticsPointers& statistics, cudaStream_t stream);
+
+/// Which slots each tile draws, in order.
+struct BinPointers {
+  std::uint32_t* slot_splat;   ///< [slot_capacity] of which splat
+  std::uint32_t* tile_slots;   ///< [slot_capacity] by tile, within it by depth
+  std::uint32_t* tile_begin;   ///< [tiles + 1]
+  std::uint32_t* chunk_begin;  ///< [tiles + 1] first chunk of each tile
+  std::uint32_t* chunk_tile;   ///< [chunk_capacity]
+  void* scratch;               ///< `bin_scratch_bytes`
+  std::size_t scratch_bytes;
+};
+/// Chunks that so many slots can make.
+std::uint32_t chunk_capacity(std::uint32_t slot_capacity, int tiles);
+std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
+cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                       cudaStream_t stream);
+
+struct ImagePointers {
+  const float* background;  ///< [3]
+  float* color;             ///< [H,W,3]
+  float* depth;             ///< [H,W]
+  float* alpha;             ///< [H,W]
+};
+/// What the chunks leave of each of their pixels, two to a thread.
+struct ChunkPointers {
+  float2* through;  ///< [chunks,128] how much light they let through, alone; not of a tile's last
+  float2* end;      ///< [chunks,128] light behind them; negative: finished in them, 0: before them
+  float4* sums;     ///< [chunks,128,2] weighted sums of colour and depth
+};
+/// `slot_weight` [slot_capacity] zeros: the largest weight of each slot. Fills in max_weight.
+cudaError_t launch_blend(const Frame& frame, const SplatPointers& splats, const BinPointers& bins,
+                         const ImagePointers& image, const ChunkPointers& chunks,
+                         float* slot_weight, const StatisticsPointers& statistics,
+                         cudaStream_t stream);
+
+struct ImageGradientPointers {
+  const float* color;  ///< [H,W,3]
+  const float* depth;  ///< [H,W] or null, for zero
+  const float* alpha;  ///< [H,W] or null, for zero
+};
+/// Where derivatives by the Gaussians go. Either into tensors like theirs, zeros before, of which
+/// only the rows of splats are written; or, when `rows` is not null, into rows by splat.
+struct GaussianGradientPointers {
+  float* rows;  ///< [capacity,kRowFloats]
+  float* means;
+  float* log_scales;
+  float* quaternions;
+  float* logit_opacities;
+  float* sh_dc;
+  float* sh_rest;
+  float* mean2d;  ///< [count] zeros before; always
+};
+struct BackwardScratch {
+  float* slot_gradient;        ///< [slot_capacity,kSlotFloats]
+  float* background_partials;  ///< [tiles * kTileWarps,kBackgroundScalars]
+  float* pose_partials;        ///< [blocks of splats,kPoseScalars]
+  double* sums;                ///< [kPoseScalars + kBackgroundScalars]: the results
+};
+std::int64_t pose_partial_rows(std::uint32_t capacity);
+cudaError_t launch_blend_backward(const Frame& frame, const SplatPointers& splats,
+                                  const BinPointers& bins, const ImagePointers& image,
+                                  const ChunkPointers& chunks, const float* slot_weight,
+                                  const ImageGradientPointers& grad, const BackwardScratch& scratch,
+                                  cudaStream_t stream);
+cudaError_t launch_project_backward(const GaussianPointers& in, const Frame& frame,
+                                    const SplatPointers& splats, const float* slot_weight,
+                                    const BackwardScratch& scratch,
+                                    const GaussianGradientPointers& out, cudaStream_t stream);
+
+}  // namespace apvi::splat::cuda
