@@ -100,10 +100,10 @@ std::string state_of(const std::string& element, const Elements& elements) {
 }
 
 bool is_under_way(const std::string& state) {
-  static const std::set<std::string> kUnderWay{
+  static const std::set<std::string> under_way{
       "PENDING",  "RUNNING", "CONFIGURING", "COMPLETING", "REQUEUED",    "SUSPENDED",
       "RESIZING", "STOPPED", "SIGNALING",   "STAGE_OUT",  "REQUEUE_HOLD"};
-  return kUnderWay.contains(state);
+  return under_way.contains(state);
 }
 
 class Cluster {
@@ -185,7 +185,7 @@ class Cluster {
     command.push_back(script.string());
     const Answer answer = ask(folder_, command);
     expect_success("sbatch", answer);
-    const std::string id(text::trim(answer.text.substr(0, answer.text.find(';'))));
+    std::string id(text::trim(answer.text.substr(0, answer.text.find(';'))));
     if (id.empty() || id.find_first_not_of("0123456789") != std::string::npos) {
       fail_run("sbatch: said \"{}\" where a job's number was expected", text::trim(answer.text));
     }
