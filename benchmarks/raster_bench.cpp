@@ -242,9 +242,9 @@ class Bench {
     render(map_, view_, {});
   }
 
-  /// Without the loss: its derivative by the image is given.
-  void forward_backward() {
-    const RenderOutput drawn = render(map_, view_, {});
+  /// Without the loss: its derivative by the image is given. `rows`: as the optimiser takes them.
+  void forward_backward(bool rows) {
+    const RenderOutput drawn = render(map_, view_, {.background = {}, .rows = rows});
     drawn.color.backward(target_);
   }
 
@@ -284,7 +284,10 @@ void run(const Arguments& arguments) {
   const auto clear = [&] { bench.clear(); };
   meter.forget_peak();
   const Timing forward = measure(meter, arguments.repeats, clear, [&] { bench.forward(); });
-  const Timing both = measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(); });
+  const Timing dense =
+      measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(false); });
+  const Timing both =
+      measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(true); });
   const double drawing_mib = meter.peak_mib();
   bench.clear();
   meter.forget_peak();
@@ -299,6 +302,7 @@ void run(const Arguments& arguments) {
               raster_backend(arguments.device).name().data());
   print_timing("forward", forward);
   print_timing("forward_backward", both);
+  print_timing("forward_backward_dense", dense);
   print_timing("training_step", step);
   std::printf(R"("drawing_mib": %.1f, "step_mib": %.1f, "copy_gb_s": %.0f, )"
               R"("all_parameters_read_ms": %.3f, "adam_floor_ms": %.3f})"

@@ -215,7 +215,7 @@ __global__ void __launch_bounds__(kChunkThreads)
     std::uint32_t own = 0;
     if (tile < tiles) {
       const std::uint32_t slots = bins.tile_begin[tile + 1] - bins.tile_begin[tile];
-      own = (slots + kChunkSlots - 1) / kChunkSlots;
+      own = (slots + bins.chunk_slots - 1) / bins.chunk_slots;
     }
     std::uint32_t at = 0;
     std::uint32_t all = 0;
@@ -256,7 +256,7 @@ cudaError_t bin(const Frame& frame, const SplatPointers& splats, const BinPointe
   find_tiles_kernel<<<blocks_for(std::uint64_t{splats.slot_capacity} + 1), kThreads, 0, stream>>>(
       parts.sorted_keys, splats.slot_capacity, frame.tiles(), out.tile_begin);
   find_chunks_kernel<<<1, kChunkThreads, 0, stream>>>(
-      frame.tiles(), out, chunk_capacity(splats.slot_capacity, frame.tiles()));
+      frame.tiles(), out, chunk_capacity(splats.slot_capacity, out.chunk_slots, frame.tiles()));
   return cudaGetLastError();
 }
 
@@ -264,8 +264,15 @@ constexpr int kShortKeys = 0xffff;
 
 }  // namespace
 
-std::uint32_t chunk_capacity(std::uint32_t slot_capacity, int tiles) {
-  return slot_capacity / kChunkSlots + static_cast<std::uint32_t>(tiles);
+std::uint32_t chunk_slots(std::uint32_t slot_capacity) {
+  constexpr std::uint32_t kBlocks = 4096;  // twice what a large device runs at once
+  std::uint32_t slots = kLeastChunkSlots;
+  while (slots < kMostChunkSlots && 2 * slots * kBlocks <= slot_capacity) slots *= 2;
+  return slots;
+}
+
+std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_slots, int tiles) {
+  return slot_capacity / chunk_slots + static_cast<std::uint32_t>(tiles);
 }
 
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {

@@ -87,15 +87,11 @@ struct Drawn {
 __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, std::int64_t i) {
   Drawn out;
   out.tiles = 0;
-  load3(g.means, i, out.mean);
-  const Camera<float>& camera = frame.camera;
-  const float z = camera.R[6] * out.mean[0] + camera.R[7] * out.mean[1] +
-                  camera.R[8] * out.mean[2] + camera.t[2];
-  if (!(z >= 0.999f * camera.near_m)) return out;  // `describe` decides; most are spared here
   const Shape shape = load_shape(g, frame, i);
+  for (int k = 0; k < 3; ++k) out.mean[k] = shape.mean[k];
   float record[16];
   const bool seen =
-      describe(camera, shape.f, shape.opacity * shape.fade, static_cast<float>(frame.width),
+      describe(frame.camera, shape.f, shape.opacity * shape.fade, static_cast<float>(frame.width),
                static_cast<float>(frame.height), record);
   out.splat = {.u = record[0],
                .v = record[1],
@@ -113,6 +109,18 @@ __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, s
                .radius = record[15]};
   if (seen) out.tiles = count_tiles(out.splat, frame);
   return out;
+}
+
+/// Whether the centre lies where most Gaussians that show have theirs.
+__device__ bool likely_seen(const GaussianPointers& g, const Camera<float>& camera,
+                            std::int64_t i) {
+  float mean[3];
+  float p[3];
+  load3(g.means, i, mean);
+  rotate(camera.R, mean, p);
+  for (int k = 0; k < 3; ++k) p[k] += camera.t[k];
+  return p[2] >= camera.near_m && p[0] >= camera.x_min * p[2] && p[0] <= camera.x_max * p[2] &&
+         p[1] >= camera.y_min * p[2] && p[1] <= camera.y_max * p[2];
 }
 
 __device__ void store(const SplatPointers& out, std::uint32_t to, const Drawn& drawn,
@@ -142,19 +150,12 @@ __global__ void __launch_bounds__(kProjectThreads)
   const std::int64_t i = static_cast<std::int64_t>(block) * kProjectThreads + threadIdx.x;
   Drawn drawn;
   drawn.tiles = 0;
-  if (i < g.count) drawn = find_footprint(g, frame, i);
   float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
-  fetch_sh(g, frame.sh_degree, drawn.tiles != 0, static_cast<std::uint32_t>(i), rows);
-  __pipeline_wait_prior(0);
-  __syncwarp();
-  if (drawn.tiles != 0) {
-    float color[3];
-    shade(g, frame, i, drawn.mean, rows + threadIdx.x % kWarp * kShStride, color);
-    for (int c = 0; c < 3; ++c) {
-      if (!(color[c] < 1e30f && color[c] > -1e30f)) drawn.tiles = 0;
-      drawn.splat.color[c] = at_least(color[c], 0.0f);
-    }
-  }
+  // The coefficients of most are on their way while their footprints are found.
+  const bool likely = i < g.count && likely_seen(g, frame.camera, i);
+  fetch_sh(g, frame.sh_degree, likely, static_cast<std::uint32_t>(i), rows);
+  if (i < g.count) drawn = find_footprint(g, frame, i);
+  fetch_sh(g, frame.sh_degree, drawn.tiles != 0 && !likely, static_cast<std::uint32_t>(i), rows);
   Packed at = 0;
   Packed own = 0;
   Scan(scan_storage).ExclusiveSum(pack(drawn.tiles != 0 ? 1 : 0, drawn.tiles), at, own);
@@ -166,16 +167,28 @@ __global__ void __launch_bounds__(kProjectThreads)
       *out.host_counts = *out.counts;
     }
   }
+  __pipeline_wait_prior(0);
   __syncthreads();
   at += before_shared;
   if (i >= g.count) return;
-  statistics.visible[i] = drawn.tiles != 0;
-  statistics.radii_px[i] = drawn.tiles != 0 ? drawn.splat.radius : 0.0f;
-  statistics.max_weight[i] = 0.0f;
-  statistics.row[i] = drawn.tiles != 0 ? static_cast<std::int32_t>(splats_in(at)) : -1;
-  if (drawn.tiles != 0) {
+  bool shows = drawn.tiles != 0;
+  if (shows) {
+    float color[3];
+    shade(g, frame, i, drawn.mean, rows + threadIdx.x % kWarp * kShStride, color);
+    for (int c = 0; c < 3; ++c) {
+      if (!(color[c] < 1e30f && color[c] > -1e30f)) shows = false;
+      drawn.splat.color[c] = shows ? at_least(color[c], 0.0f) : 0.0f;
+    }
+    if (!shows) {  // it has its place already, but touches no pixel
+      drawn.splat.e_0 = -INFINITY;
+      drawn.splat.radius = 0.0f;
+    }
     store(out, splats_in(at), drawn, static_cast<std::uint32_t>(i), slots_in(at));
   }
+  statistics.visible[i] = shows;
+  statistics.radii_px[i] = shows ? drawn.splat.radius : 0.0f;
+  statistics.max_weight[i] = 0.0f;
+  statistics.row[i] = shows ? static_cast<std::int32_t>(splats_in(at)) : -1;
 }
 
 }  // namespace

@@ -150,7 +150,8 @@ __global__ void __launch_bounds__(kProjectThreads)
   float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
   float* const own_row = rows + threadIdx.x % kWarp * kShStride;
   const std::uint32_t splat = blockIdx.x * kProjectThreads + threadIdx.x;
-  const bool wanted = splat < min(splats.counts->splats, splats.capacity);
+  const bool wanted =
+      splat < min(splats.counts->splats, splats.capacity) && splats.splats[splat].radius > 0.0f;
   const std::uint32_t gaussian = wanted ? splats.gaussian[splat] : 0;
   fetch_sh(in, frame.sh_degree, wanted, gaussian, rows);
   const SlotRange slots = wanted ? splats.slots[splat] : SlotRange{0, 0};

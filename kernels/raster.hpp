@@ -32,7 +32,8 @@ inline constexpr int kTileWarps = 4;
 inline constexpr int kTilePixels = kTileSize * kTileSize;
 /// Slots of a tile that one block draws. Tiles where the scene ends far away have a hundred times
 /// as many as others; cut in chunks they do not keep the device waiting.
-inline constexpr std::uint32_t kChunkSlots = 512;
+inline constexpr std::uint32_t kLeastChunkSlots = 128;
+inline constexpr std::uint32_t kMostChunkSlots = 1024;
 
 struct Frame {
   Camera<float> camera;
@@ -95,13 +96,15 @@ struct BinPointers {
   std::uint32_t* slot_splat;   ///< [slot_capacity] of which splat
   std::uint32_t* tile_slots;   ///< [slot_capacity] by tile, within it by depth
   std::uint32_t* tile_begin;   ///< [tiles + 1]
+  std::uint32_t chunk_slots;   ///< that `chunk_slots` says
   std::uint32_t* chunk_begin;  ///< [tiles + 1] first chunk of each tile
   std::uint32_t* chunk_tile;   ///< [chunk_capacity]
   void* scratch;               ///< `bin_scratch_bytes`
   std::size_t scratch_bytes;
 };
-/// Chunks that so many slots can make.
-std::uint32_t chunk_capacity(std::uint32_t slot_capacity, int tiles);
+/// Slots of a chunk, so that there are chunks for the whole device, and how many there can be.
+std::uint32_t chunk_slots(std::uint32_t slot_capacity);
+std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_slots, int tiles);
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
 cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
                        cudaStream_t stream);

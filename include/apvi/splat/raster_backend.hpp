@@ -76,7 +76,7 @@ class RasterBackend {
 /// every instruction set that this processor has and the float path can use; the fastest first.
 const std::vector<const RasterBackend*>& cpu_raster_backends();
 
-/// kernels/cuda_backend.cpp, in builds with APVI_BACKEND=cuda; float32.
+/// kernels/cuda_raster.cpp, in builds with APVI_BACKEND=cuda; float32.
 const RasterBackend& cuda_raster_backend();
 
 /// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.

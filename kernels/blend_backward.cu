@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The derivative of the blending, by the same walk again.
+#include "tile_walk.cuh"
+
+namespace apvi::splat::cuda {
+namespace {
+
+constexpr int kBackwardBatch = 64;
+
+/// What the walk back needs of a pixel: derivatives of the loss by colour, by the sum of weighted
+/// depths, by alpha; and the part of the weighted sum of all that is still to come.
+struct PixelGradient {
+  float color[3];
+  float depth, alpha, rest;
+};
+
+__device__ PixelGradient gradient_at(const ImagePointers& image, const ImageGradientPointers& grad,
+                                     std::int64_t at) {
+  PixelGradient out = {};
+  const float opacity = image.alpha[at];
+  if (grad.alpha != nullptr) out.alpha = grad.alpha[at];
+  out.rest = out.alpha * opacity;
+  if (grad.depth != nullptr) {
+    out.depth = opacity > 0.0f ? grad.depth[at] / opacity : 0.0f;
+    out.alpha -= out.depth * image.depth[at];
+  }
+  for (int c = 0; c < 3; ++c) {
+    out.color[c] = grad.color[3 * at + c];
+    out.rest = fmaf(out.color[c], image.color[3 * at + c], out.rest);
+  }
+  return out;
+}
+
+/// Sums ten values over a warp: at every step each half of the lanes keeps half of the values. The
+/// sum of value k ends in the lanes that `holder` names.
+__device__ float sum_ten(const float (&v)[kSlotFloats]) {
+  const int lane = static_cast<int>(threadIdx.x) % kWarp;
+  const auto swap = [lane](float low, float high, int bit) {
+    const bool upper = (lane & bit) != 0;
+    const float give = upper ? low : high;
+    return (upper ? high : low) + __shfl_xor_sync(kAllLanes, give, bit);
+  };
+  float five[5];
+  for (int k = 0; k < 5; ++k) five[k] = swap(v[k], v[k + 5], 16);
+  const float three[3] = {swap(five[0], five[3], 8), swap(five[1], five[4], 8),
+                          swap(five[2], 0.0f, 8)};
+  const float two[2] = {swap(three[0], three[2], 4), swap(three[1], 0.0f, 4)};
+  float one = swap(two[0], two[1], 2);
+  one += __shfl_xor_sync(kAllLanes, one, 1);
+  return one;
+}
+/// Which value a lane holds after `sum_ten`; -1: none.
+__device__ int value_of_lane() {
+  const unsigned lane = threadIdx.x % kWarp;
+  if ((lane & 1U) != 0) return -1;
+  const int two = (lane & 2U) != 0 ? 1 : 0;
+  int three = two;
+  if ((lane & 4U) != 0) three = two == 0 ? 2 : 3;  // of three, the fourth is none
+  if (three == 3) return -1;
+  int five = three;
+  if ((lane & 8U) != 0) five = three == 2 ? 5 : three + 3;
+  if (five == 5) return -1;
+  return (lane & 16U) != 0 ? five + 5 : five;
+}
+
+struct BackwardShared {
+  Batch<kBackwardBatch> batch;
+  float sums[kTileWarps][kBackwardBatch][kSlotFloats];
+  unsigned long long written[kTileWarps];
+};
+
+/// One splat's derivatives at the pixels of a thread; whether any has it.
+__device__ bool walk_back(const Drawable& s, const Reach& reach, float (&light)[kPixels],
+                          PixelGradient (&grad)[kPixels], float (&sum)[kSlotFloats]) {
+  for (float& x : sum) x = 0.0f;
+  bool any = false;
+#pragma unroll
+  for (int p = 0; p < kPixels; ++p) {
+    const Share share = pass(reach, p, light[p]);
+    any = any || share.drawn;
+    PixelGradient& g = grad[p];
+    float value = fmaf(g.color[0], s.red, g.alpha);
+    value = fmaf(g.color[1], s.green, value);
+    value = fmaf(g.color[2], s.blue, value);
+    value = fmaf(g.depth, s.z, value);
+    g.rest = fmaf(-share.weight, value, g.rest);
+    // By ln(alpha), which is weight (value - what lies behind); nothing where alpha is cut.
+    const float behind = __fdividef(g.rest * share.alpha, 1.0f - share.alpha);
+    const bool moves = share.drawn && reach.uncut[p] <= static_cast<float>(kMaxAlpha);
+    const float v = moves ? fmaf(share.weight, value, -behind) : 0.0f;
+    for (int c = 0; c < 3; ++c) sum[c] = fmaf(share.weight, g.color[c], sum[c]);
+    sum[3] = fmaf(share.weight, g.depth, sum[3]);
+    sum[4] += v;
+    sum[7] = fmaf(v, reach.dy[p], sum[7]);
+    sum[8] = fmaf(v * reach.dy[p], reach.dy[p], sum[8]);
+  }
+  sum[5] = sum[4] * reach.dx;
+  sum[6] = sum[5] * reach.dx;
+  sum[9] = sum[7] * reach.dx;
+  return any;
+}
+
+/// Adds up what the warps found for the splats of a batch, in their order.
+__device__ void store_batch(const BackwardShared& shared, int count, float* slot_gradient) {
+  for (int k = static_cast<int>(threadIdx.x); k < count * kSlotFloats; k += kThreads) {
+    const int at = k / kSlotFloats;
+    const int value = k % kSlotFloats;
+    float sum = 0.0f;
+    for (int warp = 0; warp < kTileWarps; ++warp) {
+      if ((shared.written[warp] >> at & 1U) != 0) sum += shared.sums[warp][at][value];
+    }
+    slot_gradient[static_cast<std::int64_t>(shared.batch.slot[at]) * kSlotFloats + value] = sum;
+  }
+}
+
+/// Takes what the chunks before have from what is still to come.
+__device__ void take_before(const Chunk& chunk, const ChunkPointers& chunks,
+                            PixelGradient (&grad)[kPixels]) {
+  float start[kPixels] = {1.0f, 1.0f};
+#pragma unroll 4
+  for (std::uint32_t k = chunk.first; k < chunk.id; ++k) {
+    const float2 ends = chunks.end[k * kThreads + threadIdx.x];
+    const float end[kPixels] = {fabsf(ends.x), fabsf(ends.y)};
+    for (int p = 0; p < kPixels; ++p) {
+      const float4 part = chunks.sums[kPixels * (k * kThreads + threadIdx.x) + p];
+      PixelGradient& g = grad[p];
+      g.rest -= part.x * g.color[0] + part.y * g.color[1] + part.z * g.color[2] + part.w * g.depth +
+                (start[p] - end[p]) * g.alpha;
+      start[p] = end[p];
+    }
+  }
+}
+
+/// Sums over the warp of what the background has to do with the loss.
+__device__ void store_background(const float (&background)[kBackgroundScalars], int tile,
+                                 float* partials) {
+  const int warp = static_cast<int>(threadIdx.x) / kWarp;
+  for (int c = 0; c < kBackgroundScalars; ++c) {
+    float sum = background[c];
+    for (int by = kWarp / 2; by > 0; by /= 2) sum += __shfl_xor_sync(kAllLanes, sum, by);
+    if (threadIdx.x % kWarp == 0) {
+      partials[(tile * kTileWarps + warp) * kBackgroundScalars + c] = sum;
+    }
+  }
+}
+
+__global__ void __launch_bounds__(kThreads)
+    background_backward_kernel(Frame frame, ImagePointers image, const float* grad_color,
+                               float* partials) {
+  const auto tile = static_cast<int>(blockIdx.x);
+  const Place place({tile % frame.tiles_x() * kTileSize, tile / frame.tiles_x() * kTileSize});
+  float background[kBackgroundScalars] = {};
+  for (int p = 0; p < kPixels; ++p) {
+    if (!place.inside(frame, p)) continue;
+    const std::int64_t at = place.index(frame, p);
+    for (int c = 0; c < kBackgroundScalars; ++c) {
+      background[c] += (1.0f - image.alpha[at]) * grad_color[3 * at + c];
+    }
+  }
+  store_background(background, tile, partials);
+}
+
+__global__ void __launch_bounds__(kThreads)
+    blend_backward_kernel(Frame frame, SplatPointers splats, BinPointers bins, ImagePointers image,
+                          ChunkPointers chunks, const float* slot_weight,
+                          ImageGradientPointers image_grad, float* slot_gradient) {
+  __shared__ BackwardShared shared;
+  const Chunk chunk(frame, bins, splats.slot_capacity);
+  if (chunk.none) return;
+  const Corner tile = chunk.corner(frame);
+  const Place place(tile);
+  const int warp = static_cast<int>(threadIdx.x) / kWarp;
+  const int own_value = value_of_lane();
+  float light[kPixels];
+  PixelGradient grad[kPixels] = {};
+  light_before(chunk, place, frame, chunks, light);
+  for (int p = 0; p < kPixels; ++p) {
+    if (place.inside(frame, p)) grad[p] = gradient_at(image, image_grad, place.index(frame, p));
+  }
+  take_before(chunk, chunks, grad);
+  for (std::uint32_t begin = chunk.begin; begin < chunk.end; begin += kBackwardBatch) {
+    if (__syncthreads_or(any_live(light)) == 0) break;
+    fill<kBackwardBatch, true>(shared.batch, frame, tile, splats, bins, begin, chunk.end,
+                               slot_weight);
+    __syncthreads();
+    const int count = min(kBackwardBatch, static_cast<int>(chunk.end - begin));
+    unsigned long long written = 0;
+    for (int base = 0; base < count; base += kWarp) {
+      const auto draw = [&](int at, const Drawable& s, const Reach& reach) {
+        float sum[kSlotFloats];
+        const bool any = walk_back(s, reach, light, grad, sum);
+        if (!__any_sync(kAllLanes, any)) return;
+        written |= 1ULL << at;
+        const float total = sum_ten(sum);
+        if (own_value >= 0) shared.sums[warp][at][own_value] = total;
+      };
+      for_each_touching(shared.batch, base, place, draw);
+    }
+    if (threadIdx.x % kWarp == 0) shared.written[warp] = written;
+    __syncthreads();
+    store_batch(shared, count, slot_gradient);
+  }
+}
+
+}  // namespace
+
+cudaError_t launch_blend_backward(const Frame& frame, const SplatPointers& splats,
+                                  const BinPointers& bins, const ImagePointers& image,
+                                  const ChunkPointers& chunks, const float* slot_weight,
+                                  const ImageGradientPointers& grad, const BackwardScratch& scratch,
+                                  cudaStream_t stream) {
+  const unsigned blocks = chunk_capacity(splats.slot_capacity, bins.chunk_slots, frame.tiles());
+  blend_backward_kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, image, chunks,
+                                                         slot_weight, grad, scratch.slot_gradient);
+  background_backward_kernel<<<static_cast<unsigned>(frame.tiles()), kThreads, 0, stream>>>(
+      frame, image, grad.color, scratch.background_partials);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::splat::cuda

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The rasterizer on the GPU: what is launched in which order and where it is kept.
+#include <ATen/cuda/CUDAContext.h>
+#include <ATen/cuda/CUDAEvent.h>
+#include <c10/cuda/CUDAException.h>
+#include <c10/cuda/CUDAGuard.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+
+#include "apvi/splat/camera.hpp"
+#include "apvi/splat/raster_backend.hpp"
+#include "raster.hpp"
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+
+/// How many splats and slots the last picture of this thread had, and where the next one's counts
+/// are awaited. Consecutive pictures of a map are much alike.
+struct RasterMemory {
+  cuda::Counts last = {0, 0};
+  Tensor host_counts = torch::empty({2}, torch::dtype(torch::kInt32).pinned_memory(true));
+  at::cuda::CUDAEvent counted;
+
+  cuda::Counts* counts() {
+    return reinterpret_cast<cuda::Counts*>(host_counts.data_ptr<std::int32_t>());
+  }
+};
+RasterMemory& raster_memory() {
+  static thread_local RasterMemory memory;
+  return memory;
+}
+
+/// Room for a little more than so many.
+std::uint32_t with_slack(std::uint32_t count) {
+  return count + count / 8 + 1024;
+}
+
+/// Cuts one allocation into parts, each on a boundary of 256 bytes.
+class Parts {
+ public:
+  std::int64_t take(std::int64_t bytes) {
+    const std::int64_t at = size_;
+    size_ += (bytes + 255) / 256 * 256;
+    return at;
+  }
+  std::int64_t size() const { return size_; }
+
+ private:
+  std::int64_t size_ = 0;
+};
+
+cuda::GaussianPointers to_pointers(const Gaussians& g) {
+  return {.count = g.size(),
+          .means = g.means.data_ptr<float>(),
+          .log_scales = g.log_scales.data_ptr<float>(),
+          .quaternions = g.quaternions.data_ptr<float>(),
+          .logit_opacities = g.logit_opacities.data_ptr<float>(),
+          .sh_dc = g.sh_dc.data_ptr<float>(),
+          .sh_rest = g.sh_rest.data_ptr<float>(),
+          .sh_rest_count = static_cast<int>(g.sh_rest.size(1))};
+}
+
+cuda::Frame to_frame(const RasterInput& input) {
+  return {.camera = make_camera<float>(input.T_camera_world.data_ptr<double>(), input.intrinsics,
+                                       input.near_m, input.low_pass_px2),
+          .width = input.intrinsics.width,
+          .height = input.intrinsics.height,
+          .sh_degree = input.sh_degree,
+          .antialiased = input.antialiased};
+}
+
+/// What is kept for the backward pass: memory for so many splats and slots.
+class RasterBuffers {
+ public:
+  RasterBuffers(const cuda::Counts& capacity, const cuda::Frame& frame, const Gaussians& gaussians)
+      : capacity_(capacity), frame_(frame), layout_(capacity, frame.tiles()) {
+    const auto options = gaussians.means.options();
+    memory_ = torch::empty({layout_.parts.size()}, options.dtype(torch::kUInt8));
+    row_ = torch::empty({gaussians.size()}, options.dtype(torch::kInt32));
+  }
+  RasterBuffers(const RasterState& state, const cuda::Frame& frame)
+      : capacity_{static_cast<std::uint32_t>(state[1].data_ptr<std::int64_t>()[0]),
+                  static_cast<std::uint32_t>(state[1].data_ptr<std::int64_t>()[1])},
+        frame_(frame),
+        layout_(capacity_, frame.tiles()),
+        memory_(state[0]),
+        row_(state[2]) {}
+
+  RasterState state() const {
+    return {memory_,
+            torch::tensor({static_cast<std::int64_t>(capacity_.splats),
+                           static_cast<std::int64_t>(capacity_.slots)}),
+            row_};
+  }
+  /// [N] int32: which splat a Gaussian is; -1: none.
+  const Tensor& row() const { return row_; }
+  cuda::SplatPointers splats() const {
+    return {.capacity = capacity_.splats,
+            .slot_capacity = capacity_.slots,
+            .splats = at<Splat<float>>(layout_.splats),
+            .gaussian = at<std::uint32_t>(layout_.gaussian),
+            .slots = at<cuda::SlotRange>(layout_.slots),
+            .depth_keys = nullptr,
+            .order = nullptr,
+            .block_state = nullptr,
+            .counts = at<cuda::Counts>(layout_.counts),
+            .host_counts = nullptr};
+  }
+  cuda::BinPointers bins() const {
+    return {.slot_splat = at<std::uint32_t>(layout_.slot_splat),
+            .tile_slots = at<std::uint32_t>(layout_.tile_slots),
+            .tile_begin = at<std::uint32_t>(layout_.tile_begin),
+            .chunk_slots = cuda::chunk_slots(capacity_.slots),
+            .chunk_begin = at<std::uint32_t>(layout_.chunk_begin),
+            .chunk_tile = at<std::uint32_t>(layout_.chunk_tile),
+            .scratch = nullptr,
+            .scratch_bytes = 0};
+  }
+  cuda::ChunkPointers chunks() const {
+    return {.through = at<float2>(layout_.through),
+            .end = at<float2>(layout_.end),
+            .sums = at<float4>(layout_.sums)};
+  }
+  float* slot_weight() const { return at<float>(layout_.slot_weight); }
+  const cuda::Frame& frame() const { return frame_; }
+  const cuda::Counts& capacity() const { return capacity_; }
+
+ private:
+  struct Layout {
+    Parts parts;
+    std::int64_t splats, gaussian, slots, counts, slot_splat, tile_slots, tile_begin, slot_weight;
+    std::int64_t chunk_begin, chunk_tile, through, end, sums;
+
+    Layout(const cuda::Counts& n, int tiles)
+        : splats(parts.take(std::int64_t{n.splats} * 64)),
+          gaussian(parts.take(std::int64_t{n.splats} * 4)),
+          slots(parts.take(std::int64_t{n.splats} * 8)),
+          counts(parts.take(8)),
+          slot_splat(parts.take(std::int64_t{n.slots} * 4)),
+          tile_slots(parts.take(std::int64_t{n.slots} * 4)),
+          tile_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
+          slot_weight(parts.take(std::int64_t{n.slots} * 4)),
+          chunk_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
+          chunk_tile(parts.take(chunks(n, tiles) * 4)),
+          through(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
+          end(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
+          sums(parts.take(chunks(n, tiles) * cuda::kTilePixels * 16)) {}
+
+    static std::int64_t chunks(const cuda::Counts& n, int tiles) {
+      return cuda::chunk_capacity(n.slots, cuda::chunk_slots(n.slots), tiles);
+    }
+  };
+
+  template <typename P>
+  P* at(std::int64_t offset) const {
+    return reinterpret_cast<P*>(memory_.data_ptr<std::uint8_t>() + offset);
+  }
+
+  cuda::Counts capacity_;
+  cuda::Frame frame_;
+  Layout layout_;
+  Tensor memory_;
+  Tensor row_;
+};
+
+/// Launches the whole forward pass with room for `capacity`; the counts are on their way to
+/// `memory` when it returns.
+RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
+                             const cuda::Counts& capacity, RasterMemory& memory) {
+  const auto stream = at::cuda::getCurrentCUDAStream();
+  const cuda::GaussianPointers gaussians = to_pointers(input.gaussians);
+  RasterBuffers buffers(capacity, to_frame(input), input.gaussians);
+  const cuda::Frame& frame = buffers.frame();
+  cuda::SplatPointers splats = buffers.splats();
+  cuda::BinPointers bins = buffers.bins();
+  const std::int64_t ids = std::int64_t{capacity.splats} * 4;
+  const std::int64_t states = (cuda::project_blocks(gaussians.count) + 1) * 8;
+  bins.scratch_bytes = cuda::bin_scratch_bytes(capacity.splats, capacity.slots, frame.tiles());
+  const Tensor scratch =
+      torch::empty({states + 2 * ids + 512 + static_cast<std::int64_t>(bins.scratch_bytes)},
+                   input.gaussians.means.options().dtype(torch::kUInt8));
+  auto* const bytes = scratch.data_ptr<std::uint8_t>();
+  const std::int64_t first = (states + 2 * ids + 255) / 256 * 256;
+  splats.block_state = reinterpret_cast<unsigned long long*>(bytes);
+  splats.depth_keys = reinterpret_cast<std::uint32_t*>(bytes + states);
+  splats.order = splats.depth_keys + capacity.splats;
+  splats.host_counts = memory.counts();
+  bins.scratch = bytes + first;
+  C10_CUDA_CHECK(cudaMemsetAsync(bytes, 0, static_cast<std::size_t>(states), stream));
+  C10_CUDA_CHECK(cudaMemsetAsync(bytes + states, 0xff, static_cast<std::size_t>(2 * ids), stream));
+  C10_CUDA_CHECK(
+      cudaMemsetAsync(buffers.slot_weight(), 0, std::size_t{4} * capacity.slots, stream));
+  const cuda::StatisticsPointers statistics = {.visible = out.visible.data_ptr<bool>(),
+                                               .radii_px = out.radii_px.data_ptr<float>(),
+                                               .max_weight = out.max_weight.data_ptr<float>(),
+                                               .row = buffers.row().data_ptr<std::int32_t>()};
+  C10_CUDA_CHECK(cuda::launch_project(gaussians, frame, splats, statistics, stream));
+  memory.counted.record(stream);
+  C10_CUDA_CHECK(cuda::launch_bin(frame, splats, bins, stream));
+  const cuda::ImagePointers image = {.background = input.background.data_ptr<float>(),
+                                     .color = out.color.data_ptr<float>(),
+                                     .depth = out.depth.data_ptr<float>(),
+                                     .alpha = out.alpha.data_ptr<float>()};
+  C10_CUDA_CHECK(cuda::launch_blend(frame, splats, bins, image, buffers.chunks(),
+                                    buffers.slot_weight(), statistics, stream));
+  return buffers;
+}
+
+/// Zeros for all derivatives in one allocation, cleared at once.
+Gaussians zero_gradients(const Gaussians& like, Tensor& mean2d) {
+  const auto from = like.tensors();
+  std::int64_t values = like.size() + 4;
+  for (const Tensor* tensor : from) values += (tensor->numel() + 3) / 4 * 4;
+  const Tensor all = torch::zeros({values}, like.means.options());
+  Gaussians out;
+  const auto to = out.tensors();
+  std::int64_t at = 0;
+  for (std::size_t k = 0; k < to.size(); ++k) {
+    *to[k] = all.narrow(0, at, from[k]->numel()).view(from[k]->sizes());
+    at += (from[k]->numel() + 3) / 4 * 4;  // so that each begins where four can be read at once
+  }
+  mean2d = all.narrow(0, at, like.size());
+  return out;
+}
+
+class CudaRasterBackend final : public RasterBackend {
+ public:
+  std::string_view name() const override { return "cuda"; }
+
+  /// Everything is launched with room for a little more than the last picture took; the counts are
+  /// looked at when the device has work for the meantime, and only if they say that the room was
+  /// too small is it done again.
+  RasterOutput forward(const RasterInput& input) const override {
+    const torch::NoGradGuard no_grad;
+    const c10::cuda::CUDAGuard guard(input.gaussians.means.device());
+    const auto options = input.gaussians.means.options();
+    const std::int64_t n = input.gaussians.size();
+    const std::int64_t height = input.intrinsics.height;
+    const std::int64_t width = input.intrinsics.width;
+    RasterOutput out = {.color = torch::empty({height, width, 3}, options),
+                        .depth = torch::empty({height, width}, options),
+                        .alpha = torch::empty({height, width}, options),
+                        .visible = torch::empty({n}, options.dtype(torch::kBool)),
+                        .radii_px = torch::empty({n}, options),
+                        .max_weight = torch::empty({n}, options),
+                        .state = {}};
+    RasterMemory& memory = raster_memory();
+    while (true) {
+      const cuda::Counts room = {
+          static_cast<std::uint32_t>(std::min<std::int64_t>(with_slack(memory.last.splats), n + 1)),
+          with_slack(memory.last.slots)};
+      const RasterBuffers buffers = launch_forward(input, out, room, memory);
+      memory.counted.synchronize();
+      memory.last = *memory.counts();
+      TORCH_CHECK(memory.last.slots < (1U << 31U), "render: ", n, " Gaussians touch ",
+                  memory.last.slots, " tiles, which is too much to sort");
+      if (memory.last.splats > room.splats || memory.last.slots > room.slots) continue;
+      out.state = buffers.state();
+      return out;
+    }
+  }
+
+  bool has_rows() const override { return true; }
+
+  RasterInputGradient backward(const RasterInput& input, const RasterOutput& output,
+                               const RasterOutputGradient& grad, bool as_rows) const override {
+    const torch::NoGradGuard no_grad;
+    const c10::cuda::CUDAGuard guard(input.gaussians.means.device());
+    const auto stream = at::cuda::getCurrentCUDAStream();
+    const auto options = input.gaussians.means.options();
+    const RasterBuffers buffers(output.state, to_frame(input));
+    const cuda::Frame& frame = buffers.frame();
+    const cuda::Counts& room = buffers.capacity();
+    const Tensor slot_gradient =
+        torch::empty({std::int64_t{room.slots} * cuda::kSlotFloats}, options);
+    const Tensor partials =
+        torch::empty({std::int64_t{frame.tiles()} * cuda::kTileWarps * cuda::kBackgroundScalars +
+                      cuda::pose_partial_rows(room.splats) * cuda::kPoseScalars},
+                     options);
+    const Tensor sums = torch::empty({cuda::kPoseScalars + cuda::kBackgroundScalars},
+                                     options.dtype(torch::kFloat64));
+    const cuda::BackwardScratch scratch = {
+        .slot_gradient = slot_gradient.data_ptr<float>(),
+        .background_partials = partials.data_ptr<float>(),
+        .pose_partials = partials.data_ptr<float>() +
+                         std::int64_t{frame.tiles()} * cuda::kTileWarps * cuda::kBackgroundScalars,
+        .sums = sums.data_ptr<double>()};
+    const cuda::ImagePointers image = {.background = input.background.data_ptr<float>(),
+                                       .color = output.color.data_ptr<float>(),
+                                       .depth = output.depth.data_ptr<float>(),
+                                       .alpha = output.alpha.data_ptr<float>()};
+    const cuda::ImageGradientPointers image_grad = {
+        .color = grad.color.data_ptr<float>(),
+        .depth = grad.depth.defined() ? grad.depth.data_ptr<float>() : nullptr,
+        .alpha = grad.alpha.defined() ? grad.alpha.data_ptr<float>() : nullptr};
+    C10_CUDA_CHECK(cuda::launch_blend_backward(frame, buffers.splats(), buffers.bins(), image,
+                                               buffers.chunks(), buffers.slot_weight(), image_grad,
+                                               scratch, stream));
+    RasterInputGradient out;
+    const cuda::GaussianGradientPointers to =
+        as_rows ? make_rows(input, buffers, out) : make_tensors(input.gaussians, out);
+    C10_CUDA_CHECK(cuda::launch_project_backward(to_pointers(input.gaussians), frame,
+                                                 buffers.splats(), buffers.slot_weight(), scratch,
+                                                 to, stream));
+    out.pose = sums.narrow(0, 0, cuda::kPoseScalars);
+    out.background = sums.narrow(0, cuda::kPoseScalars, cuda::kBackgroundScalars).to(options);
+    return out;
+  }
+
+ private:
+  static cuda::GaussianGradientPointers make_rows(const RasterInput& input,
+                                                  const RasterBuffers& buffers,
+                                                  RasterInputGradient& out) {
+    const auto options = input.gaussians.means.options();
+    out.rows = {.row = buffers.row(),
+                .values = torch::empty({std::int64_t{buffers.capacity().splats}, cuda::kRowFloats},
+                                       options),
+                .sh_degree = input.sh_degree};
+    out.mean2d = torch::zeros({input.gaussians.size()}, options);
+    cuda::GaussianGradientPointers to = {};
+    to.rows = out.rows.values.data_ptr<float>();
+    to.mean2d = out.mean2d.data_ptr<float>();
+    return to;
+  }
+
+  static cuda::GaussianGradientPointers make_tensors(const Gaussians& gaussians,
+                                                     RasterInputGradient& out) {
+    out.gaussians = zero_gradients(gaussians, out.mean2d);
+    return {.rows = nullptr,
+            .means = out.gaussians.means.data_ptr<float>(),
+            .log_scales = out.gaussians.log_scales.data_ptr<float>(),
+            .quaternions = out.gaussians.quaternions.data_ptr<float>(),
+            .logit_opacities = out.gaussians.logit_opacities.data_ptr<float>(),
+            .sh_dc = out.gaussians.sh_dc.data_ptr<float>(),
+            .sh_rest = out.gaussians.sh_rest.data_ptr<float>(),
+            .mean2d = out.mean2d.data_ptr<float>()};
+  }
+};
+
+}  // namespace
+
+const RasterBackend& cuda_raster_backend() {
+  static const CudaRasterBackend backend;
+  return backend;
+}
+
+}  // namespace apvi::splat
