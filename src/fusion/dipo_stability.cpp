@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <vector>
 
 namespace apvi::fusion {
 namespace {
@@ -16,11 +16,27 @@ constexpr std::array<std::string_view, 9> kReasons{
     "position_growing"};
 static_assert(kReasons.size() == static_cast<std::size_t>(StabilityReason::position_growing) + 1);
 
-// One sigma of the worst direction of a block.
-double worst_sigma(const Matrix6& covariance, int at) {
-  const Eigen::Matrix3d block = symmetric(covariance).block<3, 3>(at, at);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(block, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues()(2)));
+// One sigma of the worst direction.
+template <int N>
+double worst_sigma(const Eigen::Matrix<double, N, N>& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> solver(covariance,
+                                                                          Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()(N - 1)));
+}
+
+// About the axes that lie level in the world.
+double tilt_sigma(const PoseEstimate& dipo) {
+  const Eigen::Matrix3d R = dipo.T_world_body.rotation.toRotationMatrix();
+  const Eigen::Matrix3d block = symmetric(dipo.covariance).topLeftCorner<3, 3>();
+  return worst_sigma<2>((R * block * R.transpose()).topLeftCorner<2, 2>());
+}
+
+// Of two in the middle the larger. A ping that was turned down as an outlier says nothing of DIPO.
+double median(const std::deque<double>& of) {
+  std::vector<double> values(of.begin(), of.end());
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 }  // namespace
@@ -42,7 +58,7 @@ Stability DipoStability::check(Stamp now, const std::optional<PoseEstimate>& dip
   if (!dipo) return {StabilityReason::absent};
   if (!is_finite(*dipo)) return {StabilityReason::not_finite};
   // The covariance is looked at in any case: its past must have no holes.
-  const Stability covariance = check_covariance(now, dipo->covariance);
+  const Stability covariance = check_covariance(now, *dipo);
   const Stability pings = check_pings(now);
   return pings.stable() ? covariance : pings;
 }
@@ -52,16 +68,15 @@ Stability DipoStability::check_pings(Stamp now) const {
   const double age = seconds_between(*last_used_, now);
   if (age > config_.max_dvl_age_s) return {StabilityReason::dvl_old, age, config_.max_dvl_age_s};
   if (!nis_.empty()) {
-    const double mean =
-        std::accumulate(nis_.begin(), nis_.end(), 0.0) / static_cast<double>(nis_.size());
-    if (!(mean <= config_.max_nis)) return {StabilityReason::innovations, mean, config_.max_nis};
+    const double usual = median(nis_);
+    if (!(usual <= config_.max_nis)) return {StabilityReason::innovations, usual, config_.max_nis};
   }
   return {StabilityReason::stable};
 }
 
-Stability DipoStability::check_covariance(Stamp now, const Matrix6& covariance) {
-  const double rotation = worst_sigma(covariance, 0) / kRadiansPerDegree;
-  const double position = worst_sigma(covariance, 3);
+Stability DipoStability::check_covariance(Stamp now, const PoseEstimate& dipo) {
+  const double rotation = tilt_sigma(dipo) / kRadiansPerDegree;
+  const double position = worst_sigma<3>(symmetric(dipo.covariance).bottomRightCorner<3, 3>());
   sigmas_.push_back({now, position});
   const Duration window = Duration::from_seconds(config_.growth_window_s);
   while (sigmas_.size() > 2 && now - sigmas_[1].stamp >= window) sigmas_.pop_front();

@@ -80,6 +80,16 @@ Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) 
   return {};
 }
 
+FineConfig for_camera(const FineConfig& config, double focal_px) {
+  FineConfig scaled = config;
+  if (config.focal_px <= 0.0 || focal_px <= 0.0) return scaled;
+  const double ratio = focal_px / config.focal_px;
+  scaled.min_rotation *= ratio * ratio;
+  scaled.min_position *= ratio * ratio;
+  scaled.focal_px = focal_px;
+  return scaled;
+}
+
 Eigenvalues tested_eigenvalues(const VioEstimate& vio, const FineConfig& config) {
   const Eigenvalues plain = split(vio.window_information.value_or(vio.information));
   return config.normalisation == Normalisation::per_inlier ? per_inlier(plain, vio.inliers) : plain;

@@ -33,6 +33,9 @@ void Hysteresis::set(bool good) {
 FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
                                             const Stability& dipo) {
   follow_features(now, verdict);
+  // An odometry that is silent for a moment (saturated inertial samples) is no worse for it.
+  const bool silent = dipo.reason == StabilityReason::absent && has_dipo_;
+  has_dipo_ = has_dipo_ || dipo.reason != StabilityReason::absent;
   good_in_a_row_ = verdict.accepted() ? good_in_a_row_ + 1 : 0;
   Decision decision;
   switch (phase_) {
@@ -40,7 +43,9 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
       if (working) phase_ = Phase::running;
       break;
     case Phase::running:
-      if (!working) decision = fail(now, verdict, dipo);
+      if (!working && !(silent && verdict.reason != Reason::diverged)) {
+        decision = fail(now, verdict, dipo);
+      }
       break;
     case Phase::frozen:
       decision = while_frozen(now, verdict, dipo);
@@ -75,7 +80,7 @@ FreezePolicy::Decision FreezePolicy::fail(Stamp now, const Verdict& verdict,
 FreezePolicy::Decision FreezePolicy::while_frozen(Stamp now, const Verdict& verdict,
                                                   const Stability& dipo) {
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
-  if (!dipo.stable()) return reset("DIPO is not stable");
+  if (!dipo.stable() && dipo.reason != StabilityReason::absent) return reset("DIPO is not stable");
   if (good_in_a_row_ >= config_.release_frames) {
     recover(now);
     return {.action = Action::release, .phase = phase_, .why = "VIO passes again"};

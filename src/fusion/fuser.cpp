@@ -43,6 +43,12 @@ FusionState state_of(const FusionResult& result, bool has_dipo, bool used) {
   return result.dipo.stable() ? FusionState::dipo_only : FusionState::dropped;
 }
 
+// What carries a failed window: DIPO; one with DIPO's sensors in it carries itself, and starting
+// anew it would know no more.
+Stability carrier(const FusionInput& input, const Stability& dipo) {
+  return input.vio_includes_dipo && input.vio ? Stability{StabilityReason::stable} : dipo;
+}
+
 bool has_returned(Phase before, Phase now) {
   return now == Phase::running && (before == Phase::frozen || before == Phase::dropped);
 }
@@ -74,7 +80,7 @@ FusionResult Fuser::update(const FusionInput& given) {
   if (result.verdict.reason == Reason::diverged) hysteresis_.set(false);
   const Phase before = freeze_.phase();
   const bool working = hysteresis_.update(result.verdict.accepted());
-  result.freeze = freeze_.update(input.stamp, working, result.verdict, result.dipo);
+  result.freeze = freeze_.update(input.stamp, working, result.verdict, carrier(input, result.dipo));
   if (has_returned(before, result.freeze.phase)) hysteresis_.set(true);
 
   const bool used = hysteresis_.good() && result.verdict.accepted();
@@ -85,7 +91,7 @@ FusionResult Fuser::update(const FusionInput& given) {
         result.dipo);
   }
   if (result.pose) result.state = state_of(result, input.dipo.has_value(), used);
-  remember(input, used, result.freeze.action);
+  remember(input, used);
   return result;
 }
 
@@ -123,7 +129,12 @@ Verdict Fuser::judge_agreement(const FusionInput& input, const Stability& dipo) 
   if (!input.dipo || (config.needs_stable_dipo && !dipo.stable())) return {};
   SE3 T_vio = input.vio->T_world_body;
   if (!agreed_.empty()) {
-    T_vio = agreed_.front().T_dipo * (agreed_.front().T_vio.inverse() * T_vio);
+    // After an outage longer than the window what counts is where both were last believed.
+    const Stamp oldest = input.stamp - Duration::from_seconds(config.window_s);
+    const auto within =
+        std::ranges::find_if(agreed_, [&](const Pair& pair) { return pair.stamp >= oldest; });
+    const Pair& then = within == agreed_.end() ? agreed_.back() : *within;
+    T_vio = then.T_dipo * (then.T_vio.inverse() * T_vio);
   }
   return medium(input.dipo->T_world_body, T_vio, config);
 }
@@ -207,11 +218,12 @@ std::optional<SE3> Fuser::motion(const FusionInput& input, const Target& target,
   return by_dipo && (dipo.stable() || !by_vio) ? by_dipo : by_vio;
 }
 
-void Fuser::remember(const FusionInput& input, bool used, Action action) {
+void Fuser::remember(const FusionInput& input, bool used) {
   last_ = input;
   const double window_s = config_.discriminator.medium.window_s;
-  if (action != Action::none) agreed_.clear();  // VIO's world may be another one now
-  if (!used || !input.dipo || window_s == 0.0) return;
+  // A window with DIPO's sensors in it goes on by itself; any other one is believed when it passes.
+  const bool remembered = input.dipo && (used || (input.vio && input.vio_includes_dipo));
+  if (!remembered || window_s == 0.0) return;
   agreed_.push_back({input.stamp, input.dipo->T_world_body, input.vio->T_world_body});
   const Stamp oldest = input.stamp - Duration::from_seconds(window_s);
   while (agreed_.front().stamp < oldest) agreed_.pop_front();

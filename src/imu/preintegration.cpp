@@ -14,13 +14,14 @@ Preintegration::Preintegration(const Noise& noise, const Vector3d& gyro_bias,
                                const Vector3d& accel_bias)
     : noise_(noise), gyro_bias_(gyro_bias), accel_bias_(accel_bias) {}
 
-void Preintegration::integrate(const ImuSample& from, const ImuSample& to) {
+void Preintegration::integrate(const ImuSample& from, const ImuSample& to, double noise_factor) {
   APVI_CHECK(to.stamp > from.stamp);
   step(0.5 * (from.gyro + to.gyro) - gyro_bias_, 0.5 * (from.accel + to.accel) - accel_bias_,
-       seconds_between(from.stamp, to.stamp));
+       seconds_between(from.stamp, to.stamp), noise_factor * noise_factor);
 }
 
-void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt) {
+void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt,
+                          double variance_factor) {
   const Vector3d phi = gyro * dt;
   const Quaterniond R_mid = delta_.rotation * so3::exp(0.5 * phi);
   const Vector3d acceleration = R_mid * accel;
@@ -51,8 +52,8 @@ void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt
   const Eigen::Matrix<double, 9, 3> from_gyro = F.block<9, 3>(0, kGyroBias);
   const Eigen::Matrix<double, 9, 3> from_accel = F.block<9, 3>(0, kAccelBias);
   covariance_.topLeftCorner<9, 9>() +=
-      (noise_.gyro * noise_.gyro / dt) * from_gyro * from_gyro.transpose() +
-      (noise_.accel * noise_.accel / dt) * from_accel * from_accel.transpose();
+      (variance_factor * noise_.gyro * noise_.gyro / dt) * from_gyro * from_gyro.transpose() +
+      (variance_factor * noise_.accel * noise_.accel / dt) * from_accel * from_accel.transpose();
   covariance_.diagonal().segment<3>(kGyroBias).array() += noise_.gyro_walk * noise_.gyro_walk * dt;
   covariance_.diagonal().segment<3>(kAccelBias).array() +=
       noise_.accel_walk * noise_.accel_walk * dt;

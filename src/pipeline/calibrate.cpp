@@ -23,6 +23,9 @@ namespace {
 namespace fs = std::filesystem;
 using fusion::Normalisation;
 
+// What the thresholds are written for; runs with another camera are brought to it.
+constexpr double kFocalPx = fusion::FineConfig{}.focal_px;
+
 // Long enough for a window to forget what it saw, and a pause in which it starts to see again.
 constexpr double kDark_s = 10.0;
 constexpr double kLight_s = 15.0;
@@ -44,6 +47,13 @@ std::string fingerprint_of(const fs::path& run) {
   config.dataset.path.clear();
   const std::string text = config::to_yaml(config::to_node(config)) + read_text(run / "health.csv");
   return fmt::format("{:016x}", fingerprint(text));
+}
+
+// By how much a run's eigenvalues grow with a camera of kFocalPx in the place of its own.
+double focal_scale(const RunConfig& config) {
+  if (config.rig.find("cam0") == nullptr) return 1.0;
+  const double ratio = kFocalPx / make_rig(config.rig).cameras.front().model.parameters().fx;
+  return ratio * ratio;
 }
 
 // The name of the last folder of a path that may end with a slash.
@@ -134,15 +144,14 @@ std::vector<CalibrationRun> gather(const CalibrateOptions& options) {
 }  // namespace
 
 fusion::RecordedFrames recorded_frames(const fs::path& run) {
-  const bool divided =
-      resolved_config(run).fusion.discriminator.fine.normalisation == Normalisation::per_inlier;
+  const RunConfig config = resolved_config(run);
+  const bool divided = config.fusion.discriminator.fine.normalisation == Normalisation::per_inlier;
+  const double scale = focal_scale(config);
   fusion::RecordedFrames frames;
   for (const HealthLine& line : read_health(run / "health.csv")) {
     fusion::RecordedFrame frame{line.eigenvalues, line.landmarks};
-    if (divided) {
-      const double n = std::max(1, line.landmarks);
-      frame.eigenvalues = {n * line.eigenvalues.rotation, n * line.eigenvalues.position};
-    }
+    const double factor = scale * (divided ? std::max(1, line.landmarks) : 1);
+    frame.eigenvalues = {factor * line.eigenvalues.rotation, factor * line.eigenvalues.position};
     const bool passed = line.level == "accepted" || line.level == "fine";
     if (passed && line.vio == vio::to_string(vio::Status::tracking))
       frames.healthy.push_back(frame);

@@ -145,8 +145,9 @@ std::string to_yaml(const CalibrationResult& result) {
       100.0 * c.blind.rejected, c.blind.frames);
   text += fmt::format(
       "fusion:\n  discriminator:\n    fine:\n      min_rotation: {:.3g}\n      min_position: "
-      "{:.3g}\n      normalisation: {}\n",
-      c.thresholds.rotation, c.thresholds.position, name_of(c.normalisation));
+      "{:.3g}\n      focal_px: {:g}\n      normalisation: {}\n",
+      c.thresholds.rotation, c.thresholds.position, fusion::FineConfig{}.focal_px,
+      name_of(c.normalisation));
   return text;
 }
 

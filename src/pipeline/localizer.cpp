@@ -8,22 +8,25 @@
 namespace apvi::pipeline {
 namespace {
 
-SE3 pose_of(const imu::NavState& state) {
-  return {state.R_world_body, state.p_world};
-}
-
 fusion::PoseEstimate estimate_of(const vio::Aid& aid) {
-  return {pose_of(aid.state), aid.covariance.topLeftCorner<6, 6>()};
+  return {aid.state.T_world_body(), aid.covariance.topLeftCorner<6, 6>()};
 }
 
 fusion::VioEstimate estimate_of(const vio::Result& result) {
   fusion::VioEstimate vio;
-  vio.T_world_body = pose_of(result.state);
+  vio.T_world_body = result.state.T_world_body();
   vio.information = result.information;
   if (result.window_s > 0.0) vio.window_information = result.window_information;
   vio.window_s = result.window_s;
   vio.inliers = result.landmarks;
   return vio;
+}
+
+fusion::Config for_camera(fusion::Config config, const Rig& rig) {
+  if (rig.cameras.empty()) return config;
+  fusion::FineConfig& fine = config.discriminator.fine;
+  fine = fusion::for_camera(fine, rig.cameras.front().model.parameters().fx);
+  return config;
 }
 
 }  // namespace
@@ -38,8 +41,9 @@ Localizer::Localizer(const vio::Config& vio, const fusion::Config& fusion,
     // The baseline without freezing starts anew as a system without DVL has to.
     : tight_(vio.graph == vio::GraphKind::tight && rig.dvl),
       allow_aid_(freeze.enabled || tight_),
+      follow_drift_(fusion.discriminator.medium.window_s > 0.0),
       estimator_(vio, rig),
-      fuser_(fusion, freeze) {}
+      fuser_(for_camera(fusion, rig), freeze) {}
 
 FrameOutput Localizer::process(const FrameJob& job,
                                const std::optional<vio::TrackedFrame>& tracked) {
@@ -52,15 +56,18 @@ FrameOutput Localizer::process(const FrameJob& job,
 
   FrameOutput output;
   output.stamp = job.stamp;
-  const std::optional<vio::Aid> dipo = moved(job.dipo);
+  const std::optional<vio::Aid> dipo = in_world(job.dipo);
   if (!tracked) {
     output.dropped = true;
-    if (dipo) output.dipo = pose_of(dipo->state);
+    if (dipo) output.dipo = dipo->state.T_world_body();
     return output;
   }
   output.statistics = tracked->statistics;
   const bool aided = allow_aid_ || !vio_start_s_;
-  output.vio = estimator_.process(*tracked, aided ? dipo : std::nullopt);
+  std::optional<vio::Aid> aid;
+  if (dipo) aid = vio::moved(T_vio_dipo_, *dipo);
+  output.vio = aided && aid ? estimator_.process(*tracked, aid)
+                            : estimator_.process(*tracked, std::nullopt, place(aid));
   if (output.vio.status == vio::Status::lost) {
     log::warning("vision lost at {:.2f} s: {}", seconds_between(*first_frame_, job.stamp),
                  output.vio.detail);
@@ -76,12 +83,13 @@ FrameOutput Localizer::process(const FrameJob& job,
   input.stamp = job.stamp;
   input.statistics = output.statistics;
   input.vio_includes_dipo = tight_;
-  if (const auto here = moved(job.dipo)) {
+  if (const auto here = in_world(job.dipo)) {
     input.dipo = estimate_of(*here);
     output.dipo = input.dipo->T_world_body;
   }
   if (output.vio.has_state()) input.vio = estimate_of(output.vio);
   output.fusion = fuser_.update(input);
+  follow_drift(input, output);
   act(output.fusion.freeze.action);
   output.timing.solve_s = output.vio.solve_s;
   output.timing.information_s = output.vio.information_s;
@@ -90,30 +98,28 @@ FrameOutput Localizer::process(const FrameJob& job,
   return output;
 }
 
-// Everything of DIPO's but its world stays: velocity and biases are the body's.
-std::optional<vio::Aid> Localizer::moved(const std::optional<vio::Aid>& dipo) const {
+std::optional<vio::Aid> Localizer::in_world(const std::optional<vio::Aid>& dipo) const {
   if (!dipo || !T_output_dipo_) return dipo;
-  vio::Aid aid = *dipo;
-  const SE3 pose = *T_output_dipo_ * pose_of(dipo->state);
-  aid.state.R_world_body = pose.rotation;
-  aid.state.p_world = pose.translation;
-  const Eigen::Matrix3d R = T_output_dipo_->rotation.toRotationMatrix();
-  aid.covariance.middleRows<3>(imu::kPosition).applyOnTheLeft(R);
-  aid.covariance.middleCols<3>(imu::kPosition).applyOnTheRight(R.transpose());
-  return aid;
+  return vio::moved(*T_output_dipo_, *dipo);
 }
 
 void Localizer::align(const vio::Aid& dipo, const vio::Result& vio, bool vio_was_first) {
-  if (!vio_was_first) {
-    T_output_dipo_ = SE3::identity();
-    return;
-  }
-  const SE3 here = pose_of(vio.state);
-  const SE3 there = pose_of(dipo.state);
-  const Eigen::Quaterniond difference = here.rotation * there.rotation.conjugate();
-  const SE3 turn{so3::exp(Eigen::Vector3d(0.0, 0.0, so3::yaw(difference))),
-                 Eigen::Vector3d::Zero()};
-  T_output_dipo_ = SE3{turn.rotation, here.translation - turn * there.translation};
+  T_output_dipo_ = SE3::identity();
+  if (!vio_was_first) return;
+  T_output_dipo_ = vio::level_alignment(vio.state.T_world_body(), dipo.state.T_world_body());
+}
+
+// Where a start without an aid goes on.
+std::optional<SE3> Localizer::place(const std::optional<vio::Aid>& dipo) const {
+  return dipo ? dipo->state.T_world_body() : last_pose_;
+}
+
+// What both have drifted apart since they agreed to begin with must not shift a window that DIPO
+// carries over or starts anew: what VIO has held and told lies where VIO was.
+void Localizer::follow_drift(const fusion::FusionInput& input, const FrameOutput& output) {
+  if (output.fusion.pose) last_pose_ = output.fusion.pose->T_world_body;
+  if (!follow_drift_ || output.fusion.state != fusion::FusionState::fused) return;
+  T_vio_dipo_ = vio::level_alignment(input.vio->T_world_body, input.dipo->T_world_body);
 }
 
 void Localizer::act(fusion::Action action) {

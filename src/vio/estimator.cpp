@@ -21,6 +21,11 @@ constexpr double kKeepSamplesS = 30.0;
 constexpr double kStaleGyroBias = 0.005;  // [rad/s]
 constexpr double kStaleAccelBias = 0.05;  // [m/s²]
 
+// Over samples that are missing the vehicle went on about as before, and nobody knows how exactly.
+constexpr double kMissingSamples = 4.0;
+constexpr double kLongestStep_s = 0.05;  // should the rig say too much of the sensor's rate
+constexpr double kBridgedNoise = 100.0;
+
 constexpr double kDegree = std::numbers::pi / 180.0;
 
 // Without a window nothing is taken out at the other end.
@@ -63,6 +68,9 @@ Estimator::Estimator(const Config& config, const Rig& rig)
             .accel = imu.accel_noise_density * config.accel_noise_factor,
             .gyro_walk = imu.gyro_random_walk,
             .accel_walk = imu.accel_random_walk};
+  if (imu.rate_hz > 0.0) {
+    longest_step_s_ = std::max(kLongestStep_s, kMissingSamples / imu.rate_hz);
+  }
   reset();
 }
 
@@ -72,30 +80,39 @@ void Estimator::reset() {
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
   frozen_ = false;
+  has_seen_ = false;
+  aided_ = false;
+  first_ping_.reset();
 }
 
 void Estimator::add(const ImuSample& sample) {
-  imu_.add(sample);
+  const HealthConfig& limits = config_.health;
+  const bool shock = sample.gyro.norm() > limits.max_gyro || sample.accel.norm() > limits.max_accel;
+  if (!shock) imu_.add(sample);
 }
 
 void Estimator::add(const DvlMeasurement& measurement) {
-  if (config_.graph == GraphKind::tight) keep(pings_, measurement);
+  if (rig_.dvl) keep(pings_, measurement);
 }
 
 void Estimator::add(const DepthMeasurement& measurement) {
   if (config_.graph == GraphKind::tight) keep(depths_, measurement);
 }
 
-Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
+Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid,
+                          const std::optional<SE3>& place) {
   const auto newest = imu_.newest();
+  if (aid && starts_anew(tracked)) reset();
   Result result;
   if (!newest || *newest < tracked.stamp) {
     result = {.stamp = tracked.stamp, .detail = "inertial data"};
   } else if (started() && tracked.stamp <= window_.newest().stamp) {
     result = {.stamp = tracked.stamp, .status = Status::blind, .detail = "stamp goes backward"};
     result.state = to_nav_state(window_.newest().state);
+  } else if (started()) {
+    result = track(tracked, aid);
   } else {
-    result = started() ? track(tracked, aid) : start(tracked, aid);
+    result = aid ? start_with_aid(tracked, *aid) : start_alone(tracked, place);
   }
   if (result.status == Status::lost) reset();
   return result;
@@ -130,6 +147,7 @@ void Estimator::estimate(Result& result, int iterations) {
   solve(graph, window_, config_, iterations);
   result.solve_s = watch.seconds();
   result.landmarks = graph.landmarks();
+  has_seen_ = has_seen_ || result.landmarks > 0;
   result.sightings = graph.sightings();
   give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
   result.reprojection_rms_px = newest_rms_px(window_, rig_);
@@ -179,6 +197,7 @@ void Estimator::freeze() {
 void Estimator::release() {
   if (!frozen_) return;
   frozen_ = false;
+  first_ping_.reset();
   while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
   const auto leaning =
@@ -187,6 +206,7 @@ void Estimator::release() {
   while (window_.frames.front() != *leaning) remove_frame(window_, 0);
   window_.prior = window_.frames.front()->lean;
   for (const auto& frame : window_.frames) frame->lean.reset();
+  if (window_.frames.size() == 1) newest_is_keyframe_ = true;  // the only one must not be dropped
 }
 
 std::string Estimator::why_diverged(const Result& result) {
@@ -212,6 +232,7 @@ Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
   frame->stamp = stamp;
   frame->state = state;
   frame->from_previous = std::move(from_previous);
+  frame->takes_pings = takes_pings(stamp);
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }
@@ -247,7 +268,10 @@ std::shared_ptr<imu::Preintegration> Estimator::preintegrate(Stamp from, Stamp t
   const Eigen::Map<const Eigen::Vector3d> gyro_bias(state.motion.data() + 3);
   const Eigen::Map<const Eigen::Vector3d> accel_bias(state.motion.data() + 6);
   auto sum = std::make_shared<imu::Preintegration>(noise_, gyro_bias, accel_bias);
-  for (std::size_t k = 1; k < samples.size(); ++k) sum->integrate(samples[k - 1], samples[k]);
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const bool bridged = seconds_between(samples[k - 1].stamp, samples[k].stamp) > longest_step_s_;
+    sum->integrate(samples[k - 1], samples[k], bridged ? kBridgedNoise : 1.0);
+  }
   return sum;
 }
 
@@ -270,8 +294,16 @@ void Estimator::refresh_preintegrations() {
   }
 }
 
+// DVL in the paper's graph: only while the aid supplies the poses, and so long after it that the
+// window knows its speed as well as the aid does.
+bool Estimator::takes_pings(Stamp stamp) const {
+  if (!rig_.dvl) return false;
+  if (config_.graph == GraphKind::tight) return config_.tight.velocity;
+  if (frozen_) return true;
+  return aided_ && (!first_ping_ || seconds_between(*first_ping_, stamp) < config_.start.dvl_s);
+}
+
 void Estimator::attach_measurements() {
-  if (config_.graph != GraphKind::tight) return;
   const Stamp oldest = window_.frames.front()->stamp;
   // Not in order: the filter that puts them on the true clock changes its mind.
   std::erase_if(pings_, [&](const DvlMeasurement& ping) { return ping.stamp < oldest; });
@@ -282,7 +314,7 @@ void Estimator::attach_measurements() {
                          [](Stamp stamp, const auto& frame) { return stamp < frame->stamp; });
     attach(**std::prev(after), ping);
   }
-  if (!config_.tight.depth) return;
+  if (config_.graph != GraphKind::tight || !config_.tight.depth) return;
   for (const auto& frame : window_.frames) attach_depth(*frame);
 }
 
@@ -298,13 +330,15 @@ void Estimator::attach_depth(Frame& frame) {
   frame.depth = measured;
 }
 
-void Estimator::attach(Frame& frame, const DvlMeasurement& measured) const {
+void Estimator::attach(Frame& frame, const DvlMeasurement& measured) {
+  if (!frame.takes_pings) return;
   const auto same = [&](const Frame::Ping& p) { return p.measured.stamp == measured.stamp; };
   if (std::any_of(frame.pings.begin(), frame.pings.end(), same)) return;
   const auto motion = preintegrate(frame.stamp, measured.stamp, frame.state);
   const auto sample = imu_.at(measured.stamp);
   if (!motion || !sample) return;
   frame.pings.push_back({measured, ping_factor(measured, motion, sample->gyro, rig_)});
+  if (!first_ping_ && !frozen_) first_ping_ = measured.stamp;
 }
 
 }  // namespace apvi::vio

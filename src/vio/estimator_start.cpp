@@ -13,16 +13,18 @@ namespace {
 // The first solve has farther to go than those that follow.
 constexpr int kStartIterations = 20;
 
-}  // namespace
-
-Result Estimator::start(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
-  if (aid) return start_with_aid(tracked, *aid);
-  return start_alone(tracked);
+// The newest state comes to lie at the place; what gravity says stays.
+void put_at(const SE3& place, std::vector<imu::NavState>& states) {
+  const SE3 T = level_alignment(place, states.back().T_world_body());
+  for (imu::NavState& state : states) state = moved(T, state);
 }
+
+}  // namespace
 
 // Attitude, velocity and biases are known with a covariance: the window starts with one frame and
 // grows, landmarks join as their rays open. Nothing is waited for.
 Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
+  aided_ = true;
   Frame& frame = push_frame(tracked.stamp, to_frame_state(aid.state), nullptr);
   window_.prior = prior_from(frame, aid, config_.start.yaw_position_sigma);
   add_sightings(window_, frame, tracked);
@@ -31,7 +33,7 @@ Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
   return result;
 }
 
-Result Estimator::start_alone(const TrackedFrame& tracked) {
+Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<SE3>& place) {
   Result result{.stamp = tracked.stamp};
   waiting_.push_back(tracked);
   const Duration span = Duration::from_seconds(config_.start.max_wait_s);
@@ -46,12 +48,13 @@ Result Estimator::start_alone(const TrackedFrame& tracked) {
     result.detail = "inertial data without gaps";
     return result;
   }
-  const InitResult found = initialize(frames, rig_.cameras.front().T_body_camera, noise_,
-                                      config_.gravity, config_.initializer);
+  InitResult found = initialize(frames, rig_.cameras.front().T_body_camera, noise_, config_.gravity,
+                                config_.initializer);
   if (found.status != InitStatus::success) {
     result.detail = fmt::format("{} ({})", to_string(found.status), found.detail);
     return result;
   }
+  if (place) put_at(*place, found.states);
   adopt(waiting_, found.states);
   estimate(result, kStartIterations);
   if (const std::string why = why_diverged(result); !why.empty()) {
@@ -62,6 +65,14 @@ Result Estimator::start_alone(const TrackedFrame& tracked) {
   result.status = Status::started;
   result.detail = fmt::format("visual-inertial ({})", found.detail);
   return result;
+}
+
+// In the dark a window knows what the aid knew when it started; the aid knows better by now.
+bool Estimator::starts_anew(const TrackedFrame& tracked) const {
+  if (!started() || !aided_ || has_seen_ || frozen_) return false;
+  return std::ranges::none_of(tracked.observations, [this](const Observation& seen) {
+    return window_.landmarks.contains(seen.id);
+  });
 }
 
 // The frames of a start become keyframes, thinned out evenly to what the window holds.

@@ -61,7 +61,6 @@ void Graph::add_inertial() {
 }
 
 void Graph::add_dvl(Frame& frame) {
-  if (config_.graph != GraphKind::tight || !config_.tight.velocity || !rig_.dvl) return;
   for (const Frame::Ping& ping : frame.pings) {
     velocities_.emplace_back(ping.factor, rig_.dvl->T_body_dvl, rig_.gravity(config_.gravity),
                              first(frame));

@@ -46,7 +46,7 @@ class OnlineRunTest : public testing::Test {
          "mapping.densification=quadtree", "mapping.medium=true", "mapping.sh_degree=0",
          "mapping.coarsest=2", "mapping.max_gaussians=6000", "mapping.final_iterations=60",
          "vio.tracker.min_distance_px=14",  // few pixels
-         "fusion.discriminator.fine.min_rotation=4e5", "mapping.online.steps_per_keyframe=8"});
+         "mapping.online.steps_per_keyframe=8"});
     return load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/default.yaml", overrides);
   }
   fs::path folder(const std::string& name) const { return tmp_.path() / name; }

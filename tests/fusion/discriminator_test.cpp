@@ -152,6 +152,21 @@ TEST(Fine, TestsTheWindowsInformationWhereThereIsOneAndPerInlierIfConfigured) {
   EXPECT_NEAR(tested_eigenvalues(vio, config).rotation(0), 4.0, 1e-12);
 }
 
+TEST(Fine, ThresholdsGoWithTheSquareOfTheFocalLength) {
+  const FineConfig config{.min_rotation = 4e6, .min_position = 400.0, .focal_px = 420.0};
+  const FineConfig half = for_camera(config, 210.0);
+  EXPECT_NEAR(half.min_rotation, 1e6, 1e-6);
+  EXPECT_NEAR(half.min_position, 100.0, 1e-12);
+  EXPECT_NEAR(for_camera(half, 420.0).min_rotation, config.min_rotation, 1e-6);
+  EXPECT_EQ(for_camera(config, 420.0).min_position, config.min_position);
+}
+
+TEST(Fine, ThresholdsForAnyCameraStayAsTheyAre) {
+  const FineConfig config{.min_rotation = 4e6, .min_position = 400.0, .focal_px = 0.0};
+  EXPECT_EQ(for_camera(config, 210.0).min_rotation, 4e6);
+  EXPECT_EQ(for_camera(config, 210.0).min_position, 400.0);
+}
+
 TEST(Discriminator, EveryReasonHasAWordOfItsOwn) {
   std::set<std::string_view> words;
   for (int i = 0; i <= static_cast<int>(Reason::position_degenerate); ++i) {

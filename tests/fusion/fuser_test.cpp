@@ -318,6 +318,54 @@ TEST(Fuser, AgreementOverAWindowForgivesDriftAndNotAJump) {
   EXPECT_EQ(scene.step().verdict.reason, Reason::position_differs);
 }
 
+TEST(Fuser, WhatBothHaveDriftedApartDoesNotKeepAWindowFrozen) {
+  Config config = as_printed();
+  config.discriminator.medium.window_s = 2.0;
+  Scene scene(config);
+  for (int i = 0; i < 60; ++i) {
+    scene.vio_at(0.01 * i);  // 0.6 m in the end
+    scene.step();
+  }
+  scene.input.statistics = dark();
+  EXPECT_EQ(scene.step().freeze.action, Action::freeze);
+  scene.input.statistics = rich();
+  EXPECT_TRUE(scene.step().verdict.accepted());
+}
+
+TEST(Fuser, AWindowWithADvlInItIsNotThrownAwayWithAnUnstableDipo) {
+  Scene scene(by_default());
+  scene.input.vio_includes_dipo = true;
+  for (int i = 0; i < 5; ++i) scene.step();
+  scene.pings = false;
+  scene.input.statistics = dark();
+  for (int i = 0; i < 40; ++i) EXPECT_NE(scene.step().freeze.action, Action::reset) << i;
+  EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
+}
+
+TEST(Fuser, ADipoThatIsSilentForAMomentCostsNoWindow) {
+  Scene scene(by_default());
+  for (int i = 0; i < 5; ++i) scene.step();
+  scene.input.statistics = dark();
+  for (int i = 0; i < 3; ++i) scene.step();
+  const auto dipo = std::exchange(scene.input.dipo, std::nullopt);
+  EXPECT_EQ(scene.step().freeze.action, Action::none);
+  scene.input.dipo = dipo;
+  EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
+}
+
+TEST(Fuser, AWindowWithADvlInItIsBelievedAgainWhenItsMotionIsRightAgain) {
+  Config config = by_default();
+  config.discriminator.medium.window_s = 2.0;
+  Scene scene(config);
+  scene.input.vio_includes_dipo = true;
+  for (int i = 0; i < 30; ++i) scene.step();
+  scene.vio_at(1.0);
+  EXPECT_EQ(scene.step().verdict.reason, Reason::position_differs);
+  for (int i = 0; i < 18; ++i) EXPECT_FALSE(scene.step().verdict.accepted()) << i;
+  for (int i = 0; i < 4; ++i) scene.step();
+  EXPECT_TRUE(scene.step().verdict.accepted());
+}
+
 // Runs a dive through a fuser and says how the output moved beyond the truth's own motion.
 struct Passage {
   double largest_jump_m = 0.0;
@@ -363,6 +411,7 @@ TEST(Fuser, TheOutputPassesOverEverySwitchWithoutAJump) {
     for (const Mode mode : {Mode::paper, Mode::consistent}) {
       Config config = by_default();
       config.mode = mode;
+      config.discriminator.medium.window_s = 0.0;  // these two start anew in one world
       const Passage passage = pass(config, frames, is_dark);
       EXPECT_TRUE(passage.states.count(FusionState::fused));
       EXPECT_TRUE(passage.states.count(FusionState::frozen));

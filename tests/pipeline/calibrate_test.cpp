@@ -59,6 +59,23 @@ TEST(Calibrate, UndoesANormalisationThatTheRunHadOn) {
   EXPECT_NEAR(recorded_frames(run).healthy[0].eigenvalues.position(0), 1000.0, 1e-9);
 }
 
+TEST(Calibrate, BringsEigenvaluesToOneFocalLength) {
+  const TmpDir tmp;
+  const fs::path run = write_run(tmp, "run", 1000.0);
+  const auto camera = [&](double f) {
+    tmp.write(
+        "run/resolved.yaml",
+        fmt::format("vio: {{graph: paper}}\nrig:\n  cam0: {{model: pinhole, intrinsics: [{}, {}, "
+                    "160, 120], resolution: [320, 240]}}\n",
+                    f, f));
+    return recorded_frames(run).healthy[0].eigenvalues;
+  };
+  const double focal = fusion::FineConfig{}.focal_px;
+  EXPECT_NEAR(camera(focal).rotation(0), 1e5, 1e-6);
+  EXPECT_NEAR(camera(0.5 * focal).rotation(0), 4e5, 1e-6);
+  EXPECT_NEAR(camera(2.0 * focal).position(0), 250.0, 1e-9);
+}
+
 TEST(Calibrate, WritesThresholdsThatAConfigurationInherits) {
   const TmpDir tmp;
   CalibrateOptions options;

@@ -188,6 +188,67 @@ TEST(Estimator, AFrozenWindowLeansOnTheAidAndNeverBecomesCertainty) {
   }
 }
 
+// Frames of the window with pings in the graph, by when they were [s after the first frame].
+std::vector<double> with_pings(const Drive& drive) {
+  std::vector<double> found;
+  for (const auto& frame : drive.estimator.window().frames) {
+    if (!frame->pings.empty()) {
+      found.push_back(seconds_between(drive.swim.frame_stamp(0), frame->stamp));
+    }
+  }
+  return found;
+}
+
+TEST(Estimator, ThePapersGraphTakesPingsInForAWhileAfterAStartAndWhileFrozen) {
+  Drive drive({}, config_for(GraphKind::paper));
+  for (int k = 0; k < 40; ++k) drive.step(k);
+  EXPECT_GT(with_pings(drive).size(), 2U);
+  for (int k = 40; k < 240; ++k) drive.step(k);
+  for (const double t : with_pings(drive)) EXPECT_LT(t, 3.5);
+  drive.estimator.freeze();
+  for (int k = 240; k < 260; ++k) drive.step(k, false, true);
+  drive.estimator.release();
+  EXPECT_FALSE(with_pings(drive).empty());
+}
+
+TEST(Estimator, AStartInTheDarkStaysWithTheAidUntilThereIsSomethingToSee) {
+  Drive drive({}, config_for(GraphKind::paper));
+  for (int k = 0; k < 60; ++k) {
+    const vio::Result result = drive.step(k, false, true);
+    EXPECT_EQ(result.status, Status::started) << k;
+    EXPECT_LT(errors(result, drive.swim.truth(k)).position_m, 0.02) << k;
+  }
+  for (int k = 60; k < 80; ++k) drive.step(k, true, true);
+  EXPECT_EQ(drive.step(80).status, Status::tracking);
+}
+
+TEST(Estimator, AShockOfTheInertialSensorIsBridged) {
+  Drive drive({.seed = 4}, config_for(GraphKind::tight));
+  for (int k = 0; k < 100; ++k) {
+    if (k == 60) {
+      for (ImuSample sample : drive.swim.imu_until(k + 2)) {
+        sample.accel.x() += 200.0;
+        drive.estimator.add(sample);
+      }
+    }
+    const vio::Result result = drive.step(k);
+    if (k >= 60 && k <= 62) continue;  // waits for inertial data
+    ASSERT_TRUE(result.has_state()) << k << ": " << result.detail;
+    EXPECT_LT(errors(result, drive.swim.truth(k)).position_m, 0.06) << k;
+  }
+}
+
+TEST(Estimator, AWindowReleasedAfterASingleFrameGoesOn) {
+  for (int frozen_for = 1; frozen_for <= 4; ++frozen_for) {
+    Drive drive({.seed = 3}, config_for(GraphKind::paper));
+    for (int k = 0; k < 40; ++k) drive.step(k);
+    drive.estimator.freeze();
+    for (int k = 40; k < 40 + frozen_for; ++k) drive.step(k, true, true);
+    drive.estimator.release();
+    for (int k = 40 + frozen_for; k < 60; ++k) EXPECT_TRUE(drive.step(k).has_state()) << k;
+  }
+}
+
 TEST(Estimator, ReleasingWithoutASingleFrameSinceStartsAnew) {
   Drive drive({}, config_for(GraphKind::paper));
   for (int k = 0; k < 20; ++k) drive.step(k);

@@ -23,7 +23,7 @@ struct CalibrationState {
 };
 
 struct InitializationConfig {
-  double window_s = 2.0;
+  double window_s = 0.6;
   double heading_deg = 0.0;
   double tilt_sigma_deg = 3.0;
   std::optional<double> gyro_bias_sigma;
@@ -113,7 +113,7 @@ struct DvlConfig {
   double parity_sigmas = 6.0;
   bool displacement = false;
   double displacement_inflation = 4.0;
-  CalibrationState time_offset{.estimate = true, .sigma = 0.3, .walk = 1e-3};
+  CalibrationState time_offset{.estimate = true, .sigma = 0.1, .walk = 1e-3};
   CalibrationState scale{.estimate = false, .sigma = 0.02, .walk = 1e-6};
   CalibrationState mounting{.estimate = false, .sigma = 0.09, .walk = 1e-6};
   CalibrationState lever_arm{.estimate = false, .sigma = 1.0, .walk = 1e-5};

@@ -27,7 +27,7 @@ struct MediumConfig {
   double max_position_m = 0.3;
   double max_height_m = 0.3;
   double max_rotation_deg = 10.0;
-  double window_s = 0.0;
+  double window_s = 10.0;
   bool needs_stable_dipo = true;
 
   template <typename V>
@@ -37,8 +37,8 @@ struct MediumConfig {
     v("max_height_m", max_height_m, Range{0.0, 1e6}, "difference of the heights [m]");
     v("max_rotation_deg", max_rotation_deg, Range{0.0, 180.0}, "angle between the attitudes [deg]");
     v("window_s", window_s, Range{0.0, 3600.0},
-      "compare how both moved over so long, not where they are (the paper: 0, where they are) "
-      "[s]");
+      "compare how both moved over so long, since both drift; 0: where they are, and a frozen "
+      "window leans on DIPO's position as it is (the paper) [s]");
     v("needs_stable_dipo", needs_stable_dipo,
       "do not blame VIO for disagreeing with a DIPO that is unstable itself (the paper: false)");
   }
@@ -53,6 +53,7 @@ enum class DegeneracyAction { reject, remap, ignore };
 struct FineConfig {
   double min_rotation = 2.89e6;
   double min_position = 332.0;
+  double focal_px = 420.0;
   Normalisation normalisation = Normalisation::none;
   DegeneracyAction action = DegeneracyAction::reject;
   int min_directions = 3;
@@ -65,6 +66,9 @@ struct FineConfig {
       "smallest eigenvalue of the rotation block at least [1/rad²]; 0: not tested");
     v("min_position", min_position, Range{0.0, 1e15},
       "smallest eigenvalue of the position block at least [1/m²]; 0: not tested");
+    v("focal_px", focal_px, Range{0.0, 1e5},
+      "focal length of the camera that both thresholds were found with; another camera's count "
+      "times the square of its own over this; 0: whatever the camera [px]");
     v("normalisation", normalisation,
       Choices<Normalisation>{{"none", Normalisation::none},
                              {"per_inlier", Normalisation::per_inlier}},
@@ -107,11 +111,11 @@ struct StabilityConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("nis_pings", nis_pings, Range{1, 1000}, "pings that the mean NIS is taken over");
-    v("max_nis", max_nis, Range{0.0, 1e9}, "their mean NIS per degree of freedom at most");
+    v("nis_pings", nis_pings, Range{1, 1000}, "pings that the median NIS is taken of");
+    v("max_nis", max_nis, Range{0.0, 1e9}, "their median NIS per degree of freedom at most");
     v("max_dvl_age_s", max_dvl_age_s, Range{0.0, 3600.0}, "age of the last ping used [s]");
     v("max_rotation_sigma_deg", max_rotation_sigma_deg, Range{0.0, 180.0},
-      "sigma of the worst axis [deg]");
+      "sigma of the tilt's worst axis [deg]; heading has no bound in dead reckoning");
     v("max_position_sigma_m", max_position_sigma_m, Range{0.0, 1e6},
       "sigma of the worst direction [m]; 0: not tested, since dead reckoning has no bound");
     v("growth_window_s", growth_window_s, Range{0.1, 3600.0},

@@ -51,7 +51,7 @@ class DipoStability {
     double position = 0.0;  // [m]
   };
   Stability check_pings(Stamp now) const;
-  Stability check_covariance(Stamp now, const Matrix6& covariance);
+  Stability check_covariance(Stamp now, const PoseEstimate& dipo);
 
   StabilityConfig config_;
   std::deque<double> nis_;  // per degree of freedom

@@ -66,6 +66,10 @@ Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config);
 /// Step 3, Fine: no eigenvalue of either block below its threshold (Eq. 6).
 Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds);
 
+/// The configuration with its thresholds for a camera of that focal length: a pixel's error is an
+/// angle, so the information of a scene goes with the square of the focal length.
+FineConfig for_camera(const FineConfig& config, double focal_px);
+
 /// What step 3 tests, normalised as configured.
 Eigenvalues tested_eigenvalues(const VioEstimate& vio, const FineConfig& config);
 

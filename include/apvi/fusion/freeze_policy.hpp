@@ -84,6 +84,7 @@ class FreezePolicy {
   FreezeConfig config_;
   Phase phase_ = Phase::starting;
   int good_in_a_row_ = 0;
+  bool has_dipo_ = false;
   FreezeCounts counts_;
   std::vector<Outage> outages_;
 };

@@ -26,7 +26,8 @@ enum class FusionState {
 };
 std::string_view to_string(FusionState state);
 
-/// One camera frame. Poses of both subsystems are in one world (VIO starts in DIPO's).
+/// One camera frame. Poses of both subsystems are in one world (VIO starts in DIPO's), but for what
+/// each has drifted; VIO's goes on over a freeze and a new start unless step 2 has no window.
 struct FusionInput {
   Stamp stamp;
   std::optional<PoseEstimate> dipo;  ///< nothing: not in this run, or not started
@@ -89,7 +90,7 @@ class Fuser {
   PoseEstimate output(const FusionInput& input, const Target& target, const Stability& dipo);
   std::optional<SE3> motion(const FusionInput& input, const Target& target,
                             const Stability& dipo) const;
-  void remember(const FusionInput& input, bool used, Action action);
+  void remember(const FusionInput& input, bool used);
 
   Config config_;
   DipoStability stability_;
@@ -99,7 +100,7 @@ class Fuser {
   Slew slew_;
   std::optional<FusionInput> last_;
   Target last_target_;
-  std::deque<Pair> agreed_;  // accepted frames within the window of step 2
+  std::deque<Pair> agreed_;  // what DIPO's motion is compared with: frames of the window of step 2
 };
 
 }  // namespace apvi::fusion

@@ -33,8 +33,8 @@ class Preintegration {
                  const Eigen::Vector3d& accel_bias);
 
   /// Adds the span between two consecutive samples. Throws std::logic_error unless time goes
-  /// forward.
-  void integrate(const ImuSample& from, const ImuSample& to);
+  /// forward. `noise_factor`: by how much this span is noisier than the sensor.
+  void integrate(const ImuSample& from, const ImuSample& to, double noise_factor = 1.0);
 
   double duration_s() const { return duration_s_; }
   /// As integrated, at the biases given to the constructor.
@@ -49,7 +49,8 @@ class Preintegration {
   const Eigen::Vector3d& accel_bias() const { return accel_bias_; }
 
  private:
-  void step(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt);
+  void step(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt,
+            double variance_factor);
 
   Noise noise_;
   Eigen::Vector3d gyro_bias_;

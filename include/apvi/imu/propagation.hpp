@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "apvi/geometry/se3.hpp"
 #include "apvi/imu/noise.hpp"
 
 namespace apvi::imu {
@@ -15,6 +16,8 @@ struct NavState {
   Eigen::Vector3d v_body = Eigen::Vector3d::Zero();      ///< over ground [m/s]
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s²]
+
+  SE3 T_world_body() const { return {R_world_body, p_world}; }
 };
 
 /// Order of the error state: R_true = R Exp(θ), every other part adds.

@@ -52,6 +52,7 @@ struct CalibrationResult {
 CalibrationResult calibrate(const CalibrateOptions& options);
 
 /// The frames of a finished run: healthy ones passed steps 1 and 2, blind ones had no landmark.
+/// Eigenvalues are those of a camera with the focal length that the default thresholds are for.
 fusion::RecordedFrames recorded_frames(const std::filesystem::path& run);
 
 /// The comparison of the ways to test, and the runs, as text.

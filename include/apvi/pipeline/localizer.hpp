@@ -53,15 +53,20 @@ class Localizer {
   std::optional<double> vio_start_s() const { return vio_start_s_; }
 
  private:
-  std::optional<vio::Aid> moved(const std::optional<vio::Aid>& dipo) const;
+  std::optional<vio::Aid> in_world(const std::optional<vio::Aid>& dipo) const;
+  std::optional<SE3> place(const std::optional<vio::Aid>& dipo) const;
   void align(const vio::Aid& dipo, const vio::Result& vio, bool vio_was_first);
+  void follow_drift(const fusion::FusionInput& input, const FrameOutput& output);
   void act(fusion::Action action);
 
   bool tight_;
   bool allow_aid_;
+  bool follow_drift_;
   vio::Estimator estimator_;
   fusion::Fuser fuser_;
   std::optional<SE3> T_output_dipo_;
+  std::optional<SE3> last_pose_;
+  SE3 T_vio_dipo_ = SE3::identity();  // where DIPO's poses were when both last agreed
   std::optional<Stamp> first_frame_;
   std::optional<double> vio_start_s_;
 };

@@ -93,6 +93,7 @@ struct StartConfig {
   double gyro_bias_sigma = 0.05;
   double accel_bias_sigma = 0.1;
   double max_wait_s = 3.0;
+  double dvl_s = 3.0;
 
   template <typename V>
   void visit(V& v) {
@@ -104,6 +105,9 @@ struct StartConfig {
     v("accel_bias_sigma", accel_bias_sigma, Range{1e-6, 10.0},
       "of the accelerometer's turn-on bias without a DVL [m/s²]");
     v("max_wait_s", max_wait_s, Range{0.2, 60.0}, "span of frames a start looks back at [s]");
+    v("dvl_s", dvl_s, Range{0.0, 60.0},
+      "with a DVL: so long after a start or a freeze its velocities are in the graph, whatever "
+      "`graph`; at constant speed nothing else tells the scale [s]");
   }
 };
 
@@ -112,6 +116,8 @@ struct HealthConfig {
   double max_gyro_bias = 0.5;
   double max_accel_bias = 2.0;
   double max_speed = 10.0;
+  double max_gyro = 8.7;
+  double max_accel = 80.0;
   int max_bad_frames = 10;
 
   template <typename V>
@@ -122,6 +128,9 @@ struct HealthConfig {
     v("max_gyro_bias", max_gyro_bias, Range{0.0, 10.0}, "larger means divergence [rad/s]");
     v("max_accel_bias", max_accel_bias, Range{0.0, 100.0}, "larger means divergence [m/s²]");
     v("max_speed", max_speed, Range{0.0, 1000.0}, "larger means divergence [m/s]");
+    v("max_gyro", max_gyro, Range{0.1, 100.0},
+      "a sample that turns faster is a shock or a saturated sensor, and is left out [rad/s]");
+    v("max_accel", max_accel, Range{10.0, 1000.0}, "the same for the specific force [m/s²]");
     v("max_bad_frames", max_bad_frames, Range{1, 1000}, "so many in a row mean divergence");
   }
 };

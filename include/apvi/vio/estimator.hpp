@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,8 +62,11 @@ class Estimator {
   void add(const DvlMeasurement& measurement);
   void add(const DepthMeasurement& measurement);
 
-  /// One frame. Give the aid when there is one; a start leans on it.
-  Result process(const TrackedFrame& tracked, const std::optional<Aid>& aid);
+  /// One frame. Give the aid when there is one; a start leans on it. A start without an aid has its
+  /// newest frame at `place`, as far as heading and position go; without a place its first frame
+  /// is where the world begins.
+  Result process(const TrackedFrame& tracked, const std::optional<Aid>& aid,
+                 const std::optional<SE3>& place = std::nullopt);
 
   /// Forgets everything but the sensors' samples.
   void reset();
@@ -80,9 +84,9 @@ class Estimator {
   const Window& window() const { return window_; }
 
  private:
-  Result start(const TrackedFrame& tracked, const std::optional<Aid>& aid);
   Result start_with_aid(const TrackedFrame& tracked, const Aid& aid);
-  Result start_alone(const TrackedFrame& tracked);
+  Result start_alone(const TrackedFrame& tracked, const std::optional<SE3>& place);
+  bool starts_anew(const TrackedFrame& tracked) const;
   void adopt(const std::vector<TrackedFrame>& frames, const std::vector<imu::NavState>& states);
   Result track(const TrackedFrame& tracked, const std::optional<Aid>& aid);
   void lean_on(const Aid& aid);
@@ -97,8 +101,9 @@ class Estimator {
   std::shared_ptr<imu::Preintegration> preintegrate(Stamp from, Stamp to,
                                                     const FrameState& state) const;
   void refresh_preintegrations();
+  bool takes_pings(Stamp stamp) const;
   void attach_measurements();
-  void attach(Frame& frame, const DvlMeasurement& measured) const;
+  void attach(Frame& frame, const DvlMeasurement& measured);
   void attach_depth(Frame& frame);
   std::string why_diverged(const Result& result);
 
@@ -106,12 +111,16 @@ class Estimator {
   Rig rig_;
   imu::Noise noise_;
   imu::SampleBuffer imu_;
+  double longest_step_s_ = std::numeric_limits<double>::infinity();  // between two samples
   std::deque<DvlMeasurement> pings_;
   std::deque<DepthMeasurement> depths_;
   std::vector<TrackedFrame> waiting_;  // frames before the start
   Window window_;
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
+  bool has_seen_ = false;            // a landmark has taken part since the start
+  bool aided_ = false;               // since a start with an aid
+  std::optional<Stamp> first_ping_;  // in the graph since a start or a release
   int bad_frames_ = 0;
 };
 

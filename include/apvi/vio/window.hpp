@@ -42,6 +42,7 @@ struct Frame {
     DvlPing factor;
   };
   std::vector<Ping> pings;  ///< between this frame and the next
+  bool takes_pings = false;
   /// As it would have been measured at its instant.
   std::optional<DepthMeasurement> depth;
   std::shared_ptr<const Prior> lean;  ///< what the aid says of the state while the window is frozen
