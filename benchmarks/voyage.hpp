@@ -29,6 +29,8 @@ class Voyage {
   Stamp start() const { return spline_.start(); }
   Stamp end() const { return end_; }
   Eigen::Vector3d position_at(Stamp stamp) const;
+  /// T_world_body without the depth of the world's origin.
+  SE3 pose_at(Stamp stamp) const { return spline_.at(stamp).T_world_body; }
   /// The samples of the next `length`, in order of time; empty at the end.
   std::vector<SensorEvent> next(Duration length);
 

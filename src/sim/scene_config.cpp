@@ -132,7 +132,7 @@ SE3 shaken(const SE3& pose, const RigErrorConfig& error, Random& random) {
 
 Node perturbed_rig(const Scene& scene) {
   const RigErrorConfig& error = scene.config.rig_error;
-  Random random = Random(scene.seed()).fork(kRigErrorStream);
+  Random random = Random(scene.sensor_seed()).fork(kRigErrorStream);
   Node rig = scene.rig_node;
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     Node& camera = rig.member(fmt::format("cam{}", i));

@@ -82,8 +82,9 @@ void simulate_depth(const Scene& scene, const EventSchedule& events, Recording& 
   PressureCalibration calibration = scene.rig.pressure.value_or(PressureCalibration{});
   if (!scene.rig.pressure) calibration.p_body_sensor = scene.rig.depth->p_body_sensor;
   const WaveField waves = make_waves(config.motion.waves, scene.seed(), config.gravity_m_s2);
-  recording.pressure = simulate_pressure(recording.spline, waves, calibration, config.pressure,
-                                         events, kSimulationStart, config.duration_s, scene.seed());
+  recording.pressure =
+      simulate_pressure(recording.spline, waves, calibration, config.pressure, events,
+                        kSimulationStart, config.duration_s, scene.sensor_seed());
   if (scene.rig.pressure) return;
   for (const PressureSample& sample : recording.pressure) {
     recording.depth.push_back({sample.stamp, calibration.depth(sample.pressure_pa)});
@@ -136,10 +137,10 @@ Recording simulate_sensors(const Scene& scene, const EventSchedule& events,
                       .frames = frame_times(scene, events)};
   check_path(recording.spline, world, config.duration_s, config.motion.clearance_m);
   recording.imu = simulate_imu(recording.spline, config.imu, events, kSimulationStart,
-                               config.duration_s, config.gravity_m_s2, scene.seed());
+                               config.duration_s, config.gravity_m_s2, scene.sensor_seed());
   if (scene.rig.dvl) {
     recording.dvl = simulate_dvl(recording.spline, world, *scene.rig.dvl, config.dvl, events,
-                                 kSimulationStart, config.duration_s, scene.seed());
+                                 kSimulationStart, config.duration_s, scene.sensor_seed());
   }
   simulate_depth(scene, events, recording);
   return recording;

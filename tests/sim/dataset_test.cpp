@@ -159,6 +159,27 @@ TEST(Dataset, OtherSeedsGiveOtherBytes) {
   EXPECT_NE(bytes_of(dir.path() / "a" / csv), bytes_of(dir.path() / "b" / csv));
 }
 
+TEST(Dataset, ASeedForTheSensorsLeavesTheMotionAsItIs) {
+  const test::TmpDir dir;
+  simulate(blind(), dir.path() / "a", {});
+  simulate(blind({"sensor_seed=6"}), dir.path() / "b", {});
+  const auto same = [&](const char* sensor) {
+    const fs::path csv = fs::path("mav0") / sensor / "data.csv";
+    return bytes_of(dir.path() / "a" / csv) == bytes_of(dir.path() / "b" / csv);
+  };
+  const auto trajectory = [&](const char* name) {
+    io::DatasetConfig config;
+    config.path = (dir.path() / name).string();
+    return io::open_sequence(config, {})->reference().value().poses;
+  };
+  const auto a = trajectory("a");
+  const auto b = trajectory("b");
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(a.back().T_world_body.translation, b.back().T_world_body.translation);
+  EXPECT_FALSE(same("imu0"));
+  EXPECT_FALSE(same("dvl0"));
+}
+
 TEST(Dataset, StoppedSimulationGoesOnToTheSameBytes) {
   const test::TmpDir dir;
   const fs::path whole = dir.path() / "whole";

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -73,6 +74,7 @@ struct RigErrorConfig {
 /// A scene file: everything that a simulated recording depends on.
 struct SceneConfig {
   int seed = 1;
+  std::optional<int> sensor_seed;
   double duration_s = 60.0;
   double gravity_m_s2 = 9.80665;
   WorldConfig world;
@@ -92,6 +94,9 @@ struct SceneConfig {
   void visit(V& v) {
     using config::Range;
     v("seed", seed, Range{0, 2147483647}, "the same seed gives the same bytes");
+    v("sensor_seed", sensor_seed, Range{0, 2147483647},
+      "of the noise and biases of IMU, DVL and pressure sensor and of the errors in rig.yaml, so "
+      "that one rendering serves many recordings; null: as `seed`");
     v("duration_s", duration_s, Range{1.0, 36000.0}, "length of the recording [s]");
     v("gravity_m_s2", gravity_m_s2, Range{9.0, 10.5}, "[m/s²]");
     v("world", world, "what there is to see");
@@ -117,6 +122,9 @@ struct Scene {
   Rig rig;
 
   std::uint64_t seed() const { return static_cast<std::uint64_t>(config.seed); }
+  std::uint64_t sensor_seed() const {
+    return static_cast<std::uint64_t>(config.sensor_seed.value_or(config.seed));
+  }
 };
 
 /// Reads a scene file with what it inherits and "key=value" overrides on top. Names of files in it
