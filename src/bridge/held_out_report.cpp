@@ -70,7 +70,9 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
                            const std::filesystem::path& folder, const SimulatedTruth* truth) {
   TruthFigures figures;
   for (const std::size_t i : keyframes.held_out()) {
-    const mapping::Picture picture = mapping::take_picture(map, keyframes.view(i, 1));
+    mapping::Picture picture = mapping::take_picture(map, keyframes.view(i, 1));
+    picture.as_seen = picture.as_seen * mapping::camera_response(map, keyframes, i, 1);
+    picture.restored = picture.restored * mapping::camera_gain(map, keyframes, i);
     write_renders(picture, keyframes[i], map.medium.has_value(), folder);
     if (truth != nullptr) figures.add(picture, *truth, keyframes[i].name);
   }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -19,11 +20,23 @@
 namespace apvi::bridge {
 namespace {
 
-constexpr const char* kHeader = "#time [s],iteration,gaussians,psnr_heldout [dB]\n";
+constexpr const char* kHeader =
+    "#time [s],iteration,gaussians,psnr_heldout [dB],beta_d_r [m^-1],beta_d_g [m^-1],"
+    "beta_d_b [m^-1],beta_b_r [m^-1],beta_b_g [m^-1],beta_b_b [m^-1],b_inf_r,b_inf_g,b_inf_b\n";
 
 std::vector<double> numbers(const torch::Tensor& values) {
   const torch::Tensor v = values.detach().to(torch::kCPU, torch::kFloat64).contiguous();
   return {v.data_ptr<double>(), v.data_ptr<double>() + v.numel()};
+}
+
+// The water's nine numbers as cells of a csv, empty without water.
+std::string medium_cells(const std::optional<splat::Medium>& medium) {
+  if (!medium) return std::string(9, ',');
+  std::string cells;
+  for (const torch::Tensor& values : {medium->beta_d, medium->beta_b, medium->b_inf}) {
+    for (const double value : numbers(values)) cells += fmt::format(",{:.5g}", value);
+  }
+  return cells;
 }
 
 // Mean relative error of the nine numbers [%].
@@ -40,6 +53,14 @@ double error_percent(const splat::Medium& medium, const splat::Medium& truth) {
 }
 
 }  // namespace
+
+std::filesystem::path make_renders_folder(const std::filesystem::path& run) {
+  const std::filesystem::path folder = run / "renders";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) fail_run("{}: cannot make this folder: {}", run.string(), error.message());
+  return folder;
+}
 
 void write_map(const std::filesystem::path& folder, const mapping::Map& map) {
   splat::write_ply(folder / "map.ply", map.gaussians, map.medium);
@@ -58,7 +79,8 @@ void MapCurve::write(double seconds, std::int64_t iteration, const mapping::Map&
   reported_s_ = seconds;
   const auto psnr = mapping::mean_psnr(map, keyframes, keyframes.held_out());
   if (!psnr) return;
-  out_ << fmt::format("{:.2f},{},{},{:.4f}\n", seconds, iteration, map.gaussians.size(), *psnr);
+  out_ << fmt::format("{:.2f},{},{},{:.4f}{}\n", seconds, iteration, map.gaussians.size(), *psnr,
+                      medium_cells(map.medium));
   out_.flush();
   log::debug("{:.0f} s: {:.2f} dB on held-out images", seconds, *psnr);
 }

@@ -13,10 +13,16 @@
 
 namespace apvi::bridge {
 
+/// What a run with a map goes on from, in its folder.
+inline constexpr const char* kCheckpoint = "checkpoint.pt";
+
+/// Makes the folder of the held-out images. Throws RunError when it cannot be made.
+std::filesystem::path make_renders_folder(const std::filesystem::path& run);
+
 /// Writes map.ply and, with water, medium.json. Throws RunError when they cannot be written.
 void write_map(const std::filesystem::path& folder, const mapping::Map& map);
 
-/// The held-out images' PSNR over time, mapping.csv.
+/// The held-out images' PSNR, and the water as it is learnt, over time: mapping.csv.
 class MapCurve {
  public:
   /// `every_s` 0: nothing but the header is ever written. `append`: goes on with what is there.

@@ -9,13 +9,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <system_error>
 
 #include "apvi/bridge/camera_conversion.hpp"
 #include "apvi/bridge/image_files.hpp"
 #include "apvi/bridge/initial_points.hpp"
 #include "apvi/bridge/posed_images.hpp"
-#include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/core/progress.hpp"
 #include "apvi/core/stopwatch.hpp"
@@ -33,15 +31,6 @@ namespace apvi::bridge {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kCheckpoint = "checkpoint.pt";
-
-void make_folder(const MappingRunOptions& options) {
-  if (!options.resume) pipeline::prepare_folder(options.folder, options.overwrite);
-  std::error_code error;
-  fs::create_directories(options.folder / "renders", error);
-  if (error) fail_run("{}: cannot make this folder: {}", options.folder.string(), error.message());
-}
 
 /// The training of one run, with what it leaves in its folder on the way.
 class Training {
@@ -89,11 +78,7 @@ class Training {
     curve_.close();
   }
 
-  mapping::Map map() const {
-    return {.gaussians = trainer_.map(),
-            .medium = trainer_.medium(),
-            .antialiased = config_.mapping.trainer.antialiased};
-  }
+  mapping::Map map() const { return trainer_.whole_map(); }
   const mapping::Trainer& trainer() const { return trainer_; }
 
  private:
@@ -146,7 +131,8 @@ MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& o
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
   const PosedImages images = load_posed_images(config);
-  make_folder(options);
+  if (!options.resume) pipeline::prepare_folder(options.folder, options.overwrite);
+  const fs::path renders = make_renders_folder(options.folder);
   log::open_file(options.folder / "log.txt");
   io::write_text_file(options.folder / "resolved.yaml",
                       config::to_yaml(describe(config, pipeline::resolved(config, images.rig))));
@@ -156,8 +142,8 @@ MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& o
   training.save();
   const auto truth =
       SimulatedTruth::open(config.dataset.path, images.camera, config.mapping.image_scale);
-  const eval::Json figures = report_held_out(training.map(), images.store,
-                                             options.folder / "renders", truth ? &*truth : nullptr);
+  const eval::Json figures =
+      report_held_out(training.map(), images.store, renders, truth ? &*truth : nullptr);
   const mapping::Trainer& trainer = training.trainer();
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,

@@ -20,6 +20,10 @@ using torch::Tensor;
 
 constexpr std::size_t kQueue = 16;  // frames that wait for the mapper
 
+// While frames wait in real time, of the time the mapper works.
+constexpr double kTrainingShare = 0.5;
+constexpr double kDepthShare = 0.3;  // at most
+
 Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
   Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
   double* x = rows.data_ptr<double>();
@@ -90,7 +94,11 @@ void OnlineMap::try_to_process(const pipeline::MapFrame& frame) {
 
 void OnlineMap::process(const pipeline::MapFrame& frame) {
   torch::set_num_threads(config_.run.threads);  // it is a property of the thread
-  const mapping::Intake intake = mapper_.add(to_input(frame));
+  const Stopwatch watch;
+  mapping::MapperInput input = to_input(frame);
+  input.hurry = frames_wait() && mapper_.depth_seconds() > kDepthShare * busy_s_;
+  const mapping::Intake intake = mapper_.add(input);
+  busy_s_ += watch.seconds();
   if (intake == mapping::Intake::taken) ++shown_keyframes_;
   using enum mapping::Intake;
   if (intake != taken && intake != held_out && intake != no_picture &&
@@ -107,7 +115,7 @@ void OnlineMap::learn() {
   const bool realtime = config_.run.mode == pipeline::RunMode::realtime;
   int left = config_.mapping.online.steps_per_keyframe;
   while (mapper_.ready() && !options_.interrupted()) {
-    if (realtime && (ending_ || worker_->waiting() > 0)) return;
+    if (realtime && (ending_ || (frames_wait() && training_s_ > kTrainingShare * busy_s_))) return;
     if (!realtime && left-- <= 0) return;
     step();
   }
@@ -117,6 +125,13 @@ void OnlineMap::step() {
   const Stopwatch watch;
   mapper_.step();
   training_s_ += watch.seconds();
+  busy_s_ += watch.seconds();
+}
+
+// In real time a map that only takes keyframes in never gets any better, so both have their share
+// of the time, and frames are lost instead.
+bool OnlineMap::frames_wait() const {
+  return config_.run.mode == pipeline::RunMode::realtime && worker_ && worker_->waiting() > 0;
 }
 
 // What a long run leaves in its folder on the way.
@@ -172,14 +187,14 @@ bool OnlineMap::refine() {
 }
 
 void OnlineMap::resume() {
-  mapper_.resume(options_.folder / "checkpoint.pt");
+  mapper_.resume(options_.folder / kCheckpoint);
 }
 
 void OnlineMap::save() {
   if (mapper_.size() > 0) {
     write_map(options_.folder, mapper_.snapshot());
     io::write_tum(options_.folder / "keyframes.tum", keyframes());
-    mapper_.save(options_.folder / "checkpoint.pt");
+    mapper_.save(options_.folder / kCheckpoint);
   }
   if (curve_) curve_->close();
 }

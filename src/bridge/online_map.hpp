@@ -53,6 +53,7 @@ class OnlineMap : public pipeline::MapSink {
   torch::Tensor camera_pose(const SE3& T_world_body) const;
   void learn();
   void step();
+  bool frames_wait() const;
   void look_after();
   Trajectory keyframes() const;
 
@@ -65,6 +66,7 @@ class OnlineMap : public pipeline::MapSink {
   Stopwatch since_save_;
   std::optional<MapCurve> curve_;  // once there is a folder
   double training_s_ = 0.0;
+  double busy_s_ = 0.0;
   std::size_t dropped_ = 0;
   std::atomic<std::int64_t> shown_keyframes_ = 0;  // for the status line, from any thread
   std::atomic<std::int64_t> shown_gaussians_ = 0;

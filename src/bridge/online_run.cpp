@@ -5,7 +5,6 @@
 
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -20,8 +19,6 @@ namespace apvi::bridge {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kCheckpoint = "checkpoint.pt";
 
 Rig rig_of(const RunConfig& config) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});
@@ -60,7 +57,7 @@ std::optional<pipeline::RunResult> localize(const RunConfig& config,
 void continue_map(const RunConfig& config, const MappingRunOptions& options, const Rig& rig,
                   OnlineMap& map) {
   if (!fs::exists(options.folder / kCheckpoint)) {
-    fail_input("{}: no checkpoint.pt there; run without --resume", options.folder.string());
+    fail_input("{}: no {} there; run without --resume", options.folder.string(), kCheckpoint);
   }
   log::open_file(options.folder / "log.txt");
   map.begin(rig);
@@ -84,15 +81,13 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   }
   map.save();
   const double wall_s = watch.seconds();
-  std::error_code error;
-  fs::create_directories(options.folder / "renders", error);
-  if (error) fail_run("{}: cannot make this folder: {}", options.folder.string(), error.message());
+  const fs::path renders = make_renders_folder(options.folder);
   const mapping::Mapper& mapper = map.mapper();
   const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
                                           config.mapping.image_scale);
   const mapping::Map made = mapper.snapshot();
-  const eval::Json figures = report_held_out(made, mapper.keyframes(), options.folder / "renders",
-                                             truth ? &*truth : nullptr);
+  const eval::Json figures =
+      report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = mapper.size(),

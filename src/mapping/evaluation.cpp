@@ -16,7 +16,8 @@ constexpr std::int64_t kLeastLpipsSide = 32;  // [px]
 constexpr std::size_t kMostInMedian = 200;    // images, spread over all: they are numbers by then
 
 Tensor rendered(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
-  return take_picture(map, keyframes.view(i, 1)).as_seen.clamp(0.0, 1.0);
+  return (take_picture(map, keyframes.view(i, 1)).as_seen * camera_response(map, keyframes, i, 1))
+      .clamp(0.0, 1.0);
 }
 
 // Undefined when there are none.

@@ -18,6 +18,11 @@ namespace {
 
 using torch::Tensor;
 
+constexpr double kGainShare = 0.3;  // of a gain's error that one step takes away
+constexpr int kGainReduction = 4;   // of the picture that a new view's gain is found with
+constexpr double kLeastVeil = 1e-3;
+constexpr double kMostVeil = 0.98;
+
 static_assert(kMostShDegree == splat::kMaxShDegree);
 
 splat::Gaussians on_device(const splat::Gaussians& gaussians) {
@@ -58,7 +63,8 @@ MapLearner::MapLearner(const splat::Gaussians& initial, const TrainerOptions& op
     : options_(options),
       store_(on_device(initial)),
       statistics_(initial.size(), splat::active_device()),
-      corrections_(views, options.poses, options.exposure) {
+      corrections_(views, options.poses, options.exposure),
+      gains_(views, splat::active_device()) {
   if (medium) medium_.emplace(on_device(*medium));
 }
 
@@ -76,15 +82,28 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                         const StepSettings& settings) {
   splat::View camera = keyframes.view(i, settings.reduction);
   camera.pose_delta = corrections_.pose_delta(i, settings.correct_pose);
-  const splat::RenderOutput out = splat::render(
-      store_.view(), camera,
-      {.sh_degree = settings.sh_degree, .antialiased = options_.antialiased, .background = {}});
-  const Tensor target = keyframes.image(i, settings.reduction, out.color.device());
-  const Tensor loss =
-      splat::photometric_loss(image_of(i, camera, out), target, options_.ssim_weight);
+  const splat::RenderOutput out = splat::render(store_.view(), camera,
+                                                {.sh_degree = settings.sh_degree,
+                                                 .antialiased = options_.antialiased,
+                                                 .background = {},
+                                                 .rows = true});
+  const Tensor image = image_of(i, camera, out);
+  Tensor target = keyframes.image(i, settings.reduction, out.color.device());
+  if (vignetting_ > 0.0) target = target / falloff(camera.intrinsics);
+  if (options_.auto_gain) {
+    if (settings.match_gain) {
+      gains_.match(i, image.detach(), out.alpha.detach(), target, kGainShare);
+    }
+    target = target / gains_.gain(i);
+  }
+  const Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
   loss.backward();
   statistics_.observe(out.statistics);
-  store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
+  if (out.rows != nullptr) {
+    store_.step(settings.rates, *out.rows, options_.sparse_adam);
+  } else {
+    store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
+  }
   corrections_.step(i, camera.pose_delta);
   if (medium_) medium_->step();
   return loss.detach();
@@ -116,13 +135,78 @@ void MapLearner::move(std::int64_t anchor, const splat::Similarity& motion) {
   if (own.any().item<bool>()) store_.transform(motion, own);
 }
 
-void MapLearner::begin_medium(const splat::Medium& medium, const Tensor& ranges) {
+void MapLearner::add_view() {
+  corrections_.add_view();
+  gains_.add_view();
+}
+
+Tensor MapLearner::falloff(const splat::Intrinsics& camera) {
+  Tensor& kept = falloffs_[camera.width];
+  if (!kept.defined()) kept = lens_falloff(camera, vignetting_, splat::active_device());
+  return kept;
+}
+
+void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
+  if (!options_.auto_gain || size() == 0) return;
   const torch::NoGradGuard no_grad;
+  const splat::View camera = keyframes.view(i, kGainReduction);
+  const splat::RenderOutput out =
+      splat::render(store_.view(), camera, {.antialiased = options_.antialiased, .background = {}});
+  Tensor image = out.color;
+  if (medium_) {
+    image = splat::apply_medium(image, splat::depth_to_range(out.depth, camera.intrinsics),
+                                out.alpha, medium_->medium());
+  }
+  Tensor picture = keyframes.image(i, kGainReduction, image.device());
+  if (vignetting_ > 0.0) picture = picture / falloff(camera.intrinsics);
+  gains_.match(i, image, out.alpha, picture, 1.0);
+}
+
+// Looks the same from `ranges` through the new water as through the old, but for the brightness.
+void MapLearner::recolor(const splat::Medium& medium, const Tensor& ranges, double brighter) {
   const splat::Medium water = on_device(medium);
   Tensor sh_dc = map().sh_dc;
-  const Tensor seen = splat::sh_dc_to_color(sh_dc);
-  sh_dc.copy_(splat::color_to_sh_dc(without_water(seen, ranges.to(seen.options()), water)));
-  medium_.emplace(water);
+  Tensor seen = splat::sh_dc_to_color(sh_dc);
+  const Tensor z = ranges.to(seen.options()).unsqueeze(1);
+  if (medium_) {
+    const splat::Medium old = medium_->medium();
+    seen = seen * torch::exp(-old.beta_d * z) + old.b_inf * (1.0 - torch::exp(-old.beta_b * z));
+  }
+  seen = brighter * seen;
+  sh_dc.copy_(splat::color_to_sh_dc(without_water(seen, z.squeeze(1), water)));
+}
+
+void MapLearner::adopt(const splat::Medium& medium, const Tensor& known, const Tensor& ranges) {
+  const torch::NoGradGuard no_grad;
+  recolor(medium, ranges, 1.0);
+  if (!medium_) medium_.emplace(on_device(medium));
+  medium_->hold(medium, known);
+}
+
+void MapLearner::adopt(const WaterSurvey& survey, const std::vector<std::size_t>& training,
+                       const Tensor& ranges) {
+  const torch::NoGradGuard no_grad;
+  const auto rows = [](const std::vector<std::size_t>& views) {
+    return torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()), torch::kInt64);
+  };
+  splat::Medium water = survey.fit.medium;
+  double brighter = 1.0;
+  if (options_.auto_gain) {
+    Tensor logs = gains_.logs().to(torch::kCPU, torch::kFloat64);
+    const Tensor looked_at = rows(survey.views);
+    const double shift =
+        (survey.fit.log_gains - logs.index_select(0, looked_at)).mean().item<double>();
+    logs = (logs + shift).index_copy(0, looked_at, survey.fit.log_gains);
+    const double median = logs.index_select(0, rows(training)).median().item<double>();
+    gains_.set_logs(logs - median);
+    brighter = std::exp(median - shift);
+    water.b_inf = (water.b_inf * std::exp(median)).clamp(kLeastVeil, kMostVeil);
+  }
+  vignetting_ = survey.fit.vignetting;
+  falloffs_.clear();
+  recolor(water, ranges, brighter);
+  if (!medium_) medium_.emplace(on_device(water));
+  medium_->hold(water, survey.fit.known);
 }
 
 void MapLearner::set_vio_failing(bool failing) {
@@ -136,6 +220,14 @@ splat::Gaussians MapLearner::map() const {
   const auto to = map.tensors();
   for (std::size_t i = 0; i < from.size(); ++i) *to[i] = from[i]->detach();
   return map;
+}
+
+Map MapLearner::whole_map() const {
+  return {.gaussians = map(),
+          .medium = medium(),
+          .antialiased = options_.antialiased,
+          .log_gains = options_.auto_gain ? gains_.logs() : Tensor(),
+          .vignetting = vignetting_};
 }
 
 std::optional<splat::Medium> MapLearner::medium() const {
@@ -159,6 +251,8 @@ void MapLearner::save(torch::serialize::OutputArchive& archive) const {
   child("map", store_);
   child("statistics", statistics_);
   child("corrections", corrections_);
+  child("gains", gains_);
+  archive.write("vignetting", torch::IValue(vignetting_));
   if (medium_) child("medium", *medium_);
   archive.write("has_medium", torch::IValue(medium_.has_value()));
 }
@@ -171,6 +265,12 @@ void MapLearner::load(torch::serialize::InputArchive& archive) {
   statistics_.load(part);
   archive.read("corrections", part);
   corrections_.load(part);
+  archive.read("gains", part);
+  gains_.load(part);
+  c10::IValue vignetting;
+  archive.read("vignetting", vignetting);
+  vignetting_ = vignetting.toDouble();
+  falloffs_.clear();
   c10::IValue has_medium;
   archive.read("has_medium", has_medium);
   if (!has_medium.toBool()) return medium_.reset();

@@ -10,7 +10,8 @@
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
-#include "apvi/mapping/initial_medium.hpp"
+#include "apvi/mapping/water_survey.hpp"
+#include "apvi/splat/medium_estimate.hpp"
 #include "seed_stream.hpp"
 
 namespace apvi::mapping {
@@ -19,6 +20,10 @@ namespace {
 using torch::Tensor;
 
 // Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
+constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
+
+constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
+
 constexpr double kLeastMove = 1e-4;  // [m], and [rad]
 
 double size_of(const Tensor& motion) {
@@ -94,20 +99,29 @@ Intake Mapper::add(const MapperInput& input) {
   keep(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
   schedule_.add(view);
+  if (learner_) learner_->match_gain(keyframes_, view);
   insert_points(view, input);
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
-  if (options_.trainer.densify.kind == Densification::quadtree) {
-    const auto taken = static_cast<std::int64_t>(counts_[Intake::taken]);
-    if (taken % options_.online.depth_every == 0) waiting_.push_back(view);
-    if (waiting_.size() * static_cast<std::size_t>(options_.online.depth_every) >
-        static_cast<std::size_t>(options_.online.depth_lag)) {
-      fill_from_depth(waiting_.front());
-      waiting_.pop_front();
-    }
-  }
+  if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
-  maybe_begin_medium();
+  const bool has_water = learner_ && learner_->medium();
+  if (!input.hurry || !has_water) maybe_survey_water();
   return intake;
+}
+
+// In a hurry every second one that waits goes: what is left is spread over the way.
+void Mapper::want_depth(std::size_t view, bool hurry) {
+  const auto every = static_cast<std::size_t>(options_.online.depth_every);
+  if (counts_[Intake::taken] % every == 0) waiting_.push_back(view);
+  if (waiting_.size() * every <= static_cast<std::size_t>(options_.online.depth_lag)) return;
+  if (!hurry) {
+    fill_from_depth(waiting_.front());
+    return waiting_.pop_front();
+  }
+  if (waiting_.size() <= kMostWaiting) return;
+  std::deque<std::size_t> fewer;
+  for (std::size_t k = 0; k < waiting_.size(); k += 2) fewer.push_back(waiting_[k]);
+  waiting_ = std::move(fewer);
 }
 
 // The keyframe's own Gaussians keep their place before its camera.
@@ -176,17 +190,33 @@ void Mapper::thin_held_out() {
   heldout_stride_ *= 2;
 }
 
-void Mapper::maybe_begin_medium() {
-  if (!options_.medium || !learner_ || learner_->medium()) return;
-  if (static_cast<int>(keyframes_.training().size()) < options_.online.medium_after) return;
+// Again whenever there are twice as many keyframes.
+void Mapper::maybe_survey_water() {
+  if (!options_.medium || !learner_ || size() == 0) return;
+  const auto taken = counts_[Intake::taken];
+  const auto first = static_cast<std::size_t>(std::max(1, options_.online.medium_after));
+  if (taken < std::max(first, next_survey_)) return;
+  next_survey_ = 2 * taken;
+  survey_water();
+}
+
+void Mapper::survey_water() {
+  const torch::NoGradGuard no_grad;
   std::vector<Tensor> centers;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     centers.push_back(camera_center(keyframes_[i].T_camera_world));
   }
-  const splat::Gaussians map = learner_->map();
+  const Map map = learner_->whole_map();
   const Tensor from = torch::stack(centers).index_select(0, learner_->anchors().to(torch::kCPU));
-  const Tensor ranges = (map.means.to(torch::kCPU, torch::kFloat64) - from).norm(2, 1);
-  learner_->begin_medium(initial_medium(map, keyframes_), ranges);
+  const Tensor ranges = (map.gaussians.means.to(torch::kCPU, torch::kFloat64) - from).norm(2, 1);
+  const splat::Medium usual = splat::coastal_medium();
+  const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_,
+                                            {.medium = usual}, options_.trainer.seed);
+  if (survey) {
+    learner_->adopt(*survey, keyframes_.training(), ranges);
+  } else if (!learner_->medium()) {
+    learner_->adopt(usual, torch::zeros({3, 3, 3}, torch::kFloat64), ranges);
+  }
   learner_->set_vio_failing(vio_failing_);
 }
 
@@ -232,6 +262,7 @@ void Mapper::begin_final() {
   const torch::NoGradGuard no_grad;
   for (const std::size_t view : waiting_) fill_from_depth(view);
   waiting_.clear();
+  if (options_.medium && learner_ && size() > 0) survey_water();
   schedule_.forget_recency();
   final_start_ = iteration_;
 }
@@ -255,9 +286,10 @@ Map Mapper::snapshot() const {
             .medium = std::nullopt,
             .antialiased = antialiased};
   }
-  return {.gaussians = clone(learner_->map()),
-          .medium = learner_->medium(),
-          .antialiased = antialiased};
+  Map map = learner_->whole_map();
+  map.gaussians = clone(map.gaussians);
+  if (map.log_gains.defined()) map.log_gains = map.log_gains.clone();
+  return map;
 }
 
 Tensor Mapper::pose(std::size_t i) const {

@@ -85,6 +85,7 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   archive.write("extent", c10::IValue(extent_));
   archive.write("iteration", c10::IValue(iteration_));
   archive.write("heldout_stride", c10::IValue(static_cast<std::int64_t>(heldout_stride_)));
+  archive.write("next_survey", c10::IValue(static_cast<std::int64_t>(next_survey_)));
   archive.write("heldout_seen", c10::IValue(static_cast<std::int64_t>(heldout_seen_)));
   write_archive(checkpoint, archive);
 }
@@ -117,6 +118,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.extent_ = read_double(archive, "extent");
     read.iteration_ = read_int(archive, "iteration");
     read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
+    read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));
     read.heldout_seen_ = static_cast<std::size_t>(read_int(archive, "heldout_seen"));
   });
   *this = std::move(read);

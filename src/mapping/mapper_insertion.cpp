@@ -9,6 +9,7 @@
 
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
+#include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/mapper.hpp"
 #include "apvi/mapping/quadtree_insertion.hpp"
@@ -101,18 +102,18 @@ void Mapper::fill_from_depth(std::size_t view) {
   for (const std::size_t i : others) {
     request.views.push_back({to_grey(keyframes_[i].image), keyframes_.view(i, 1)});
   }
+  const Stopwatch watch;
   const DepthEstimate estimate = estimate_depth(request, options_.depth);
+  depth_seconds_ += watch.seconds();
   if (estimate.verdict != DepthVerdict::estimated) return;
   const splat::View camera = keyframes_.view(view, 1);
   const Tensor picture = keyframes_.image(view, 1, torch::kCPU);
   Tensor drawn = torch::zeros_like(picture);
   Tensor alpha = torch::zeros({picture.size(0), picture.size(1)});
   if (learner_) {
-    const Map map = {.gaussians = learner_->map(),
-                     .medium = learner_->medium(),
-                     .antialiased = options_.trainer.antialiased};
+    const Map map = learner_->whole_map();
     const Picture shown = take_picture(map, camera);
-    drawn = shown.as_seen.to(torch::kCPU);
+    drawn = (shown.as_seen * camera_response(map, keyframes_, view, 1)).to(torch::kCPU);
     alpha = shown.alpha.to(torch::kCPU);
   }
   const SeenPoints seen = project(camera, points_);
@@ -129,9 +130,7 @@ void Mapper::insert_random(std::size_t view) {
   const std::int64_t count = make_room(options_.trainer.densify.random_per_round);
   if (count <= 0) return;
   Random random(seed_of(options_.trainer.seed, Stream::insertion, static_cast<std::int64_t>(view)));
-  const Map map = {.gaussians = learner_->map(),
-                   .medium = learner_->medium(),
-                   .antialiased = options_.trainer.antialiased};
+  const Map map = learner_->whole_map();
   learner_->insert(random_gaussians(map, keyframes_, view, count, extent_, random),
                    torch::full({count}, static_cast<std::int64_t>(view), torch::kInt64));
 }
@@ -149,8 +148,10 @@ void Mapper::insert(std::size_t view, Seeds seeds) {
     seeds = seeds.select(kept);
   }
   const std::optional<splat::Medium> medium = learner_ ? learner_->medium() : std::nullopt;
+  const Tensor response =
+      learner_ ? camera_response(learner_->whole_map(), keyframes_, view, 1) : Tensor();
   const splat::Gaussians made =
-      gaussians_at(seeds, keyframes_, view, options_.trainer.sh_degree, medium);
+      gaussians_at(seeds, keyframes_, view, options_.trainer.sh_degree, medium, response);
   const Tensor anchors = torch::full({made.size()}, static_cast<std::int64_t>(view), torch::kInt64);
   if (!learner_) {
     learner_.emplace(splat::Gaussians::empty(options_.trainer.sh_degree, torch::kFloat32),

@@ -3,6 +3,9 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+
+#include "apvi/mapping/view_gains.hpp"
 #include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
@@ -21,6 +24,31 @@ Picture take_picture(const Map& map, const splat::View& view) {
                            .beta_b = like(map.medium->beta_b),
                            .b_inf = like(map.medium->b_inf)});
   return picture;
+}
+
+torch::Tensor camera_gain(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
+  if (!map.log_gains.defined()) return torch::ones({1}, map.gaussians.means.options());
+  const auto log_of = [&map](std::size_t view) {
+    return map.log_gains.narrow(0, static_cast<std::int64_t>(view), 1);
+  };
+  const std::vector<std::size_t>& known = keyframes.training();
+  if (!keyframes[i].held_out || known.empty()) return log_of(i).exp();
+  const auto after = std::lower_bound(known.begin(), known.end(), i);
+  if (after == known.begin()) return log_of(known.front()).exp();
+  if (after == known.end()) return log_of(known.back()).exp();
+  const auto stamp = [&](std::size_t view) { return keyframes[view].stamp_ns; };
+  const std::size_t before = *(after - 1);
+  const double share =
+      static_cast<double>(stamp(i) - stamp(before)) /
+      static_cast<double>(std::max<std::int64_t>(1, stamp(*after) - stamp(before)));
+  return torch::lerp(log_of(before), log_of(*after), share).exp();
+}
+
+torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, std::size_t i,
+                              int factor) {
+  const torch::Tensor gain = camera_gain(map, keyframes, i);
+  if (map.vignetting == 0.0) return gain.view({1, 1, 1});
+  return gain * lens_falloff(keyframes.view(i, factor).intrinsics, map.vignetting, gain.device());
 }
 
 }  // namespace apvi::mapping

@@ -70,8 +70,13 @@ SeenPoints project(const splat::View& view, const Tensor& positions) {
           .in_view = (z > 1e-3) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)};
 }
 
+Tensor world_points(const splat::View& view, const Tensor& pixels, const Tensor& depths) {
+  return moved(rigid_inverse(view.T_camera_world), in_camera(view.intrinsics, pixels, depths));
+}
+
 splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes, std::size_t view,
-                              int sh_degree, const std::optional<splat::Medium>& medium) {
+                              int sh_degree, const std::optional<splat::Medium>& medium,
+                              const Tensor& response) {
   const torch::NoGradGuard no_grad;
   const splat::View camera = keyframes.view(view, 1);
   const splat::Intrinsics& k = camera.intrinsics;
@@ -80,6 +85,11 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
   const Tensor bytes = keyframes[view].image.reshape({-1, 3});
   const Tensor index = pixel_index(k, seeds.pixels).to(bytes.device());
   Tensor colors = bytes.index_select(0, index).to(torch::kCPU, torch::kFloat64) / 255.0;
+  if (response.defined()) {
+    const Tensor all = response.expand({k.height, k.width, 1}).reshape({-1, 1});
+    const Tensor own = all.index_select(0, index.to(all.device()));
+    colors = (colors / own.to(torch::kCPU, torch::kFloat64)).clamp(0.0, 1.0);
+  }
   if (medium) colors = without_water(colors, points.norm(2, 1), *medium);
   const Tensor log_scale = (seeds.radii_px * seeds.depths / k.fx).log().to(torch::kFloat32);
   const Tensor opacity = seeds.opacities;

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -11,10 +12,18 @@
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/random_insertion.hpp"
+#include "apvi/splat/medium_estimate.hpp"
 #include "archive.hpp"
 #include "seed_stream.hpp"
 
 namespace apvi::mapping {
+namespace {
+
+constexpr double kGainsFrom = 0.1;      // part of the training before which the map is too rough
+constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
+constexpr std::array<double, 4> kSurveys = {0.15, 0.3, 0.5, 0.7};  // parts of the training
+
+}  // namespace
 
 Trainer::Trainer(const KeyframeStore& keyframes, const splat::Gaussians& initial,
                  const TrainerOptions& options, const std::optional<splat::Medium>& medium)
@@ -67,12 +76,32 @@ double Trainer::step() {
                                   {.reduction = reduction(),
                                    .sh_degree = std::min(options_.sh_degree, degree),
                                    .correct_pose = progress() >= options_.poses.begin,
+                                   .match_gain = progress() >= kGainsFrom,
                                    .rates = rates_at(options_.rates, extent_, progress())}));
   losses_.take();
   ++iteration_;
   maybe_densify();
+  maybe_survey_water();
   seconds_ += watch.seconds();
   return losses_.newest();
+}
+
+// A few times on the way: the better the map, the better it tells the water.
+void Trainer::maybe_survey_water() {
+  if (!medium() || surveys_ >= kSurveys.size() || progress() < kSurveys[surveys_]) return;
+  ++surveys_;
+  const torch::NoGradGuard no_grad;
+  const Map seen = whole_map();
+  const auto survey = survey_water(seen, keyframes_, kSurveySpacing * extent_,
+                                   {.medium = splat::coastal_medium()}, options_.seed);
+  if (!survey) return;
+  std::vector<torch::Tensor> centers;
+  for (const std::size_t i : keyframes_.training()) {
+    centers.push_back(camera_center(keyframes_[i].T_camera_world));
+  }
+  const torch::Tensor from = torch::stack(centers).to(seen.gaussians.means.options());
+  learner_.adopt(*survey, keyframes_.training(),
+                 std::get<0>(torch::cdist(seen.gaussians.means, from).min(1)));
 }
 
 void Trainer::maybe_densify() {
@@ -98,8 +127,7 @@ void Trainer::insert_random() {
   const std::int64_t room = options_.densify.max_gaussians - size();
   const std::int64_t count = std::min<std::int64_t>(options_.densify.random_per_round, room);
   if (count <= 0) return;
-  learner_.insert(random_gaussians({.gaussians = map(), .medium = medium()}, keyframes_, view,
-                                   count, extent_, random));
+  learner_.insert(random_gaussians(whole_map(), keyframes_, view, count, extent_, random));
 }
 
 void Trainer::save(const std::filesystem::path& checkpoint) const {
@@ -107,6 +135,7 @@ void Trainer::save(const std::filesystem::path& checkpoint) const {
   learner_.save(archive);
   archive.write("iteration", torch::IValue(iteration_));
   archive.write("seconds", torch::IValue(seconds_));
+  archive.write("surveys", torch::IValue(static_cast<std::int64_t>(surveys_)));
   archive.write("initial_size", torch::IValue(initial_size_));
   write_archive(checkpoint, archive);
 }
@@ -119,6 +148,8 @@ void Trainer::resume(const std::filesystem::path& checkpoint) {
     iteration_ = value.toInt();
     archive.read("seconds", value);
     seconds_ = value.toDouble();
+    archive.read("surveys", value);
+    surveys_ = static_cast<std::size_t>(value.toInt());
     archive.read("initial_size", value);
     initial_size_ = value.toInt();
   });

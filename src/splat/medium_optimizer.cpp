@@ -18,7 +18,22 @@ std::array<const Tensor*, 3> tensors(const MediumParameters& parameters) {
   return {&parameters.raw_beta_d, &parameters.raw_beta_b, &parameters.raw_b_inf};
 }
 
+constexpr double kHeldRate = 0.1;  // of the usual
+constexpr double kLean = 0.02;     // back to what is believed, at each step
+
 constexpr std::array<const char*, 3> kNames = {"raw_beta_d", "raw_beta_b", "raw_b_inf"};
+
+/// [3,3]: by channel the three raw parameters.
+Tensor stacked(const MediumParameters& parameters) {
+  return torch::stack({parameters.raw_beta_d, parameters.raw_beta_b, parameters.raw_b_inf}, 1)
+      .detach();
+}
+
+/// By how much the logarithms of a medium change with its raw parameters [3,3].
+Tensor log_slopes(const Medium& m) {
+  const auto of_beta = [](const Tensor& beta) { return -torch::expm1(-beta) / beta; };
+  return torch::stack({of_beta(m.beta_d), of_beta(m.beta_b), 1.0 - m.b_inf}, 1);
+}
 
 Tensor read(torch::serialize::InputArchive& archive, const std::string& key, const Tensor& like) {
   Tensor tensor;
@@ -42,8 +57,34 @@ MediumOptimizer::MediumOptimizer(const Medium& start, double rate)
   }
 }
 
+double MediumOptimizer::rate() const {
+  const double usual = believed_.defined() ? kHeldRate * rate_ : rate_;
+  return failing_ ? 2.0 * usual : usual;
+}
+
+void MediumOptimizer::hold(const Medium& believed, const Tensor& known) {
+  const torch::NoGradGuard no_grad;
+  const auto like = parameters_.raw_beta_d.options().requires_grad(false);
+  const Medium medium = {.beta_d = believed.beta_d.to(torch::kCPU, torch::kFloat64),
+                         .beta_b = believed.beta_b.to(torch::kCPU, torch::kFloat64),
+                         .b_inf = believed.b_inf.to(torch::kCPU, torch::kFloat64)};
+  const MediumParameters raw = MediumParameters::from(medium);
+  const Tensor slopes = log_slopes(medium);
+  believed_ = stacked(raw).to(like);
+  known_ =
+      (known.to(torch::kCPU, torch::kFloat64) * slopes.unsqueeze(1) / slopes.unsqueeze(2)).to(like);
+  const std::array<const Tensor*, 3> to = {&raw.raw_beta_d, &raw.raw_beta_b, &raw.raw_b_inf};
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    tensors(parameters_)[k]->detach().copy_(*to[k]);
+    first_[k].zero_();
+    second_[k].zero_();
+  }
+  steps_ = 0;
+}
+
 void MediumOptimizer::step(const AdamOptions& options) {
   const torch::NoGradGuard no_grad;
+  const Tensor before = believed_.defined() ? stacked(parameters_).clone() : Tensor();
   std::vector<AdamGroup> groups;
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     const Tensor& leaf = *tensors(parameters_)[k];
@@ -55,6 +96,13 @@ void MediumOptimizer::step(const AdamOptions& options) {
   }
   adam_step(groups, ++steps_, options);
   for (Tensor* leaf : tensors(parameters_)) leaf->mutable_grad() = Tensor();
+  if (!believed_.defined()) return;
+  const Tensor made = stacked(parameters_) - before;
+  const Tensor after =
+      before + torch::bmm(known_, made.unsqueeze(2)).squeeze(2) + kLean * (believed_ - before);
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    tensors(parameters_)[k]->detach().copy_(after.select(1, static_cast<std::int64_t>(k)));
+  }
 }
 
 void MediumOptimizer::save(torch::serialize::OutputArchive& archive) const {
@@ -64,6 +112,10 @@ void MediumOptimizer::save(torch::serialize::OutputArchive& archive) const {
     archive.write(std::string("first.") + kNames[k], first_[k]);
     archive.write(std::string("second.") + kNames[k], second_[k]);
   }
+  archive.write("held", c10::IValue(believed_.defined()));
+  if (!believed_.defined()) return;
+  archive.write("believed", believed_);
+  archive.write("known", known_);
 }
 
 void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
@@ -78,11 +130,22 @@ void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
     first[k] = read(archive, std::string("first.") + kNames[k], first_[k]);
     second[k] = read(archive, std::string("second.") + kNames[k], first_[k]);
   }
+  c10::IValue held;
+  archive.read("held", held);
+  Tensor believed;
+  Tensor known;
+  if (held.toBool()) {
+    const auto like = first_[0].options();
+    believed = read(archive, "believed", torch::empty({3, 3}, like));
+    known = read(archive, "known", torch::empty({3, 3, 3}, like));
+  }
   for (std::size_t k = 0; k < kNames.size(); ++k) {  // nothing changes unless all is there
     *tensors(parameters_)[k] = parameters[k].requires_grad_(true);
   }
   first_ = first;
   second_ = second;
+  believed_ = believed;
+  known_ = known;
   steps_ = steps.toInt();
 }
 

@@ -178,6 +178,34 @@ TEST(MediumOptimizer, ACheckpointIsExactToTheBit) {
   EXPECT_TRUE(torch::equal(again.parameters().raw_b_inf, optimizer.parameters().raw_b_inf));
 }
 
+TEST(MediumOptimizer, HeldWaterMovesOnlyWhereSomethingIsKnown) {
+  MediumOptimizer optimizer(coastal_medium(), 0.02);
+  Tensor known = torch::zeros({3, 3, 3}, kF64);
+  known[1][0][0] = 1.0;  // beta_d of green alone
+  optimizer.hold(green_coast(), known);
+  EXPECT_TRUE(tensors_near(optimizer.medium().b_inf, green_coast().b_inf, 1e-12));
+  for (int i = 0; i < 20; ++i) {
+    const Medium medium = optimizer.medium();
+    (medium.beta_d.sum() + medium.beta_b.sum() + medium.b_inf.sum()).backward();
+    optimizer.step();
+  }
+  const Medium after = optimizer.medium();
+  EXPECT_TRUE(tensors_near(after.beta_b, green_coast().beta_b, 1e-12));
+  EXPECT_TRUE(tensors_near(after.b_inf, green_coast().b_inf, 1e-12));
+  EXPECT_NEAR(after.beta_d[0].item<double>(), green_coast().beta_d[0].item<double>(), 1e-12);
+  EXPECT_LT(after.beta_d[1].item<double>(), green_coast().beta_d[1].item<double>() - 1e-3);
+}
+
+TEST(MediumOptimizer, HeldWaterNeverStraysFar) {
+  MediumOptimizer optimizer(coastal_medium(), 0.02);
+  optimizer.hold(green_coast(), torch::eye(3, kF64).repeat({3, 1, 1}));
+  for (int i = 0; i < 1500; ++i) {
+    optimizer.medium().b_inf.sum().backward();
+    optimizer.step();
+  }
+  EXPECT_LT(worst_relative_error(optimizer.medium().b_inf, green_coast().b_inf), 0.15);
+}
+
 TEST(MediumOptimizer, RefusesWaterThatCannotBe) {
   EXPECT_THROW(MediumOptimizer(green_coast(), 0.0), c10::Error);
   EXPECT_THROW(MediumOptimizer(make_medium({0.0, 0.1, 0.1}, {0.1, 0.1, 0.1}, {0.1, 0.1, 0.1})),

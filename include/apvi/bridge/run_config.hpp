@@ -160,6 +160,10 @@ struct MappingConfig {
     v("sh_interval", trainer.sh_interval, Range{1, 100000000}, "iterations until one degree more");
     v("ssim_weight", trainer.ssim_weight, Range{0.0, 1.0}, "of D-SSIM in the loss; the rest is L1");
     v("antialiased", trainer.antialiased, "whether small Gaussians fade as they are smoothed");
+    v("auto_gain", trainer.auto_gain,
+      "whether each keyframe's picture is brighter or darker as a whole than the map, as a "
+      "camera's "
+      "that exposes by itself; held-out images get what lies between their neighbours");
     v("sparse_adam", trainer.sparse_adam,
       "a step changes only the Gaussians that its view sees: faster, a little worse a step");
     v("densify", densify, "growth and pruning");

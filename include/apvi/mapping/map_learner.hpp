@@ -5,12 +5,17 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <vector>
 
 #include "apvi/mapping/densify.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/options.hpp"
+#include "apvi/mapping/rendering.hpp"
 #include "apvi/mapping/view_corrections.hpp"
+#include "apvi/mapping/view_gains.hpp"
+#include "apvi/mapping/water_survey.hpp"
 #include "apvi/splat/gaussian_store.hpp"
 #include "apvi/splat/medium_optimizer.hpp"
 #include "apvi/splat/render.hpp"
@@ -22,6 +27,7 @@ struct StepSettings {
   int reduction = 1;  ///< of the image
   int sh_degree = splat::kMaxShDegree;
   bool correct_pose = false;
+  bool match_gain = true;  ///< with TrainerOptions::auto_gain
   splat::GaussianRates rates;
 };
 
@@ -50,15 +56,25 @@ class MapLearner {
   void remove(const torch::Tensor& remove);
   /// Moves the Gaussians of one anchor.
   void move(std::int64_t anchor, const splat::Similarity& motion);
-  /// From now on the map is seen through water. Colours so far were learnt as seen through it;
-  /// `ranges` [size()] says from how far each was seen [m], so that it is taken out of them.
-  void begin_medium(const splat::Medium& medium, const torch::Tensor& ranges);
+  /// From now on the map is seen through this water, which is held near (see
+  /// splat::MediumOptimizer::hold). Colours so far were learnt without water, or with other water;
+  /// `ranges` [size()] says from how far each was seen [m], so that they are changed to look the
+  /// same.
+  void adopt(const splat::Medium& medium, const torch::Tensor& known, const torch::Tensor& ranges);
+  /// The same with all that a survey found. The gains of the keyframes it did not look at follow
+  /// those it did; the median of all `training` ones is one afterwards.
+  void adopt(const WaterSurvey& survey, const std::vector<std::size_t>& training,
+             const torch::Tensor& ranges);
+  /// Finds the gain of a new view before anything is made of its picture.
+  void match_gain(const KeyframeStore& keyframes, std::size_t i);
   void set_vio_failing(bool failing);
   /// One more view.
-  void add_view() { corrections_.add_view(); }
+  void add_view();
 
-  /// The map as it is; shares memory with the learner's.
+  /// The Gaussians as they are; share memory with the learner's.
   splat::Gaussians map() const;
+  /// The same with water and camera.
+  Map whole_map() const;
   std::int64_t size() const { return store_.size(); }
   torch::Tensor anchors() const { return store_.anchors(); }
   std::optional<splat::Medium> medium() const;
@@ -74,11 +90,16 @@ class MapLearner {
   torch::Tensor image_of(std::size_t view, const splat::View& camera,
                          const splat::RenderOutput& out);
   void forget_statistics();
+  torch::Tensor falloff(const splat::Intrinsics& camera);
+  void recolor(const splat::Medium& medium, const torch::Tensor& ranges, double brighter);
 
   TrainerOptions options_;
   splat::GaussianStore store_;
   DensityStatistics statistics_;
   ViewCorrections corrections_;
+  ViewGains gains_;
+  double vignetting_ = 0.0;
+  std::map<int, torch::Tensor> falloffs_;  ///< by width of the picture
   std::optional<splat::MediumOptimizer> medium_;
 };
 

@@ -44,6 +44,8 @@ struct MapperInput {
   /// Stamp of the keyframe that a held-out one moves with; optional.
   std::optional<std::int64_t> follows_ns;
   bool vio_failing = false;
+  /// Others wait: no depth is estimated now. The newest keyframes that want it keep waiting.
+  bool hurry = false;
 };
 
 /// What became of a keyframe.
@@ -89,6 +91,8 @@ class Mapper {
   torch::Tensor pose(std::size_t i) const;
   std::int64_t size() const { return learner_ ? learner_->size() : 0; }
   std::int64_t iteration() const { return iteration_; }
+  /// Spent on depth so far [s].
+  double depth_seconds() const { return depth_seconds_; }
   double extent() const { return extent_; }
   const std::map<Intake, std::size_t>& counts() const { return counts_; }
   /// The learner behind; only when `ready`.
@@ -109,11 +113,13 @@ class Mapper {
 
   void insert_points(std::size_t view, const MapperInput& input);
   Seeds point_seeds(std::size_t view, const MapperInput& input);
+  void want_depth(std::size_t view, bool hurry);
   void fill_from_depth(std::size_t view);
   void insert_random(std::size_t view);
   void insert(std::size_t view, Seeds seeds);
   std::int64_t make_room(std::int64_t wanted);
-  void maybe_begin_medium();
+  void maybe_survey_water();
+  void survey_water();
   void maybe_densify();
   int reduction(std::size_t view) const;
 
@@ -128,10 +134,12 @@ class Mapper {
   std::map<std::size_t, std::vector<std::size_t>> followers_;  ///< by keyframe: held-out ones
   std::deque<std::size_t> waiting_;  ///< keyframes whose depth is still to be estimated
   std::map<Intake, std::size_t> counts_;
-  double extent_ = 0.0;  ///< what sizes and rates are measured in [m]; 0: nothing seen
+  std::size_t next_survey_ = 0;  ///< of the water: when there are so many keyframes
+  double extent_ = 0.0;          ///< what sizes and rates are measured in [m]; 0: nothing seen
   std::int64_t iteration_ = 0;
   std::optional<std::int64_t> final_start_;
   double final_seconds_ = 0.0;
+  double depth_seconds_ = 0.0;
   std::size_t heldout_stride_ = 1;
   std::size_t heldout_seen_ = 0;
   bool vio_failing_ = false;

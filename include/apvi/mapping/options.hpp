@@ -72,6 +72,7 @@ struct TrainerOptions {
   int coarsest = 4;            ///< reduction of the images at the start: 1, 2 or 4
   double coarse_until = 0.25;  ///< part of the training after which images are whole
   bool antialiased = false;
+  bool auto_gain = true;     ///< whether every keyframe has a brightness of its own
   bool sparse_adam = false;  ///< a step changes only what its view sees
   std::uint64_t seed = 0;
   LearningRates rates;

@@ -35,10 +35,16 @@ struct SeenPoints {
 /// `positions` [n,3] float64 [m].
 SeenPoints project(const splat::View& view, const torch::Tensor& positions);
 
-/// Round Gaussians at the seeds in the colours that the view's picture has there, without the water
-/// in front if there is any; float32 on the CPU.
+/// Points [n,3] float64 of the world at pixels [n,2] and depths [n] of a view.
+torch::Tensor world_points(const splat::View& view, const torch::Tensor& pixels,
+                           const torch::Tensor& depths);
+
+/// Round Gaussians at the seeds in the colours that the view's picture has there over the camera's
+/// `response` (see `camera_response`; undefined: one), without the water in front if there is any;
+/// float32 on the CPU.
 splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes, std::size_t view,
-                              int sh_degree, const std::optional<splat::Medium>& medium);
+                              int sh_degree, const std::optional<splat::Medium>& medium,
+                              const torch::Tensor& response = {});
 
 /// Colours [n,3] in [0, 1] seen through water from `ranges` [n] [m], as they would be without.
 torch::Tensor without_water(const torch::Tensor& colors, const torch::Tensor& ranges,

@@ -40,6 +40,8 @@ class Trainer {
 
   /// The map as it is; shares memory with the trainer's.
   splat::Gaussians map() const { return learner_.map(); }
+  /// The same with water and camera.
+  Map whole_map() const { return learner_.whole_map(); }
   std::int64_t size() const { return learner_.size(); }
   std::optional<splat::Medium> medium() const { return learner_.medium(); }
   const ViewCorrections& corrections() const { return learner_.corrections(); }
@@ -48,6 +50,7 @@ class Trainer {
   std::size_t choose_view() const;
   int reduction() const;
   void maybe_densify();
+  void maybe_survey_water();
   void insert_random();
 
   const KeyframeStore& keyframes_;
@@ -58,6 +61,7 @@ class Trainer {
   LateLosses losses_;
   std::int64_t iteration_ = 0;
   double seconds_ = 0.0;
+  std::size_t surveys_ = 0;  ///< of the water, so far
 };
 
 }  // namespace apvi::mapping

@@ -28,10 +28,16 @@ class MediumOptimizer {
   /// The leaves behind it.
   const MediumParameters& parameters() const { return parameters_; }
 
+  /// From now on the water stays near `believed`: of every step only what `known` [3,3,3] lets
+  /// through is made (by channel, of the logarithms of beta_d, beta_b and b_inf: one lets all
+  /// through, zero nothing), a tenth as fast, and each step leans back a little. What no picture
+  /// can tell then stays as it is believed to be.
+  void hold(const Medium& believed, const torch::Tensor& known);
+
   /// While visual odometry fails, the water has likely changed: then the rate is twice as high (the
   /// paper, section on the medium).
   void set_vio_failing(bool failing) { failing_ = failing; }
-  double rate() const { return failing_ ? 2.0 * rate_ : rate_; }
+  double rate() const;
 
   /// One step of Adam with the gradients that a backward pass left; takes them away.
   void step(const AdamOptions& options = {});
@@ -44,6 +50,8 @@ class MediumOptimizer {
   MediumParameters parameters_;
   std::array<torch::Tensor, 3> first_;
   std::array<torch::Tensor, 3> second_;
+  torch::Tensor believed_;  ///< [3,3] by channel: raw parameters; undefined while free
+  torch::Tensor known_;     ///< [3,3,3] the same, of raw parameters
   std::int64_t steps_ = 0;
   double rate_;
   bool failing_ = false;

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+
+#include "apvi/splat/view.hpp"
+
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
+namespace apvi::mapping {
+
+/// The part of the light that a lens lets through at every pixel [H,W,1]: 1 - `vignetting` r^2,
+/// with r of 1 in the corners.
+torch::Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
+                           const torch::Device& device);
+
+/// How bright each view's picture is over what the map shows: a camera that exposes by itself makes
+/// the same surface now brighter and now darker. Never read back to the CPU on the way.
+class ViewGains {
+ public:
+  ViewGains(std::size_t views, const torch::Device& device);
+
+  /// One more view, at first as bright as the one before.
+  void add_view();
+  /// Brings a view's gain towards what makes `drawn` [H,W,3] as bright as `picture`, where the map
+  /// is solid; all the way with a `share` of 1. Both without the lens' falloff.
+  void match(std::size_t view, const torch::Tensor& drawn, const torch::Tensor& alpha,
+             const torch::Tensor& picture, double share);
+
+  /// Factor [1] of a view.
+  torch::Tensor gain(std::size_t view) const;
+  /// Logarithms of all [n].
+  const torch::Tensor& logs() const { return logs_; }
+  void set_logs(const torch::Tensor& logs) { logs_ = logs.to(logs_.options()); }
+
+  void save(torch::serialize::OutputArchive& archive) const;
+  void load(torch::serialize::InputArchive& archive);
+
+ private:
+  torch::Tensor logs_;
+};
+
+}  // namespace apvi::mapping

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/view_gains.hpp"
+
+#include <torch/torch.h>
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kSolid = 0.5;        // alpha from which a pixel is compared
+constexpr double kSaturated = 0.98;   // a channel that bright tells nothing of more
+constexpr double kLeastShare = 0.1;   // of the pixels must be compared
+constexpr double kLeastLight = 0.02;  // mean of what is drawn
+constexpr double kMostChange = 0.5;   // of a logarithm at once
+constexpr double kForgets = 2e-3;     // keeps all of them from drifting away together
+
+}  // namespace
+
+Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
+                    const torch::Device& device) {
+  const auto options = torch::dtype(torch::kFloat32).device(device);
+  const Tensor x = torch::arange(camera.width, options) + (0.5 - camera.cx);
+  const Tensor y = torch::arange(camera.height, options) + (0.5 - camera.cy);
+  const double corner2 = 0.25 * (static_cast<double>(camera.width) * camera.width +
+                                 static_cast<double>(camera.height) * camera.height);
+  const Tensor r2 = (x.square() + y.square().unsqueeze(1)) / corner2;
+  return (1.0 - vignetting * r2).clamp_min(0.05).unsqueeze(2);
+}
+
+ViewGains::ViewGains(std::size_t views, const torch::Device& device)
+    : logs_(torch::zeros({static_cast<std::int64_t>(views)},
+                         torch::dtype(torch::kFloat32).device(device))) {}
+
+void ViewGains::add_view() {
+  const std::int64_t n = logs_.size(0);
+  const Tensor next = n > 0 ? logs_.narrow(0, n - 1, 1) : torch::zeros({1}, logs_.options());
+  logs_ = torch::cat({logs_, next});
+}
+
+// Sums, not least squares: a map that is not sharp yet would look too bright to them.
+void ViewGains::match(std::size_t view, const Tensor& drawn, const Tensor& alpha,
+                      const Tensor& picture, double share) {
+  const torch::NoGradGuard no_grad;
+  const Tensor counts = ((alpha > kSolid) & (picture.amax(2) < kSaturated)).to(logs_.options());
+  const Tensor weight = counts.unsqueeze(2);
+  const Tensor light = (weight * drawn).sum();
+  const Tensor wanted = ((weight * picture).sum() / light.clamp_min(1e-6)).clamp_min(1e-3).log();
+  const Tensor pixels = counts.sum();
+  const Tensor usable = (pixels > kLeastShare * static_cast<double>(counts.numel())) &
+                        (light > kLeastLight * 3.0 * pixels);
+  Tensor own = logs_.narrow(0, static_cast<std::int64_t>(view), 1);
+  const Tensor change = share * (wanted - own).clamp(-kMostChange, kMostChange) - kForgets * own;
+  own.add_(torch::where(usable, change, torch::zeros_like(change)));
+}
+
+Tensor ViewGains::gain(std::size_t view) const {
+  return logs_.narrow(0, static_cast<std::int64_t>(view), 1).exp();
+}
+
+void ViewGains::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("logs", logs_.clone());
+}
+
+void ViewGains::load(torch::serialize::InputArchive& archive) {
+  Tensor logs;
+  archive.read("logs", logs);
+  TORCH_CHECK(logs.dim() == 1 && logs.size(0) == logs_.size(0), "checkpoint: gains of ",
+              logs.numel(), " keyframes instead of ", logs_.size(0));
+  logs_ = logs.to(logs_.options());
+}
+
+}  // namespace apvi::mapping

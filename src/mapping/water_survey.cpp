@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/water_survey.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "apvi/core/random.hpp"
+#include "apvi/mapping/seeds.hpp"
+#include "apvi/splat/render.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::size_t kCluster = 11;  // keyframes in a row that are compared with each other
+constexpr std::size_t kClusters = 3;  // spread over the whole run
+constexpr int kMostWidth = 320;       // [px] pictures are reduced to
+constexpr std::int64_t kPoints = 3000;
+constexpr double kSolid = 0.8;       // alpha of a surface
+constexpr double kSameDepth = 0.03;  // of a surface that two views see, relative
+constexpr double kMargin = 4.0;      // [px] at the edges of a picture
+constexpr double kPatchPx = 1.6;     // sigma of a patch seen from far
+constexpr double kFarShare = 0.95;   // of the points are nearer than "far"
+constexpr double kOwnBlur = 0.5;     // [px] of a camera's picture
+constexpr std::int64_t kBlurs = 8;   // pictures more and more blurred, by a factor of sqrt(2)
+constexpr double kSaturated = 0.97;
+constexpr std::int64_t kLeastSightings = 3;  // of a point
+
+/// A keyframe as it is looked at.
+struct Look {
+  std::size_t keyframe = 0;
+  std::size_t cluster = 0;
+  splat::View camera;
+  Tensor depth;   ///< [H,W] float64 on the CPU, 0 where nothing is
+  Tensor points;  ///< [p,3] float64 of the world
+};
+
+/// Keyframes at least `spacing_m` apart; of many, some stretches.
+std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes,
+                                                  double spacing_m) {
+  std::vector<std::size_t> apart;
+  Tensor last;
+  for (const std::size_t i : keyframes.training()) {
+    const Tensor center = camera_center(keyframes[i].T_camera_world);
+    if (last.defined() && (center - last).norm().item<double>() < spacing_m) continue;
+    last = center;
+    apart.push_back(i);
+  }
+  const std::size_t most = kCluster * kClusters;
+  if (apart.size() <= most) return {apart};
+  std::vector<std::vector<std::size_t>> clusters;
+  for (std::size_t k = 0; k < kClusters; ++k) {
+    const std::size_t begin = k * (apart.size() - kCluster) / (kClusters - 1);
+    const auto first = apart.begin() + static_cast<std::ptrdiff_t>(begin);
+    clusters.emplace_back(first, first + static_cast<std::ptrdiff_t>(kCluster));
+  }
+  return clusters;
+}
+
+int reduction_of(const splat::Intrinsics& camera) {
+  return std::max(1, (camera.width + kMostWidth - 1) / kMostWidth);
+}
+
+Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::size_t cluster) {
+  Look look;
+  look.keyframe = i;
+  look.cluster = cluster;
+  look.camera = keyframes.view(i, reduction_of(keyframes[i].intrinsics));
+  const splat::RenderOutput out =
+      splat::render(map.gaussians, look.camera, {.antialiased = map.antialiased, .background = {}});
+  look.depth = (out.depth * (out.alpha > kSolid)).to(torch::kCPU, torch::kFloat64);
+  return look;
+}
+
+/// Random points of the surfaces that the view shows.
+Tensor draw_points(const Look& look, std::int64_t count, Random& random) {
+  const splat::Intrinsics& k = look.camera.intrinsics;
+  std::vector<double> pixels;
+  std::vector<double> depths;
+  const auto depth = look.depth.accessor<double, 2>();
+  for (std::int64_t n = 0; n < count; ++n) {
+    const auto u = static_cast<std::int64_t>(random.uniform() * k.width);
+    const auto v = static_cast<std::int64_t>(random.uniform() * k.height);
+    if (depth[v][u] <= 0.0) continue;
+    pixels.push_back(static_cast<double>(u) + 0.5);
+    pixels.push_back(static_cast<double>(v) + 0.5);
+    depths.push_back(depth[v][u]);
+  }
+  return world_points(look.camera, torch::tensor(pixels, torch::kFloat64).reshape({-1, 2}),
+                      torch::tensor(depths, torch::kFloat64));
+}
+
+Tensor blurred(const Tensor& planes, double sigma) {
+  const auto radius = static_cast<std::int64_t>(std::ceil(3.0 * sigma));
+  const Tensor x = torch::arange(-radius, radius + 1, planes.options());
+  const Tensor taps = torch::exp(-x.square() / (2.0 * sigma * sigma));
+  const Tensor weights = taps / taps.sum();
+  const Tensor padded = torch::replication_pad2d(planes, {radius, radius, radius, radius});
+  return torch::conv2d(torch::conv2d(padded, weights.view({1, 1, 1, -1})),
+                       weights.view({1, 1, -1, 1}));
+}
+
+/// A picture [H,W,3] ever more blurred [1,3,kBlurs,H,W].
+Tensor blur_stack(const Tensor& picture) {
+  const Tensor planes = picture.permute({2, 0, 1}).unsqueeze(1);
+  std::vector<Tensor> levels;
+  for (std::int64_t k = 0; k < kBlurs; ++k) {
+    levels.push_back(blurred(planes, kOwnBlur * std::pow(2.0, 0.5 * static_cast<double>(k))));
+  }
+  return torch::cat(levels, 1).unsqueeze(0);
+}
+
+/// Values [n,C] of a volume [1,C,D,H,W] at pixels [n,2] and levels [n].
+Tensor sample(const Tensor& volume, const Tensor& pixels, const Tensor& levels) {
+  const auto normed = [](const Tensor& x, std::int64_t size) {
+    return 2.0 * x / static_cast<double>(size) - 1.0;
+  };
+  const Tensor grid = torch::stack(
+      {normed(pixels.select(1, 0), volume.size(4)), normed(pixels.select(1, 1), volume.size(3)),
+       normed(levels + 0.5, volume.size(2))},
+      1);
+  constexpr std::int64_t kLinear = 0;
+  constexpr std::int64_t kBorder = 1;
+  return torch::grid_sampler(volume, grid.to(volume.options()).view({1, 1, 1, -1, 3}), kLinear,
+                             kBorder, /*align_corners=*/false)
+      .view({volume.size(1), -1})
+      .t()
+      .to(torch::kCPU, torch::kFloat64);
+}
+
+/// Collects what views see of points.
+class Collector {
+ public:
+  Collector(const KeyframeStore& keyframes, const torch::Device& device, double patch_m)
+      : keyframes_(keyframes), device_(device), patch_m_(patch_m) {}
+
+  /// `numbers` [p] int64 of the points [p,3].
+  void add(const Look& view, std::int64_t number, const Tensor& points, const Tensor& numbers) {
+    if (points.size(0) == 0) return;
+    const splat::Intrinsics& k = view.camera.intrinsics;
+    const SeenPoints seen = project(view.camera, points);
+    const Tensor u = seen.pixels.select(1, 0);
+    const Tensor v = seen.pixels.select(1, 1);
+    const Tensor inside = seen.in_view & (u > kMargin) & (v > kMargin) & (u < k.width - kMargin) &
+                          (v < k.height - kMargin);
+    const Tensor depth =
+        sample(view.depth.view({1, 1, 1, k.height, k.width}), seen.pixels, torch::zeros_like(u))
+            .squeeze(1);
+    // In pictures of one blur after the other; a patch that none of them holds is left out.
+    const Tensor blur2 =
+        (patch_m_ * k.fx / seen.depths.clamp_min(1e-3)).square() - kOwnBlur * kOwnBlur;
+    const Tensor levels = torch::log2(blur2.clamp_min(1e-6) / (kOwnBlur * kOwnBlur));
+    const Tensor visible = inside & ((depth / seen.depths - 1.0).abs() < kSameDepth) &
+                           (levels >= 0.0) & (levels <= static_cast<double>(kBlurs - 1));
+    const Tensor index = visible.nonzero().squeeze(1);
+    if (index.size(0) == 0) return;
+    const Tensor pixels = seen.pixels.index_select(0, index);
+    const Tensor z = seen.depths.index_select(0, index);
+    const Tensor x = (pixels.select(1, 0) - k.cx) / k.fx;
+    const Tensor y = (pixels.select(1, 1) - k.cy) / k.fy;
+    const Tensor radius2 =
+        (pixels.select(1, 0) - k.cx).square() + (pixels.select(1, 1) - k.cy).square();
+    const double corner2 =
+        0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
+    const Tensor level = levels.index_select(0, index);
+    const Tensor stack = blur_stack(keyframes_.image(
+        view.keyframe, reduction_of(keyframes_[view.keyframe].intrinsics), device_));
+    const Tensor color = sample(stack, pixels, level);
+    const Tensor around = sample(stack, pixels, (level + 2.0).clamp_max(kBlurs - 1.0));
+    const Tensor good = (std::get<0>(color.max(1)) < kSaturated).nonzero().squeeze(1);
+    const auto keep = [&good](const Tensor& t) { return t.index_select(0, good); };
+    points_.push_back(keep(numbers.index_select(0, index)));
+    views_.push_back(torch::full({good.size(0)}, number, torch::kInt64));
+    ranges_.push_back(keep(z * torch::sqrt(x.square() + y.square() + 1.0)));
+    corners2_.push_back(keep(radius2 / corner2));
+    colors_.push_back(keep(color));
+    texture_.push_back(keep((around - color).abs().mean(1)));
+  }
+
+  /// Those of points that are seen often enough, numbered anew.
+  Sightings sightings(std::int64_t point_count, std::int64_t view_count) const {
+    if (points_.empty()) return {};
+    const Tensor points = torch::cat(points_);
+    const Tensor often = torch::bincount(points, {}, point_count) >= kLeastSightings;
+    const Tensor kept = often.index_select(0, points).nonzero().squeeze(1);
+    const Tensor renumbered = often.to(torch::kInt64).cumsum(0) - 1;
+    const auto keep = [&kept](const std::vector<Tensor>& parts) {
+      return torch::cat(parts).index_select(0, kept);
+    };
+    return {.points = renumbered.index_select(0, keep(points_)),
+            .views = keep(views_),
+            .ranges = keep(ranges_),
+            .corners2 = keep(corners2_),
+            .colors = keep(colors_),
+            .texture = keep(texture_),
+            .point_count = often.sum().item<std::int64_t>(),
+            .view_count = view_count};
+  }
+
+ private:
+  const KeyframeStore& keyframes_;
+  torch::Device device_;
+  double patch_m_;
+  std::vector<Tensor> points_, views_, ranges_, corners2_, colors_, texture_;
+};
+
+std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, double spacing_m,
+                              std::uint64_t seed) {
+  std::vector<Look> looks;
+  const auto clusters = clusters_of(keyframes, spacing_m);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    for (const std::size_t i : clusters[c]) looks.push_back(look(map, keyframes, i, c));
+  }
+  Random random(seed);
+  const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
+  for (Look& view : looks) view.points = draw_points(view, each, random);
+  return looks;
+}
+
+/// Sigma of a patch [m] that is kPatchPx wide from far.
+double patch_size(const std::vector<Look>& looks) {
+  std::vector<Tensor> depths;
+  for (const Look& view : looks) depths.push_back(project(view.camera, view.points).depths);
+  const Tensor all = std::get<0>(torch::cat(depths).sort());
+  if (all.size(0) == 0) return 0.0;
+  const auto far = static_cast<std::int64_t>(kFarShare * static_cast<double>(all.size(0) - 1));
+  return kPatchPx * all[far].item<double>() / looks.front().camera.intrinsics.fx;
+}
+
+}  // namespace
+
+std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& keyframes,
+                                        double spacing_m, const WaterPrior& prior,
+                                        std::uint64_t seed) {
+  const torch::NoGradGuard no_grad;
+  const std::vector<Look> looks = look_around(map, keyframes, spacing_m, seed);
+  if (looks.size() < 2) return std::nullopt;
+  Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
+  std::vector<Tensor> points;
+  std::vector<std::int64_t> first = {0};
+  for (const Look& view : looks) first.push_back(first.back() + view.points.size(0));
+  WaterSurvey survey;
+  for (std::size_t j = 0; j < looks.size(); ++j) {
+    std::vector<Tensor> near_points;
+    std::vector<Tensor> numbers;
+    for (std::size_t i = 0; i < looks.size(); ++i) {
+      const std::size_t apart = i > j ? i - j : j - i;
+      if (looks[i].cluster != looks[j].cluster || apart > kCluster) continue;
+      near_points.push_back(looks[i].points);
+      numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
+    }
+    collector.add(looks[j], static_cast<std::int64_t>(j), torch::cat(near_points),
+                  torch::cat(numbers));
+    survey.views.push_back(looks[j].keyframe);
+  }
+  auto fit =
+      fit_water(collector.sightings(first.back(), static_cast<std::int64_t>(looks.size())), prior);
+  if (!fit) return std::nullopt;
+  survey.fit = std::move(*fit);
+  return survey;
+}
+
+}  // namespace apvi::mapping
