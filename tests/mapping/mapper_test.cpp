@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <cmath>
 #include <filesystem>
 #include <limits>
 
@@ -311,6 +312,41 @@ TEST(Mapper, OneKeyframeInTheWrongPlaceSpoilsNoOthers) {
     return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
   };
   EXPECT_GT(psnr_with(true), psnr_with(false) - 3.0);
+}
+
+TEST(Mapper, AKeyframeThatIsExposedShorterShowsTheSameWorld) {
+  const splat::Gaussians world = wall_of_gaussians();
+  const auto psnr_with = [&](bool auto_gain) {
+    MapperOptions options = quick_options();
+    options.trainer.auto_gain = auto_gain;
+    Mapper mapper(options);
+    for (int i = 0; i < 12; ++i) {
+      MapperInput input = input_of(world, 0.1 * i - 0.4, 0.0, i, i % 3 == 1);
+      const double gain = 0.75 + 0.25 * std::cos(0.4 * i);
+      input.keyframe.image =
+          (input.keyframe.image.to(torch::kFloat32) * gain + 0.5).to(torch::kUInt8);
+      mapper.add(input);
+      for (int k = 0; k < 30 && mapper.ready(); ++k) mapper.step();
+    }
+    return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
+  };
+  EXPECT_GT(psnr_with(true), psnr_with(false) + 1.0);
+}
+
+TEST(Mapper, EstimatesNoDepthInAHurryAndCatchesUpInTheEnd) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.trainer.densify.kind = Densification::quadtree;
+  options.online.depth_lag = 1;
+  Mapper mapper(options);
+  for (int i = 0; i < 30; ++i) {
+    MapperInput input = input_of(world, 0.05 * i - 0.7, 0.0, i);
+    input.hurry = true;
+    mapper.add(input);
+  }
+  EXPECT_EQ(mapper.depth_seconds(), 0.0);
+  mapper.begin_final();
+  EXPECT_GT(mapper.depth_seconds(), 0.0);
 }
 
 TEST(Mapper, SnapshotsStayAsTheyWere) {

@@ -186,6 +186,27 @@ TEST(Trainer, RefusesToLearnFromNothing) {
                c10::Error);
 }
 
+TEST(RatesAt, GiveEveryParameterItsOwnAsConfigured) {
+  const LearningRates rates = {.means = 1e-2,
+                               .means_final = 1e-4,
+                               .log_scales = 2e-3,
+                               .quaternions = 3e-3,
+                               .logit_opacities = 4e-3,
+                               .sh_dc = 5e-3,
+                               .sh_rest = 6e-3,
+                               .late_factor = 0.5};
+  const splat::GaussianRates first = rates_at(rates, 2.0, 0.0);
+  EXPECT_NEAR(first.means, 2e-2, 1e-12);
+  EXPECT_DOUBLE_EQ(first.log_scales, 2e-3);
+  EXPECT_DOUBLE_EQ(first.quaternions, 3e-3);
+  EXPECT_DOUBLE_EQ(first.logit_opacities, 4e-3);
+  EXPECT_DOUBLE_EQ(first.sh_dc, 5e-3);
+  EXPECT_DOUBLE_EQ(first.sh_rest, 6e-3);
+  const splat::GaussianRates last = rates_at(rates, 2.0, 1.0);
+  EXPECT_NEAR(last.means, 2e-4, 1e-12);
+  EXPECT_DOUBLE_EQ(last.logit_opacities, 2e-3);
+}
+
 TEST(CorrectedPose, IsThePoseThatTheRendererDraws) {
   const splat::Gaussians world = wall_of_gaussians();
   const Tensor delta = torch::tensor({0.05, -0.02, 0.1, 0.03, 0.02, -0.04}, torch::kFloat64);

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/water_fit.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "apvi/splat/medium_estimate.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::int64_t kPoints = 400;
+constexpr std::int64_t kViews = 12;
+constexpr double kVignetting = 0.25;
+const auto kF64 = torch::dtype(torch::kFloat64);
+
+splat::Medium water_of_a_lake() {
+  return {.beta_d = torch::tensor({0.28, 0.11, 0.14}, kF64),
+          .beta_b = torch::tensor({0.275, 0.105, 0.13}, kF64),
+          .b_inf = torch::tensor({0.03, 0.12, 0.11}, kF64)};
+}
+
+Tensor true_log_gains() {
+  return torch::linspace(-0.3, 0.3, kViews, kF64);
+}
+
+/// Every point in half of the views, from `nearest` to `farthest` metres.
+Sightings see(double nearest, double farthest, double noise = 0.005) {
+  torch::manual_seed(7);
+  const splat::Medium water = water_of_a_lake();
+  const Tensor colors = 0.05 + 0.8 * torch::rand({kPoints, 3}, kF64);
+  const Tensor all = torch::rand({kPoints, kViews}, kF64) < 0.5;
+  const Tensor pairs = all.nonzero();
+  Sightings s;
+  s.points = pairs.select(1, 0).contiguous();
+  s.views = pairs.select(1, 1).contiguous();
+  const std::int64_t n = pairs.size(0);
+  s.ranges = nearest + (farthest - nearest) * torch::rand({n}, kF64);
+  s.corners2 = torch::rand({n}, kF64);
+  s.texture = torch::zeros({n}, kF64);
+  const Tensor z = s.ranges.unsqueeze(1);
+  const Tensor seen = colors.index_select(0, s.points) * torch::exp(-water.beta_d * z) +
+                      water.b_inf * (1.0 - torch::exp(-water.beta_b * z));
+  const Tensor response =
+      true_log_gains().exp().index_select(0, s.views) * (1.0 - kVignetting * s.corners2);
+  s.colors = 0.7 * seen * response.unsqueeze(1) + noise * torch::randn({n, 3}, kF64);
+  s.point_count = kPoints;
+  s.view_count = kViews;
+  return s;
+}
+
+WaterPrior usual_prior() {
+  return {.medium = splat::coastal_medium()};
+}
+
+double worst_relative_error(const Tensor& got, const Tensor& truth) {
+  return ((got - truth).abs() / truth).max().item<double>();
+}
+
+TEST(FitWater, FindsTheWaterWithinATenthWhenDistancesVary) {
+  const auto fit = fit_water(see(1.5, 5.0), usual_prior());
+  ASSERT_TRUE(fit);
+  const splat::Medium truth = water_of_a_lake();
+  EXPECT_LT(worst_relative_error(fit->medium.beta_d, truth.beta_d), 0.1);
+  EXPECT_LT(worst_relative_error(fit->medium.beta_b, truth.beta_b), 0.1);
+  // All light 0.7 times as bright: the veil too.
+  EXPECT_LT(worst_relative_error(fit->medium.b_inf, 0.7 * truth.b_inf), 0.15);
+  EXPECT_NEAR(fit->vignetting, kVignetting, 0.01);
+  EXPECT_LT((fit->log_gains - true_log_gains()).abs().max().item<double>(), 0.01);
+  EXPECT_GT(fit->known.select(1, 0).select(1, 0).min().item<double>(), 0.95);
+}
+
+TEST(FitWater, WaterStaysAtItsPriorWhileAllIsAtOneDistance) {
+  const auto fit = fit_water(see(2.0, 2.0), usual_prior());
+  ASSERT_TRUE(fit);
+  const splat::Medium prior = splat::coastal_medium();
+  EXPECT_LT(worst_relative_error(fit->medium.beta_d, prior.beta_d), 0.02);
+  EXPECT_LT(worst_relative_error(fit->medium.beta_b, prior.beta_d), 0.02);  // about as large
+  EXPECT_LT(worst_relative_error(fit->medium.b_inf, prior.b_inf), 0.02);
+  EXPECT_LT(fit->known.abs().max().item<double>(), 0.05);
+  // The camera is known all the same.
+  EXPECT_NEAR(fit->vignetting, kVignetting, 0.01);
+  EXPECT_LT((fit->log_gains - true_log_gains()).abs().max().item<double>(), 0.01);
+}
+
+TEST(FitWater, SaysHowLittleItKnowsWhenDistancesHardlyVary) {
+  const auto near_alike = fit_water(see(2.0, 2.3), usual_prior());
+  const auto varied = fit_water(see(1.5, 5.0), usual_prior());
+  ASSERT_TRUE(near_alike && varied);
+  EXPECT_GT(near_alike->sigmas.select(1, 2).min().item<double>(),
+            2.0 * varied->sigmas.select(1, 2).max().item<double>());
+}
+
+TEST(FitWater, BearsThatATenthOfTheSightingsAreOfSomethingElse) {
+  Sightings s = see(1.5, 5.0);
+  const Tensor wrong = torch::rand({s.ranges.size(0)}, kF64) < 0.1;
+  s.colors.index_put_({wrong}, torch::rand({wrong.sum().item<std::int64_t>(), 3}, kF64));
+  const auto fit = fit_water(s, usual_prior());
+  ASSERT_TRUE(fit);
+  EXPECT_LT(worst_relative_error(fit->medium.beta_d, water_of_a_lake().beta_d), 0.15);
+  EXPECT_LT(worst_relative_error(fit->medium.b_inf, 0.7 * water_of_a_lake().b_inf), 0.4);
+}
+
+TEST(FitWater, AFewSightingsAreNone) {
+  Sightings s = see(1.5, 5.0);
+  for (Tensor* t : {&s.points, &s.views, &s.ranges, &s.corners2, &s.colors, &s.texture}) {
+    *t = t->slice(0, 0, 50);
+  }
+  EXPECT_FALSE(fit_water(s, usual_prior()));
+  EXPECT_FALSE(fit_water({}, usual_prior()));
+}
+
+}  // namespace
+}  // namespace apvi::mapping
