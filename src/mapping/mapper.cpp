@@ -262,7 +262,9 @@ void Mapper::begin_final() {
   const torch::NoGradGuard no_grad;
   for (const std::size_t view : waiting_) fill_from_depth(view);
   waiting_.clear();
-  if (options_.medium && learner_ && size() > 0) survey_water();
+  // A survey changes colours, gains and water at once, which takes steps to settle.
+  const bool refines = options_.trainer.final_iterations > 0;
+  if (options_.medium && learner_ && size() > 0 && refines) survey_water();
   schedule_.forget_recency();
   final_start_ = iteration_;
 }
