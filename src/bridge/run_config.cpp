@@ -28,10 +28,6 @@ void check_depth(const DepthSection& depth) {
   }
 }
 
-bool uses_camera(const RunConfig& config) {
-  return std::ranges::find(config.sensors.use, "camera") != config.sensors.use.end();
-}
-
 void check_mapping(const RunConfig& config) {
   const MappingConfig& m = config.mapping;
   if (m.densify.kind == mapping::Densification::quadtree && !config.localization.enabled) {
@@ -68,7 +64,7 @@ void check_run(const RunConfig& config) {
         "to do");
   }
   if (!config.mapping.enabled) return;
-  if (config.localization.enabled && !uses_camera(config)) {
+  if (config.localization.enabled && !config.sensors.includes("camera")) {
     fail_input("sensors.use: camera is missing; mapping.enabled: true needs it");
   }
   check_mapping(config);

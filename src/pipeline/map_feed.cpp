@@ -10,10 +10,6 @@ namespace {
 
 constexpr std::size_t kMostRanged = 256;  // points between two frames that go out
 
-SE3 pose_of(const imu::NavState& state) {
-  return {state.R_world_body, state.p_world};
-}
-
 // What the map may be made of: vision works, and its judge says so.
 bool is_stable(const FrameOutput& output) {
   const auto state = output.fusion.state;
@@ -71,7 +67,7 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   frame.image_stamp = job.images.front().stamp;
   frame.image = image;
   frame.held_out = held_out;
-  frame.T_world_body = pose_of(output.vio.state);
+  frame.T_world_body = output.vio.state.T_world_body();
   if (held_out) return frame;
   frame.points = points(window);
   frame.ranged = std::exchange(ranged_, {});
@@ -89,7 +85,7 @@ std::vector<MapPoint> MapFeed::points(const vio::Window& window) const {
 }
 
 void MapFeed::note_ranges(const FrameJob& job, const imu::NavState& state) {
-  const SE3 pose = pose_of(state);
+  const SE3 pose = state.T_world_body();
   for (const RangedPing& ping : job.ranges) {
     const Eigen::Vector3d moved = state.v_body * seconds_between(job.stamp, ping.stamp);
     for (const Eigen::Vector3d& point : ping.points) ranged_.push_back(pose * (point + moved));

@@ -93,7 +93,7 @@ struct Pass {
 };
 
 StampedPose stamped(Stamp stamp, const imu::NavState& nav) {
-  return {stamp, {nav.R_world_body, nav.p_world}};
+  return {stamp, nav.T_world_body()};
 }
 
 void add_pose(Pass& pass, const StampedPose& pose) {

@@ -34,11 +34,9 @@ void check(const RunConfig& config) {
       fail_input("sensors.use: {} is none of: {}", name, fmt::join(kSensors, ", "));
     }
   }
-  const auto uses = [&](const char* name) {
-    return std::ranges::find(config.sensors.use, name) != config.sensors.use.end();
-  };
-  if (!uses("imu")) fail_input("sensors.use: imu is missing; every estimator needs it");
-  if (!uses("dvl") && !uses("camera")) {
+  const SensorsSection& sensors = config.sensors;
+  if (!sensors.includes("imu")) fail_input("sensors.use: imu is missing; every estimator needs it");
+  if (!sensors.includes("dvl") && !sensors.includes("camera")) {
     fail_input("sensors.use: dvl or camera is missing; without either there is no odometry");
   }
   const double most = config.dipo.history_s;

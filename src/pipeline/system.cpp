@@ -9,12 +9,9 @@
 namespace apvi::pipeline {
 
 Sensors find_sensors(const RunConfig& config, const Rig& rig, bool has_images) {
-  const auto wanted = [&](const char* name) {
-    return std::ranges::find(config.sensors.use, name) != config.sensors.use.end();
-  };
   Sensors sensors;
-  sensors.dvl = wanted("dvl") && rig.dvl.has_value();
-  if (wanted("camera") && has_images) {
+  sensors.dvl = config.sensors.includes("dvl") && rig.dvl.has_value();
+  if (config.sensors.includes("camera") && has_images) {
     sensors.cameras = std::min<std::size_t>(rig.cameras.size(), config.vio.stereo ? 2 : 1);
   }
   if (sensors.dvl || sensors.cameras > 0) return sensors;
@@ -48,7 +45,7 @@ void System::process(const SensorEvent& event) {
     if (sinks_.ping) sinks_.ping(ping);
     const imu::NavState& nav = ping.estimate.state.nav;
     if (!visual_ && sinks_.pose) {
-      sinks_.pose({ping.estimate.stamp, {nav.R_world_body, nav.p_world}});
+      sinks_.pose({ping.estimate.stamp, nav.T_world_body()});
     }
   }
   for (FrameJob& job : output.frames) visual_->push(std::move(job));

@@ -11,7 +11,7 @@ PoseBlock to_block(const SE3& pose) {
 }
 
 FrameState to_frame_state(const imu::NavState& state) {
-  FrameState frame{.pose = to_block({state.R_world_body, state.p_world}), .motion = {}};
+  FrameState frame{.pose = to_block(state.T_world_body()), .motion = {}};
   Eigen::Map<Eigen::Vector3d>(frame.motion.data()) = state.R_world_body * state.v_body;
   Eigen::Map<Eigen::Vector3d>(frame.motion.data() + 3) = state.gyro_bias;
   Eigen::Map<Eigen::Vector3d>(frame.motion.data() + 6) = state.accel_bias;

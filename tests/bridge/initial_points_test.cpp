@@ -44,7 +44,7 @@ TEST(InitialPoints, AFileThatIsNotThereIsNamedWithItsKey) {
   RunConfig config;
   config.mapping.initial_points = "nowhere.ply";
   try {
-    initial_points(config, {});
+    initial_points(config, mapping::KeyframeStore());
     FAIL() << "nothing was thrown";
   } catch (const InputError& e) {
     EXPECT_THAT(e.what(),

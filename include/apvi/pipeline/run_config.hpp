@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apvi/config/fields.hpp"
@@ -18,6 +20,11 @@ enum class RunMode { sequential, replay, realtime };
 
 struct SensorsSection {
   std::vector<std::string> use = {"camera", "imu", "dvl", "pressure"};
+
+  bool includes(std::string_view name) const {
+    return std::find(use.begin(), use.end(), name) != use.end();
+  }
+
   template <typename V>
   void visit(V& v) {
     v("use", use, "which sensors, where the recording has them: any of camera, imu, dvl, pressure");
