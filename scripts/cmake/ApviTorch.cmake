@@ -55,6 +55,10 @@ if(TARGET torch_cuda)
   # The wheels keep CUDA's libraries in folders of their own, which only the run path can name; as
   # RPATH, because LibTorch's libraries, not ours, ask for most of them.
   target_link_options(apvi_torch INTERFACE -Wl,--allow-shlib-undefined -Wl,--disable-new-dtags)
+  # The wheels' libtorch exports parts of a C++ library of its own (std::filesystem), which do not work
+  # for others: the real one has to come first.
+  target_link_options(apvi_torch INTERFACE
+    -Wl,--push-state,--no-as-needed -lstdc++ -Wl,--pop-state)
   file(GLOB apvi_wheel_libraries LIST_DIRECTORIES TRUE "${apvi_torch_prefix}../nvidia/*/lib")
   foreach(folder IN LISTS apvi_wheel_libraries)
     cmake_path(NORMAL_PATH folder)
