@@ -19,7 +19,7 @@ Vector6 boxminus(const SE3& a, const SE3& b) {
 PoseEstimate pose_of(const dipo::Estimate& estimate) {
   static_assert(imu::kTheta == 0 && imu::kPosition == 3);
   const imu::NavState& nav = estimate.state.nav;
-  return {nav.T_world_body(), estimate.covariance.topLeftCorner<6, 6>()};
+  return {nav.pose(), estimate.covariance.topLeftCorner<6, 6>()};
 }
 
 bool is_finite(const SE3& pose) {

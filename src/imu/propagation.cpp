@@ -40,13 +40,13 @@ Step take_step(const NavState& x, const Vector3d& gyro, const Vector3d& accel, d
 
 }  // namespace
 
-NavState boxplus(const NavState& x, const NavVector& d) {
-  NavState out = x;
-  out.R_world_body = (x.R_world_body * so3::exp(d.segment<3>(kTheta))).normalized();
-  out.p_world += d.segment<3>(kPosition);
-  out.v_body += d.segment<3>(kVelocity);
-  out.gyro_bias += d.segment<3>(kGyroBias);
-  out.accel_bias += d.segment<3>(kAccelBias);
+NavState boxplus(const NavState& state, const NavVector& delta) {
+  NavState out = state;
+  out.R_world_body = (state.R_world_body * so3::exp(delta.segment<3>(kTheta))).normalized();
+  out.p_world += delta.segment<3>(kPosition);
+  out.v_body += delta.segment<3>(kVelocity);
+  out.gyro_bias += delta.segment<3>(kGyroBias);
+  out.accel_bias += delta.segment<3>(kAccelBias);
   return out;
 }
 

@@ -9,12 +9,12 @@ namespace apvi::pipeline {
 namespace {
 
 fusion::PoseEstimate estimate_of(const vio::Aid& aid) {
-  return {aid.state.T_world_body(), aid.covariance.topLeftCorner<6, 6>()};
+  return {aid.state.pose(), aid.covariance.topLeftCorner<6, 6>()};
 }
 
 fusion::VioEstimate estimate_of(const vio::Result& result) {
   fusion::VioEstimate vio;
-  vio.T_world_body = result.state.T_world_body();
+  vio.T_world_body = result.state.pose();
   vio.information = result.information;
   if (result.window_s > 0.0) vio.window_information = result.window_information;
   vio.window_s = result.window_s;
@@ -59,7 +59,7 @@ FrameOutput Localizer::process(const FrameJob& job,
   const std::optional<vio::Aid> dipo = in_world(job.dipo);
   if (!tracked) {
     output.dropped = true;
-    if (dipo) output.dipo = dipo->state.T_world_body();
+    if (dipo) output.dipo = dipo->state.pose();
     return output;
   }
   output.statistics = tracked->statistics;
@@ -106,12 +106,12 @@ std::optional<vio::Aid> Localizer::in_world(const std::optional<vio::Aid>& dipo)
 void Localizer::align(const vio::Aid& dipo, const vio::Result& vio, bool vio_was_first) {
   T_output_dipo_ = SE3::identity();
   if (!vio_was_first) return;
-  T_output_dipo_ = vio::level_alignment(vio.state.T_world_body(), dipo.state.T_world_body());
+  T_output_dipo_ = vio::level_alignment(vio.state.pose(), dipo.state.pose());
 }
 
 // Where a start without an aid goes on.
 std::optional<SE3> Localizer::place(const std::optional<vio::Aid>& dipo) const {
-  return dipo ? dipo->state.T_world_body() : last_pose_;
+  return dipo ? dipo->state.pose() : last_pose_;
 }
 
 // What both have drifted apart since they agreed to begin with must not shift a window that DIPO

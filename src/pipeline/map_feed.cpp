@@ -67,7 +67,7 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   frame.image_stamp = job.images.front().stamp;
   frame.image = image;
   frame.held_out = held_out;
-  frame.T_world_body = output.vio.state.T_world_body();
+  frame.T_world_body = output.vio.state.pose();
   if (held_out) return frame;
   frame.points = points(window);
   frame.ranged = std::exchange(ranged_, {});
@@ -85,7 +85,7 @@ std::vector<MapPoint> MapFeed::points(const vio::Window& window) const {
 }
 
 void MapFeed::note_ranges(const FrameJob& job, const imu::NavState& state) {
-  const SE3 pose = state.T_world_body();
+  const SE3 pose = state.pose();
   for (const RangedPing& ping : job.ranges) {
     const Eigen::Vector3d moved = state.v_body * seconds_between(job.stamp, ping.stamp);
     for (const Eigen::Vector3d& point : ping.points) ranged_.push_back(pose * (point + moved));

@@ -93,7 +93,7 @@ struct Pass {
 };
 
 StampedPose stamped(Stamp stamp, const imu::NavState& nav) {
-  return {stamp, nav.T_world_body()};
+  return {stamp, nav.pose()};
 }
 
 void add_pose(Pass& pass, const StampedPose& pose) {

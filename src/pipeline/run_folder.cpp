@@ -136,7 +136,7 @@ RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
 
 void RunFolder::write(const LocalizationOutput& output) {
   const imu::NavState& nav = output.estimate.state.nav;
-  const std::string line = io::tum_line({output.estimate.stamp, nav.T_world_body()});
+  const std::string line = io::tum_line({output.estimate.stamp, nav.pose()});
   if (!camera_) trajectory_ << line;
   dipo_ << line;
   calibration_ << calibration_line(output.estimate);
@@ -148,7 +148,7 @@ void RunFolder::write(const FrameOutput& output) {
   if (const auto pose = output.fused()) trajectory_ << io::tum_line(*pose);
   if (output.vio.has_state()) {
     const imu::NavState& nav = output.vio.state;
-    const std::string line = io::tum_line({output.stamp, nav.T_world_body()});
+    const std::string line = io::tum_line({output.stamp, nav.pose()});
     vio_ << line;
     if (output.vio.keyframe) keyframes_ << line;
   }

@@ -45,7 +45,7 @@ void System::process(const SensorEvent& event) {
     if (sinks_.ping) sinks_.ping(ping);
     const imu::NavState& nav = ping.estimate.state.nav;
     if (!visual_ && sinks_.pose) {
-      sinks_.pose({ping.estimate.stamp, nav.T_world_body()});
+      sinks_.pose({ping.estimate.stamp, nav.pose()});
     }
   }
   for (FrameJob& job : output.frames) visual_->push(std::move(job));

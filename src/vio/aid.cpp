@@ -12,7 +12,7 @@ SE3 level_alignment(const SE3& here, const SE3& there) {
 }
 
 imu::NavState moved(const SE3& T, imu::NavState state) {
-  const SE3 pose = T * state.T_world_body();
+  const SE3 pose = T * state.pose();
   state.R_world_body = pose.rotation;
   state.p_world = pose.translation;
   return state;

@@ -15,7 +15,7 @@ constexpr int kStartIterations = 20;
 
 // The newest state comes to lie at the place; what gravity says stays.
 void put_at(const SE3& place, std::vector<imu::NavState>& states) {
-  const SE3 T = level_alignment(place, states.back().T_world_body());
+  const SE3 T = level_alignment(place, states.back().pose());
   for (imu::NavState& state : states) state = moved(T, state);
 }
 

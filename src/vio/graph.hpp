@@ -41,7 +41,7 @@ class Graph {
   void add_dvl(Frame& frame);
   void add_depth(Frame& frame);
   void add_landmark(Landmark& landmark);
-  void add_sighting(Landmark& landmark, const Landmark::Sighting& sighting);
+  void add_sighting(Landmark& landmark, const Landmark::Sighting& seen);
   double weight(const Landmark::Sighting& sighting) const;
   const FirstEstimate* first(const Frame& frame) const;
 

@@ -119,7 +119,7 @@ Outcome run_dive(const Dive& dive, const Config& config, const Rig& rig) {
     last_position = nav.p_world;
     if (!first_true) {
       first_true = spline.at(outcome.last->stamp).T_world_body;
-      first_estimate = nav.T_world_body();
+      first_estimate = nav.pose();
     }
   }
   if (outcome.last) {

@@ -117,7 +117,7 @@ class Swim {
     if (!visible) return tracked;
     const CameraCalibration camera = rig().cameras.front();
     const imu::NavState state = truth(k);
-    const SE3 T_camera_world = (state.T_world_body() * camera.T_body_camera).inverse();
+    const SE3 T_camera_world = (state.pose() * camera.T_body_camera).inverse();
     std::map<std::size_t, Track> seen;
     for (std::size_t n = 0; n < points_.size() && seen.size() < kMostTracks; ++n) {
       const Eigen::Vector3d drift = points_[n].velocity * (k / kFrameRate);

@@ -17,7 +17,7 @@ struct NavState {
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s²]
 
-  SE3 T_world_body() const { return {R_world_body, p_world}; }
+  SE3 pose() const { return {R_world_body, p_world}; }
 };
 
 /// Order of the error state: R_true = R Exp(θ), every other part adds.
