@@ -77,7 +77,7 @@ Intake Mapper::judge(const Keyframe& keyframe) const {
           at::IntArrayRef({keyframe.intrinsics.height, keyframe.intrinsics.width, 3})) {
     return Intake::bad_picture;
   }
-  if (by_stamp_.contains(keyframe.stamp_ns)) return Intake::duplicate;
+  if (by_stamp_.count(keyframe.stamp_ns) > 0) return Intake::duplicate;
   if (is_black(image)) return Intake::black;
   return keyframe.held_out ? Intake::held_out : Intake::taken;
 }

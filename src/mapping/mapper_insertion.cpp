@@ -63,7 +63,7 @@ Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
     for (std::int64_t i = 0; i < id.size(0); ++i) {
       const auto before = known_.find(id[i]);
       const bool inserted = before != known_.end() && before->second;
-      is_fresh[i] = is_good[i] && !inserted && !known.contains(id[i]);
+      is_fresh[i] = is_good[i] && !inserted && known.count(id[i]) == 0;
       known[id[i]] = inserted || is_good[i];
     }
     positions = points.positions.index({fresh});

@@ -159,9 +159,9 @@ class Solver {
       const Tensor mean =
           sum_by_point(wa * D) / sum_by_point(w * m.through.square()).clamp_min(1e-12).unsqueeze(1);
       const Tensor P = D - m.through.unsqueeze(1) * mean.index_select(0, s_.points);
-      const Tensor wP = w.unsqueeze(1) * P;
-      A = A + kInformation * P.t().mm(wP);
-      b = b - kInformation * wP.t().mv(r);
+      const Tensor weighted = w.unsqueeze(1) * P;
+      A = A + kInformation * P.t().mm(weighted);
+      b = b - kInformation * weighted.t().mv(r);
     }
     const auto views = static_cast<double>(s_.view_count);
     A.slice(0, kGains).slice(1, kGains).add_(kGauge / (views * views));
