@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "apvi/splat/ssim_math.hpp"
 #include "clones.hpp"
 
 namespace apvi::splat::cpu {
@@ -12,8 +13,6 @@ namespace {
 constexpr std::array<double, kSsimRadius + 1> kTaps = {0.2660117248617943,   0.21300553771125366,
                                                        0.1093606895097,      0.03600077212843082,
                                                        0.007598758135239184, 0.0010283800844791099};
-constexpr double kC1 = 0.01 * 0.01;  // Wang et al., "Image quality assessment", 2004
-constexpr double kC2 = 0.03 * 0.03;
 
 template <typename T>
 APVI_INLINE void blur_along(const T* padded, std::int64_t length, T* __restrict__ out) {
@@ -90,33 +89,6 @@ APVI_INLINE void blur_images_in(const LossRow<T>& row, T* scratch, T* blurred) {
     blur_along(padded.row(k) - kMargin, row.length, blurred + k * row.length);
   }
 }
-
-/// SSIM of one value and its derivatives, from the blurred s, d, s², d². With P = s̄², Q = d̄²,
-/// U = blur(s²) - P and V = blur(d²) - Q, it is
-///     ((P - Q)/2 + c1) ((U - V)/2 + c2) / (((P + Q)/2 + c1) ((U + V)/2 + c2)).
-template <typename T>
-struct Ssim {
-  T value, by_mean, by_ss, by_dd;
-
-  APVI_INLINE Ssim(T s, T d, T ss, T dd) {
-    const T p = s * s;
-    const T q = d * d;
-    const T u = ss - p;
-    const T v = dd - q;
-    const T c1 = static_cast<T>(kC1);
-    const T c2 = static_cast<T>(kC2);
-    const T inverse_1 = T(1) / (T(0.5) * (p + q) + c1);
-    const T inverse_2 = T(1) / (T(0.5) * (u + v) + c2);
-    const T luminance = (T(0.5) * (p - q) + c1) * inverse_1;
-    const T contrast = (T(0.5) * (u - v) + c2) * inverse_2;
-    value = luminance * contrast;
-    by_ss = T(0.5) * (luminance - value) * inverse_2;
-    by_dd = T(-0.5) * (luminance + value) * inverse_2;
-    const T by_p = T(0.5) * (contrast - value) * inverse_1 - by_ss;
-    const T by_q = T(-0.5) * (contrast + value) * inverse_1 - by_dd;
-    by_mean = T(2) * (s * by_p + d * by_q);
-  }
-};
 
 template <typename T>
 APVI_INLINE RowSums compare_in(const LossRow<T>& row, const Neighbours<T>& blurred, T* scratch,

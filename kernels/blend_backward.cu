@@ -136,8 +136,7 @@ __device__ void store_background(const float (&background)[kBackgroundScalars], 
                                  float* partials) {
   const int warp = static_cast<int>(threadIdx.x) / kWarp;
   for (int c = 0; c < kBackgroundScalars; ++c) {
-    float sum = background[c];
-    for (int by = kWarp / 2; by > 0; by /= 2) sum += __shfl_xor_sync(kAllLanes, sum, by);
+    const float sum = warp_sum(background[c]);
     if (threadIdx.x % kWarp == 0) {
       partials[(tile * kTileWarps + warp) * kBackgroundScalars + c] = sum;
     }

@@ -15,6 +15,13 @@ inline constexpr int kWarp = 32;
 /// do not meet in a bank.
 inline constexpr int kShStride = 3 * kMaxShRest;
 
+/// The sum of a value over the lanes, in an order that does not change; all lanes have it.
+template <typename T>
+__device__ inline T warp_sum(T value) {
+  for (int by = kWarp / 2; by > 0; by /= 2) value += __shfl_xor_sync(kAllLanes, value, by);
+  return value;
+}
+
 /// Everything about a Gaussian that both passes need.
 struct Shape {
   float mean[3];

@@ -4,6 +4,8 @@
 // apart.
 #include "loss.hpp"
 
+#include "apvi/splat/ssim_math.hpp"
+
 namespace apvi::splat::cuda {
 namespace {
 
@@ -21,8 +23,6 @@ constexpr int kSums = 3;  // L1, SSIM, values that count
 __constant__ float kTaps[kRadius + 1] = {0.2660117248617943f,   0.21300553771125366f,
                                          0.1093606895097f,      0.03600077212843082f,
                                          0.007598758135239184f, 0.0010283800844791099f};
-constexpr float kC1 = 0.01f * 0.01f;  // Wang et al., "Image quality assessment", 2004
-constexpr float kC2 = 0.03f * 0.03f;
 
 struct Tile {
   int x0, y0;  ///< of the first value, in values and rows
@@ -61,30 +61,6 @@ __device__ float blur_across(const float* column) {
   }
   return sum;
 }
-
-/// SSIM of one value and its derivatives, from the blurred s, d, s², d². With P = s̄², Q = d̄²,
-/// U = blur(s²) - P and V = blur(d²) - Q, it is
-///     ((P - Q)/2 + c1) ((U - V)/2 + c2) / (((P + Q)/2 + c1) ((U + V)/2 + c2)).
-struct Ssim {
-  float value, by_mean, by_ss, by_dd;
-
-  __device__ Ssim(float s, float d, float ss, float dd) {
-    const float p = s * s;
-    const float q = d * d;
-    const float u = ss - p;
-    const float v = dd - q;
-    const float inverse_1 = 1.0f / (0.5f * (p + q) + kC1);
-    const float inverse_2 = 1.0f / (0.5f * (u + v) + kC2);
-    const float luminance = (0.5f * (p - q) + kC1) * inverse_1;
-    const float contrast = (0.5f * (u - v) + kC2) * inverse_2;
-    value = luminance * contrast;
-    by_ss = 0.5f * (luminance - value) * inverse_2;
-    by_dd = -0.5f * (luminance + value) * inverse_2;
-    const float by_p = 0.5f * (contrast - value) * inverse_1 - by_ss;
-    const float by_q = -0.5f * (contrast + value) * inverse_1 - by_dd;
-    by_mean = 2.0f * (s * by_p + d * by_q);
-  }
-};
 
 /// Sum over the block, in an order that does not change; the result is thread 0's.
 __device__ float block_sum(float value, float* warps) {
@@ -141,7 +117,7 @@ __global__ void __launch_bounds__(kThreads)
     if (tile.x0 + x >= 3 * in.width || tile.y0 + y >= in.height) continue;
     float mean[4];
     for (int m = 0; m < 4; ++m) mean[m] = blur_across(&blurred[m][y + kRadius][x]);
-    const Ssim ssim(mean[0], mean[1], mean[2], mean[3]);
+    const Ssim<float> ssim(mean[0], mean[1], mean[2], mean[3]);
     const float weight = pair_at(in, tile.x0 + x, tile.y0 + y).weight;
     sums[0] += fabsf(d[y + kRadius][x + kHaloX]);
     sums[1] += weight * ssim.value;

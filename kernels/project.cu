@@ -27,11 +27,6 @@ __device__ std::uint32_t slots_in(Packed p) {
   return static_cast<std::uint32_t>(p & ((Packed{1} << kSlotBits) - 1));
 }
 
-__device__ Packed warp_sum(Packed value) {
-  for (int by = kWarp / 2; by > 0; by /= 2) value += __shfl_xor_sync(kAllLanes, value, by);
-  return value;
-}
-
 /// What the blocks before `block` have, found by its first warp, who says what this one has.
 __device__ Packed count_before(volatile Packed* states, unsigned block, Packed own) {
   const int lane = static_cast<int>(threadIdx.x);
@@ -44,7 +39,7 @@ __device__ Packed count_before(volatile Packed* states, unsigned block, Packed o
     } while (__any_sync(kAllLanes, (state & (kOwn | kPrefix)) == 0));
     const unsigned known = __ballot_sync(kAllLanes, (state & kPrefix) != 0);
     const int last = known != 0 ? __ffs(static_cast<int>(known)) - 1 : kWarp - 1;
-    before += warp_sum(lane <= last ? state & kValue : 0);
+    before += warp_sum(lane <= last ? state & kValue : Packed{0});
     if (known != 0) break;
   }
   if (lane == 0 && block != 0) states[block] = kPrefix | (before + own);

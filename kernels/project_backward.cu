@@ -41,8 +41,8 @@ __device__ void add_slots(SlotRange slots, std::uint32_t capacity, const float* 
       add_slot(slot_weight, slot_gradient, begin + k, part);
     }
     for (int k = 0; k < kSlotFloats; ++k) {
-      for (int by = kWarp / 2; by > 0; by /= 2) part[k] += __shfl_xor_sync(kAllLanes, part[k], by);
-      if (static_cast<int>(lane) == owner) sums[k] = part[k];
+      const float sum = warp_sum(part[k]);
+      if (static_cast<int>(lane) == owner) sums[k] = sum;
     }
   }
 }
@@ -130,8 +130,7 @@ __device__ void store_row(float4* to, const ProjectionGradient<float>& g, const 
 __device__ void store_pose(const float (&pose)[kPoseScalars], float* partials) {
   __shared__ float warps[kProjectThreads / kWarp][kPoseScalars];
   for (int k = 0; k < kPoseScalars; ++k) {
-    float sum = pose[k];
-    for (int by = kWarp / 2; by > 0; by /= 2) sum += __shfl_xor_sync(kAllLanes, sum, by);
+    const float sum = warp_sum(pose[k]);
     if (threadIdx.x % kWarp == 0) warps[threadIdx.x / kWarp][k] = sum;
   }
   __syncthreads();

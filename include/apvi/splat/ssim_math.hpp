@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "apvi/splat/splat_math.hpp"
+
+/// Structural similarity of one value, for both backends (Wang et al., "Image quality assessment",
+/// 2004).
+namespace apvi::splat {
+
+inline constexpr double kSsimC1 = 0.01 * 0.01;
+inline constexpr double kSsimC2 = 0.03 * 0.03;
+
+/// SSIM of one value and its derivatives, from the blurred s, d, s², d². With P = s̄², Q = d̄²,
+/// U = blur(s²) - P and V = blur(d²) - Q, it is
+///     ((P - Q)/2 + c1) ((U - V)/2 + c2) / (((P + Q)/2 + c1) ((U + V)/2 + c2)).
+template <typename T>
+struct Ssim {
+  T value, by_mean, by_ss, by_dd;
+
+  // Inlined always: the CPU's loops are compiled for several instruction sets.
+  __attribute__((always_inline)) APVI_HD inline Ssim(T s, T d, T ss, T dd) {
+    const T p = s * s;
+    const T q = d * d;
+    const T u = ss - p;
+    const T v = dd - q;
+    const T c1 = static_cast<T>(kSsimC1);
+    const T c2 = static_cast<T>(kSsimC2);
+    const T inverse_1 = T(1) / (T(0.5) * (p + q) + c1);
+    const T inverse_2 = T(1) / (T(0.5) * (u + v) + c2);
+    const T luminance = (T(0.5) * (p - q) + c1) * inverse_1;
+    const T contrast = (T(0.5) * (u - v) + c2) * inverse_2;
+    value = luminance * contrast;
+    by_ss = T(0.5) * (luminance - value) * inverse_2;
+    by_dd = T(-0.5) * (luminance + value) * inverse_2;
+    const T by_p = T(0.5) * (contrast - value) * inverse_1 - by_ss;
+    const T by_q = T(-0.5) * (contrast + value) * inverse_1 - by_dd;
+    by_mean = T(2) * (s * by_p + d * by_q);
+  }
+};
+
+}  // namespace apvi::splat
