@@ -58,7 +58,8 @@ void KeyframeStore::drop_image(std::size_t i) {
   if (!keyframe.image.defined()) return;
   image_bytes_ -= keyframe.image.nbytes();
   keyframe.image = Tensor();
-  std::erase(keyframe.held_out ? held_out_ : training_, i);
+  std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
+  views.erase(std::remove(views.begin(), views.end(), i), views.end());
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {

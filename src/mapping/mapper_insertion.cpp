@@ -96,7 +96,8 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (learner_) request.medium = learner_->medium();
   std::vector<std::size_t> others = keyframes_.training();
   const auto distance = [view](std::size_t i) { return i > view ? i - view : view - i; };
-  std::ranges::stable_sort(others, {}, distance);  // itself first
+  const auto nearer = [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); };
+  std::stable_sort(others.begin(), others.end(), nearer);  // itself first
   others.resize(
       std::min<std::size_t>(others.size(), static_cast<std::size_t>(options_.depth.views)));
   for (const std::size_t i : others) {

@@ -21,11 +21,13 @@ void ViewSchedule::add(std::size_t view) {
 }
 
 void ViewSchedule::remove(std::size_t view) {
-  std::erase_if(entries_, [view](const Entry& entry) { return entry.view == view; });
+  const auto is_it = [view](const Entry& entry) { return entry.view == view; };
+  entries_.erase(std::remove_if(entries_.begin(), entries_.end(), is_it), entries_.end());
 }
 
 ViewSchedule::Entry* ViewSchedule::find(std::size_t view) {
-  const auto found = std::ranges::find(entries_, view, &Entry::view);
+  const auto is_it = [view](const Entry& entry) { return entry.view == view; };
+  const auto found = std::find_if(entries_.begin(), entries_.end(), is_it);
   return found == entries_.end() ? nullptr : &*found;
 }
 
@@ -70,7 +72,8 @@ void ViewSchedule::report(std::size_t view, double loss) {
 }
 
 std::int64_t ViewSchedule::uses(std::size_t view) const {
-  const auto found = std::ranges::find(entries_, view, &Entry::view);
+  const auto is_it = [view](const Entry& entry) { return entry.view == view; };
+  const auto found = std::find_if(entries_.begin(), entries_.end(), is_it);
   return found == entries_.end() ? 0 : found->uses;
 }
 

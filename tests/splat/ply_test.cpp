@@ -81,7 +81,7 @@ TEST(Ply, WritesTheHeaderThatViewersExpect) {
   std::string line;
   std::string names;
   while (std::getline(in, line) && line != "end_header") {
-    if (line.starts_with("property float ")) names += line.substr(15) + " ";
+    if (line.rfind("property float ", 0) == 0) names += line.substr(15) + " ";
   }
   EXPECT_EQ(names,
             "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 "
@@ -187,7 +187,7 @@ TEST(Ply, MissingPropertiesAreNamed) {
   const TmpDir dir;
   for (const std::string missing : {"y", "opacity", "rot_3", "scale_0"}) {
     std::vector<std::string> names = needed_properties();
-    std::erase(names, missing);
+    names.erase(std::remove(names.begin(), names.end(), missing), names.end());
     const fs::path file = dir.write("map.ply", header("ascii", "0", names));
     EXPECT_THAT(error_of(file), HasSubstr("the vertices have no property " + missing));
   }
