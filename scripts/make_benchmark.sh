@@ -2,17 +2,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Simulates the benchmark set: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth.
 #
-#   scripts/make_benchmark.sh [FOLDER] [option of `apvi sim`]...
+#   scripts/make_benchmark.sh [FOLDER] [--seeds N] [option of `apvi sim`]...
 #
-# FOLDER defaults to data/benchmark. Stopped, it goes on when called again; what is complete is left
-# alone. APVI names the program, build/cpu/src/apps/apvi when it is not set.
+# FOLDER defaults to data/benchmark. With N > 1 there are FOLDER/SCENE-2 to SCENE-N too: the same dive and the
+# same pictures with other noise in IMU, DVL and pressure. Stopped, it goes on when called again; what is complete
+# is left alone. APVI names the program, build/cpu/src/apps/apvi when it is not set.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 folder=data/benchmark
+seeds=1
 if [[ $# -gt 0 && $1 != -* ]]; then
   folder=$1
   shift
+fi
+if [[ ${1:-} == --seeds ]]; then
+  seeds=${2:?--seeds needs a number}
+  shift 2
 fi
 apvi=${APVI:-build/cpu/src/apps/apvi}
 if [[ ! -x $apvi ]]; then
@@ -26,4 +32,16 @@ for place in seabed ship dam; do
     scenes+=("configs/scenes/${place}_${grade}.yaml")
   done
 done
-exec "$apvi" sim "${scenes[@]}" -o "$folder" "$@"
+"$apvi" sim "${scenes[@]}" -o "$folder" "$@"
+
+# The camera of the first stands beside the sensors of the others.
+for ((seed = 2; seed <= seeds; ++seed)); do
+  for scene in "${scenes[@]}"; do
+    name=$(basename "$scene" .yaml)
+    copy=$folder/$name-$seed
+    [[ ! -e $copy/mav0/cam0 ]] || continue
+    "$apvi" sim "$scene" -o "$copy" --set "sensor_seed=$seed" --no-images "$@"
+    cp "$folder/$name/rig.yaml" "$copy/rig.yaml"
+    ln -s "../../$name/mav0/cam0" "$copy/mav0/cam0"
+  done
+done
