@@ -52,16 +52,20 @@ const Rig& checked(const Rig& rig) {
   return rig;
 }
 
-// The covariance is raised so that the innovation's becomes `factor` times what it was.
-Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, const Eskf& filter,
-                         double factor) {
-  const Measurement::Covariance more =
-      (factor - 1.0) * (at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R);
+Timeline::Model with_noise_added(Timeline::Model model, const Measurement::Covariance& more) {
   return [model = std::move(model), more](const Eskf& at, const Kinematics& kinematics) {
     Measurement m = model(at, kinematics);
     m.R += more;
     return m;
   };
+}
+
+// The covariance is raised so that the innovation's becomes `factor` times what it was.
+Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, const Eskf& filter,
+                         double factor) {
+  const Measurement::Covariance innovation =
+      at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R;
+  return with_noise_added(std::move(model), (factor - 1.0) * innovation);
 }
 
 }  // namespace
@@ -96,6 +100,7 @@ Dipo::Dipo(const Config& config, const Rig& rig)
       vibration_(config.inertial, sheet_noise(rig)),
       stillness_(config.zero_velocity),
       adapter_(config.adaptation),
+      swell_(config.depth.swell_window_s),
       dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor, config.dvl.max_rejected),
       depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor,
                   config.depth.max_rejected) {}
@@ -268,15 +273,33 @@ bool Dipo::take_in(const DvlSample& ping) {
   return true;
 }
 
+double Dipo::swell_m() const {
+  const double noise = rig_.pressure ? rig_.pressure->noise_m
+                       : rig_.depth  ? rig_.depth->noise_m
+                                     : 0.0;
+  return std::sqrt(std::max(0.0, std::pow(swell_.sigma_m(), 2) - noise * noise));
+}
+
 bool Dipo::take_in(const DepthReading& reading) {
   if (reading.stamp > timeline_.newest()) return false;
-  Timeline::Model depth_model = [=, sign = rig_.depth_sign()](const Eskf& at, const Kinematics&) {
-    return depth(at.state(), reading.p_body_sensor, sign, reading.depth_m,
-                 reading.noise_m * reading.noise_m);
+  const double sign = rig_.depth_sign();
+  const double swell = std::pow(swell_m(), 2);
+  const double variance = reading.noise_m * reading.noise_m + swell;
+  Timeline::Model depth_model = [=](const Eskf& at, const Kinematics&) {
+    return depth(at.state(), reading.p_body_sensor, sign, reading.depth_m, variance);
   };
   Report report{.stamp = reading.stamp};
   if (auto model = judge(reading.stamp, std::move(depth_model), depth_gate_, report)) {
-    timeline_.insert(reading.stamp, std::move(*model));
+    // The gate asks how far off one reading may be; the filter, what one more of them is worth.
+    const Measurement::Covariance repeated =
+        Measurement::Covariance::Constant(1, 1, (swell_.repeats() - 1.0) * swell);
+    timeline_.insert(reading.stamp, with_noise_added(std::move(*model), repeated));
+  }
+  if (timeline_.covers(reading.stamp)) {
+    const imu::NavState nav = timeline_.filter_at(reading.stamp).state().nav;
+    const double lever = (nav.R_world_body * reading.p_body_sensor).z();
+    swell_.add(reading.stamp, reading.depth_m - sign * lever,
+               sign * (nav.R_world_body * nav.v_body).z());
   }
   depth_reports_.push_back(report);
   return true;

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/dipo/noise_tracker.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
 
 namespace apvi::dipo {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Sample variance summed over the axes, of one member of the samples.
@@ -17,6 +22,29 @@ double spread(const std::deque<ImuSample>& samples, Member member) {
   double sum = 0.0;
   for (const ImuSample& s : samples) sum += (s.*member - mean).squaredNorm();
   return sum / static_cast<double>(samples.size());
+}
+
+// Least squares, once with everything and once without what then lies more than three sigma off.
+double robust_spread_about_line(const std::vector<Vector2d>& points) {
+  double sigma = std::numeric_limits<double>::infinity();
+  Vector2d line = Vector2d::Zero();  // height and slope
+  for (int pass = 0; pass < 2; ++pass) {
+    Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
+    Vector2d b = Vector2d::Zero();
+    for (const Vector2d& p : points) {
+      const Vector2d row(1.0, p.x());
+      if (std::abs(p.y() - row.dot(line)) > 3.0 * sigma) continue;
+      A += row * row.transpose();
+      b += row * p.y();
+    }
+    line = A.ldlt().solve(b);
+    std::vector<double> off;
+    for (const Vector2d& p : points) off.push_back(std::abs(p.y() - line.x() - line.y() * p.x()));
+    const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
+    std::nth_element(off.begin(), middle, off.end());
+    sigma = 1.4826 * *middle;  // of a normal distribution
+  }
+  return sigma;
 }
 
 }  // namespace
@@ -69,6 +97,38 @@ bool StillnessDetector::is_still() {
       spread(imu_, &ImuSample::accel) <= config_.max_accel_std * config_.max_accel_std;
   imu_.clear();  // one verdict per window
   return still;
+}
+
+void SwellTracker::add(Stamp stamp, double depth_m, double descent) {
+  if (window_s_ <= 0.0 || (last_ && stamp <= *last_)) return;
+  if (last_) swum_m_ += descent * seconds_between(*last_, stamp);
+  last_ = stamp;
+  readings_.push_back({stamp, depth_m - swum_m_});
+  const Stamp keep = stamp - Duration::from_seconds(window_s_);
+  while (readings_.front().stamp < keep) readings_.pop_front();
+  constexpr double kEvery_s = 0.25;
+  if (measured_ && seconds_between(*measured_, stamp) < kEvery_s) return;
+  measured_ = stamp;
+  measure();
+}
+
+void SwellTracker::measure() {
+  constexpr double kLeastSpan_s = 3.0;
+  constexpr double kFirstGuess_m = 0.1;  // a moderate sea: the start must not follow a wave
+  constexpr double kStretch_s = 1.0;     // a sixth of a swell's period: one side of one crest
+  const double span = seconds_between(readings_.front().stamp, readings_.back().stamp);
+  if (span > 0.0) {
+    repeats_ = std::max(1.0, kStretch_s * static_cast<double>(readings_.size()) / span);
+  }
+  if (span < std::min(kLeastSpan_s, 0.5 * window_s_) || readings_.size() < 5) {
+    sigma_m_ = std::max(sigma_m_, kFirstGuess_m);
+    return;
+  }
+  std::vector<Eigen::Vector2d> points;  // time and difference
+  for (const Reading& r : readings_) {
+    points.emplace_back(seconds_between(readings_.front().stamp, r.stamp), r.difference_m);
+  }
+  sigma_m_ = robust_spread_about_line(points);
 }
 
 std::optional<double> MeasurementGate::judge(double nis) {

@@ -49,6 +49,11 @@ Stability carrier(const FusionInput& input, const Stability& dipo) {
   return input.vio_includes_dipo && input.vio ? Stability{StabilityReason::stable} : dipo;
 }
 
+CoarseConfig after_failure(CoarseConfig config, double factor) {
+  config.min_stable_ratio = std::min(0.99, factor * config.min_stable_ratio);
+  return config;
+}
+
 bool has_returned(Phase before, Phase now) {
   return now == Phase::running && (before == Phase::frozen || before == Phase::dropped);
 }
@@ -112,15 +117,19 @@ Fuser::Judgement Fuser::judge(const FusionInput& input, const Stability& dipo) c
     turn_down({Level::input, Reason::no_image, static_cast<double>(input.statistics.quality)});
     return result;
   }
-  if (turn_down(coarse(input.statistics, config_.discriminator.coarse))) return result;
+  const CoarseConfig& usual = config_.discriminator.coarse;
+  const bool failed = freeze_.phase() == Phase::frozen || freeze_.phase() == Phase::dropped;
+  const CoarseConfig asked =
+      failed ? after_failure(usual, config_.hysteresis.return_factor) : usual;
+  if (turn_down(coarse(input.statistics, asked))) return result;
   if (!input.vio) {
     turn_down({Level::input, Reason::no_estimate});
     return result;
   }
   if (turn_down(judge_agreement(input, dipo))) return result;
   // A frozen window leans on DIPO: how sure it is of itself says nothing about vision.
-  const bool leans = freeze_.phase() == Phase::frozen && !input.vio_includes_dipo;
-  if (!leans) judge_degeneracy(*input.vio, result);
+  const bool frozen = freeze_.phase() == Phase::frozen;
+  if (!frozen || input.vio_includes_dipo) judge_degeneracy(*input.vio, result);
   return result;
 }
 
@@ -143,9 +152,10 @@ void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
   const FineConfig& config = config_.discriminator.fine;
   if (config.action == DegeneracyAction::ignore) return;
   const EigenThresholds thresholds{config.min_rotation, config.min_position};
-  // With a DVL in its graph a window is sure of itself in the dark too.
+  // With a DVL in its graph a window is sure of itself in the dark too. While it is frozen nothing
+  // that is seen counts, so that there are no landmarks to ask for.
   const bool tested = thresholds.rotation > 0.0 || thresholds.position > 0.0;
-  if (tested && vio.inliers == 0) {
+  if (tested && vio.inliers == 0 && freeze_.phase() != Phase::frozen) {
     result.verdict = {Level::fine, Reason::no_landmarks, 0.0, 1.0};
     return;
   }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "apvi/core/stopwatch.hpp"
 #include "graph.hpp"
@@ -80,6 +81,7 @@ void Estimator::reset() {
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
   frozen_ = false;
+  in_doubt_ = false;
   has_seen_ = false;
   aided_ = false;
   first_ping_.reset();
@@ -186,7 +188,11 @@ void Estimator::lean_on(const Aid& aid) {
 }
 
 void Estimator::freeze() {
-  if (config_.graph == GraphKind::tight || !started()) return;
+  if (!started()) return;
+  if (config_.graph == GraphKind::tight) {
+    in_doubt_ = true;
+    return;
+  }
   frozen_ = true;
   newest_is_keyframe_ = true;
   window_.prior.reset();
@@ -195,6 +201,7 @@ void Estimator::freeze() {
 }
 
 void Estimator::release() {
+  if (std::exchange(in_doubt_, false)) end_doubt(window_);
   if (!frozen_) return;
   frozen_ = false;
   first_ping_.reset();
@@ -233,6 +240,7 @@ Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
   frame->state = state;
   frame->from_previous = std::move(from_previous);
   frame->takes_pings = takes_pings(stamp);
+  frame->doubtful = in_doubt_;
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }

@@ -82,10 +82,14 @@ void Graph::add_depth(Frame& frame) {
 }
 
 void Graph::add_landmark(Landmark& landmark) {
-  if (!takes_part(landmark, config_.vision.min_sightings)) return;
+  const auto& seen = landmark.sightings;
+  if (!takes_part(landmark, config_.vision.min_sightings) || seen.front().frame->doubtful) return;
+  const auto believed =
+      std::ranges::count_if(seen, [](const auto& s) { return !s.frame->doubtful; });
+  if (believed < config_.vision.min_sightings) return;
   ++landmarks_;
-  for (std::size_t k = 1; k < landmark.sightings.size(); ++k) {
-    add_sighting(landmark, landmark.sightings[k]);
+  for (std::size_t k = 1; k < seen.size(); ++k) {
+    if (!seen[k].frame->doubtful) add_sighting(landmark, seen[k]);
   }
 }
 

@@ -100,6 +100,18 @@ void remove_sightings(Window& window, const Frame& frame) {
   remove_unseen(window);
 }
 
+void end_doubt(Window& window) {
+  const Frame* newest = &window.newest();
+  for (auto& [id, landmark] : window.landmarks) {
+    if (landmark.sightings.back().frame == newest) continue;
+    while (!landmark.sightings.empty() && landmark.sightings.back().frame->doubtful) {
+      drop_sightings(landmark, window, *landmark.sightings.back().frame);
+    }
+  }
+  remove_unseen(window);
+  for (const auto& frame : window.frames) frame->doubtful = false;
+}
+
 void triangulate(Window& window, double min_parallax) {
   for (auto& [id, landmark] : window.landmarks) {
     if (landmark.triangulated() || landmark.sightings.size() < 2) continue;

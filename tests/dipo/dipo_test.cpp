@@ -9,6 +9,7 @@
 #include <map>
 
 #include "apvi/core/error.hpp"
+#include "apvi/dipo/noise_tracker.hpp"
 #include "support/spline_imu.hpp"
 
 namespace apvi::dipo {
@@ -238,6 +239,54 @@ TEST(Dipo, PressureSpikesMoveNothing) {
   const Outcome outcome = run_dive(dive, {}, make_test_rig());
   EXPECT_LT(outcome.end_error_m, 0.3);
   EXPECT_LT(outcome.largest_step_m, 0.1);
+}
+
+TEST(Dipo, SwellThatPressesOnTheSensorDoesNotBecomeAMotion) {
+  Dive dive;
+  dive.disturb_pressure = [](PressureSample& s, double t) {
+    s.pressure_pa += 1000.0 * std::sin(t);  // ten centimetres of water every 6.3 seconds
+  };
+  Rig rig = make_test_rig();
+  rig.pressure->noise_m = 0.003;
+  const Outcome measured = run_dive(dive, {}, rig);
+  EXPECT_LT(measured.end_error_m, 0.3);
+  EXPECT_NEAR(measured.last->state.nav.accel_bias.norm(), 0.0, 0.02);
+  Config blind;
+  blind.depth.swell_window_s = 0.0;
+  const Outcome unmeasured = run_dive(dive, blind, rig);
+  EXPECT_LT(measured.end_error_m, 0.5 * unmeasured.end_error_m);
+}
+
+// The spread that the tracker finds about the way swum, 20 readings a second.
+double swell_found(const std::function<double(double)>& pressed, double window_s = 10.0) {
+  SwellTracker tracker(window_s);
+  for (int k = 0; k < 400; ++k) {
+    const double t = 0.05 * k;
+    tracker.add(Stamp{k * std::int64_t{50'000'000}}, 5.0 + 0.3 * t + pressed(t), 0.3);
+  }
+  return tracker.sigma_m();
+}
+
+TEST(SwellTracker, FindsTheHeightOfASwellAndNothingInCalmWater) {
+  EXPECT_LT(swell_found([](double) { return 0.0; }), 1e-6);
+  EXPECT_LT(swell_found([](double t) { return 0.01 * t; }), 1e-6);  // a drift is no wave
+  const double found = swell_found([](double t) { return 0.1 * std::sin(t); });
+  EXPECT_GT(found, 0.06);
+  EXPECT_LT(found, 0.13);
+  EXPECT_EQ(swell_found([](double t) { return 0.1 * std::sin(t); }, 0.0), 0.0);
+}
+
+TEST(SwellTracker, SpikesAreNoSwell) {
+  int k = 0;
+  EXPECT_LT(swell_found([&k](double) { return ++k % 10 == 0 ? 2.0 : 0.0; }), 1e-3);
+}
+
+TEST(SwellTracker, BeforeItHasMeasuredItExpectsAModerateSea) {
+  SwellTracker tracker(10.0);
+  tracker.add(Stamp{0}, 5.0, 0.0);
+  EXPECT_NEAR(tracker.sigma_m(), 0.1, 1e-12);
+  tracker.add(Stamp{50'000'000}, 5.0, 0.0);
+  EXPECT_EQ(tracker.repeats(), 1.0);
 }
 
 TEST(Dipo, GoesOnAfterAGapInTheInertialData) {

@@ -22,7 +22,7 @@ Config as_printed() {
   Config config;
   config.mode = Mode::paper;
   config.discriminator.medium.needs_stable_dipo = false;
-  config.hysteresis = {.good_frames = 0, .bad_frames = 0};
+  config.hysteresis = {.good_frames = 0, .bad_frames = 0, .return_factor = 1.0};
   config.slew.time_constant_s = 0.0;
   config.discriminator.fine = {.min_rotation = 0.0, .min_position = 0.0};
   return config;
@@ -244,6 +244,24 @@ TEST(Fuser, AReleasedWindowIsUsedAtOnce) {
   const FusionResult released = scene.step();
   EXPECT_EQ(released.freeze.action, Action::release);
   EXPECT_EQ(released.state, FusionState::fused);
+}
+
+TEST(Fuser, WhatHasFailedMustBeBetterThanTheThresholdToReturn) {
+  Config config = as_printed();
+  config.hysteresis.return_factor = 1.5;
+  Scene scene(config, {.enabled = true, .release_frames = 1});
+  const auto with_share = [&scene](double share) {
+    scene.input.statistics = rich();
+    scene.input.statistics.stable = static_cast<int>(share * 120.0);
+    return scene.step();
+  };
+  EXPECT_EQ(with_share(0.25).state, FusionState::fused);
+  EXPECT_EQ(with_share(0.15).state, FusionState::frozen);
+  const FusionResult between = with_share(0.25);
+  EXPECT_EQ(between.verdict.reason, Reason::too_few_stable);
+  EXPECT_NEAR(between.verdict.threshold, 0.3, 1e-12);
+  EXPECT_EQ(with_share(0.31).freeze.action, Action::release);
+  EXPECT_EQ(with_share(0.25).state, FusionState::fused);
 }
 
 TEST(Fuser, ADegenerateDirectionIsLeftToDipoWhenRemapped) {

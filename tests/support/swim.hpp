@@ -108,6 +108,9 @@ class Swim {
             vehicle.depth->noise_m};
   }
 
+  /// From now on all points move with `velocity` [m/s], as a cloud of silt does.
+  void set_current(const Eigen::Vector3d& velocity) { current_ = velocity; }
+
   /// What the front end sees of the points; `visible` false: a black image, tracks are lost.
   vio::TrackedFrame frame(int k, bool visible = true) {
     vio::TrackedFrame tracked;
@@ -118,9 +121,10 @@ class Swim {
     const CameraCalibration camera = rig().cameras.front();
     const imu::NavState state = truth(k);
     const SE3 T_camera_world = (state.pose() * camera.T_body_camera).inverse();
+    carried_ += current_ / kFrameRate;
     std::map<std::size_t, Track> seen;
     for (std::size_t n = 0; n < points_.size() && seen.size() < kMostTracks; ++n) {
-      const Eigen::Vector3d drift = points_[n].velocity * (k / kFrameRate);
+      const Eigen::Vector3d drift = carried_ + points_[n].velocity * (k / kFrameRate);
       const Eigen::Vector3d p = T_camera_world * (points_[n].position + drift);
       if (p.z() < 0.5 || p.z() > 8.0) continue;
       const auto pixel = camera.model.project(p);
@@ -177,6 +181,8 @@ class Swim {
   Random random_;
   Se3Spline spline_;
   std::vector<Point> points_;
+  Eigen::Vector3d current_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d carried_ = Eigen::Vector3d::Zero();
   std::map<std::size_t, Track> tracks_;
   std::int64_t next_id_ = 0;
   Stamp next_imu_ = spline_.start();

@@ -188,6 +188,41 @@ TEST(Estimator, AFrozenWindowLeansOnTheAidAndNeverBecomesCertainty) {
   }
 }
 
+TEST(Estimator, WhatMovesWhileVisionIsNotBelievedMovesNoWindowWithADvl) {
+  double drift[2] = {};
+  for (const bool believed : {true, false}) {
+    Drive drive({.seed = 3}, config_for(GraphKind::tight));
+    for (int k = 0; k < 80; ++k) drive.step(k);
+    if (!believed) drive.estimator.freeze();
+    for (int k = 80; k < 160; ++k) {
+      drive.swim.set_current({0.0, 0.25, 0.0});
+      const vio::Result result = drive.step(k);
+      ASSERT_TRUE(result.has_state()) << result.detail;
+      double& worst = drift[believed ? 1 : 0];
+      worst = std::max(worst, errors(result, drive.swim.truth(k)).position_m);
+    }
+    EXPECT_EQ(drive.estimator.frozen(), false);
+    drive.swim.set_current({0.0, 0.0, 0.0});
+    drive.estimator.release();
+    for (const auto& frame : drive.estimator.window().frames) EXPECT_FALSE(frame->doubtful);
+  }
+  EXPECT_LT(drift[0], 0.06);
+  EXPECT_LT(drift[0], 0.5 * drift[1]);
+}
+
+TEST(Estimator, TracksThatEndInDoubtAreForgottenAndTheOthersCountAgain) {
+  Drive drive({.seed = 5}, config_for(GraphKind::tight));
+  for (int k = 0; k < 80; ++k) drive.step(k);
+  drive.estimator.freeze();
+  vio::Result result;
+  for (int k = 80; k < 200; ++k) result = drive.step(k);
+  EXPECT_EQ(result.landmarks, 0);
+  drive.estimator.release();
+  result = drive.step(200);
+  EXPECT_GT(result.landmarks, 20);
+  EXPECT_LT(errors(result, drive.swim.truth(200)).position_m, 0.15);
+}
+
 // Frames of the window with pings in the graph, by when they were [s after the first frame].
 std::vector<double> with_pings(const Drive& drive) {
   std::vector<double> found;

@@ -144,6 +144,7 @@ struct DepthConfig {
   double soft_gate = 9.0;
   double hard_gate_factor = 100.0;
   int max_rejected = 20;
+  double swell_window_s = 10.0;
   CalibrationState bias{.estimate = true, .sigma = 0.05, .walk = 1e-4};
 
   template <typename V>
@@ -154,6 +155,8 @@ struct DepthConfig {
       "a sample whose NIS is this many times the soft gate is rejected");
     v("max_rejected", max_rejected, Range{1, 10000},
       "after so many rejections in a row the sample is believed instead of the state");
+    v("swell_window_s", swell_window_s, Range{0.0, 120.0},
+      "span over which waves are measured, whose pressure is no depth; 0: none are expected [s]");
     v("bias", bias, "atmosphere, tide, zero of the sensor [m]");
   }
 };

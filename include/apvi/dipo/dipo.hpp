@@ -59,6 +59,9 @@ class Dipo {
   /// The estimate at a stamp inside the history, everything known by now taken in.
   std::optional<Estimate> at(Stamp stamp) const;
   Stamp newest() const { return timeline_.newest(); }
+  /// What waves add to the readings of depth just now: standard deviation, for seconds the same
+  /// [m].
+  double swell_m() const;
 
   /// Reports since the last call.
   std::vector<Report> take_dvl_reports() { return std::exchange(dvl_reports_, {}); }
@@ -106,6 +109,7 @@ class Dipo {
   VibrationTracker vibration_;
   StillnessDetector stillness_;
   NoiseAdapter adapter_;
+  SwellTracker swell_;
   MeasurementGate dvl_gate_;
   MeasurementGate depth_gate_;
   std::deque<ImuSample> early_imu_;  // before initialization

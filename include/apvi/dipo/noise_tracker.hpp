@@ -49,6 +49,37 @@ class StillnessDetector {
   std::deque<DvlSample> pings_;
 };
 
+/// Measures by how much depth as pressed differs from depth as swum. Waves press on the sensor too,
+/// for seconds in one direction, so that what they add is neither white nor in any data sheet.
+class SwellTracker {
+ public:
+  /// `window_s` of readings are looked at [s]; 0 turns it off.
+  explicit SwellTracker(double window_s) : window_s_(window_s) {}
+
+  /// `depth_m` as measured, `descent` the rate of depth as everybody else has it [m/s].
+  void add(Stamp stamp, double depth_m, double descent);
+  /// Standard deviation of the readings about the way swum, a straight line left free; outliers do
+  /// not raise it [m]. 0 before three seconds of them.
+  double sigma_m() const { return sigma_m_; }
+  /// Readings that say the same thing again, because they lie within one stretch of a wave.
+  double repeats() const { return repeats_; }
+
+ private:
+  struct Reading {
+    Stamp stamp;
+    double difference_m;  // measured less swum
+  };
+  void measure();
+
+  double window_s_;
+  std::deque<Reading> readings_;
+  std::optional<Stamp> last_;
+  std::optional<Stamp> measured_;
+  double swum_m_ = 0.0;
+  double sigma_m_ = 0.0;
+  double repeats_ = 1.0;
+};
+
 /// Gates innovations: a large one counts less, a huge one not at all, unless they keep coming.
 class MeasurementGate {
  public:

@@ -124,10 +124,12 @@ struct StabilityConfig {
   }
 };
 
-/// How many frames a change of mind takes; 0 is the paper: one.
+/// What a change of mind takes: how many frames (0 is the paper: one), and how much better than the
+/// thresholds.
 struct HysteresisConfig {
   int good_frames = 3;
   int bad_frames = 2;
+  double return_factor = 1.5;
 
   template <typename V>
   void visit(V& v) {
@@ -136,6 +138,9 @@ struct HysteresisConfig {
       "good frames in a row before VIO is used again (the paper: 0)");
     v("bad_frames", bad_frames, Range{0, 10000},
       "bad frames in a row before VIO has failed (the paper: 0); no bad frame is ever fused");
+    v("return_factor", return_factor, Range{1.0, 100.0},
+      "after a failure the share of stable corners that step 1 asks for is so many times larger: "
+      "in silt it comes and goes about the threshold, and what moves is the silt (the paper: 1)");
   }
 };
 

@@ -72,8 +72,8 @@ class Estimator {
   void reset();
 
   /// The paper's window freezing: frames that are in the window and the points they saw first are
-  /// held as they are, and new frames lean on the aid, until `release`. Does nothing with DVL and
-  /// depth in the graph: such a window goes on without vision by itself.
+  /// held as they are, and new frames lean on the aid, until `release`. With DVL and depth in the
+  /// graph the window goes on by itself, and what new frames see does not count.
   void freeze();
   /// What was held leaves, without entering the prior; the frames since go on, from where the aid
   /// put the first of them.
@@ -118,6 +118,7 @@ class Estimator {
   Window window_;
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
+  bool in_doubt_ = false;
   bool has_seen_ = false;            // a landmark has taken part since the start
   bool aided_ = false;               // since a start with an aid
   std::optional<Stamp> first_ping_;  // in the graph since a start or a release

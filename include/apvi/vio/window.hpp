@@ -47,6 +47,7 @@ struct Frame {
   std::optional<DepthMeasurement> depth;
   std::shared_ptr<const Prior> lean;  ///< what the aid says of the state while the window is frozen
   int tracks = 0;                     ///< that it was seen with
+  bool doubtful = false;              ///< its picture is not believed: sightings in it do not count
 };
 
 /// A point of the world, anchored in the first frame of the window that sees it.
@@ -89,6 +90,9 @@ Eigen::Vector3d position(const Landmark& landmark, const Window& window);
 void add_sightings(Window& window, Frame& frame, const TrackedFrame& tracked);
 /// Takes the frame's sightings out again; landmarks it anchored move on to their next frame.
 void remove_sightings(Window& window, const Frame& frame);
+/// Believes the pictures of all frames again, except for tracks that the newest frame does not see:
+/// what was followed through silt and then lost was silt.
+void end_doubt(Window& window);
 /// Gives a depth to every landmark whose rays meet under `min_parallax` [rad] at least.
 void triangulate(Window& window, double min_parallax);
 /// The frame leaves without a trace; the one behind it is no longer linked to what was before.
