@@ -11,7 +11,14 @@
 namespace apvi::mapping {
 
 void write_archive(const std::filesystem::path& file, torch::serialize::OutputArchive& archive) {
-  write_file_atomically(file, [&archive](std::ostream& out) { archive.save_to(out); });
+  // LibTorch is told that all was written, because a destructor of its own throws when it was not;
+  // `out` remembers.
+  write_file_atomically(file, [&archive](std::ostream& out) {
+    archive.save_to([&out](const void* bytes, std::size_t count) {
+      out.write(static_cast<const char*>(bytes), static_cast<std::streamsize>(count));
+      return count;
+    });
+  });
 }
 
 void read_archive(const std::filesystem::path& file,

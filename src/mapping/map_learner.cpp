@@ -7,11 +7,10 @@
 #include <cmath>
 #include <string>
 
-#include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_backend.hpp"
 #include "apvi/splat/medium_estimate.hpp"
-#include "apvi/splat/ply.hpp"
+#include "recolor.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -41,6 +40,29 @@ splat::Medium on_device(const splat::Medium& medium) {
   };
   return {
       .beta_d = moved(medium.beta_d), .beta_b = moved(medium.beta_b), .b_inf = moved(medium.b_inf)};
+}
+
+/// The gains of all views, those that the survey looked at as it says; between two of these the
+/// others change as they do.
+Tensor survey_gains(const Tensor& logs, const WaterSurvey& survey) {
+  Tensor result = logs.clone();
+  const auto old = logs.accessor<double, 1>();
+  const auto found = survey.fit.log_gains.accessor<double, 1>();
+  const std::vector<std::size_t>& views = survey.views;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(logs.size(0)); ++i) {
+    while (next < views.size() && views[next] < i) ++next;
+    const std::size_t after = std::min(next, views.size() - 1);
+    const std::size_t before = next == 0 ? 0 : next - 1;
+    const auto change = [&](std::size_t k) {
+      return found[static_cast<std::int64_t>(k)] - old[static_cast<std::int64_t>(views[k])];
+    };
+    const double span = static_cast<double>(views[after]) - static_cast<double>(views[before]);
+    const double share =
+        span > 0.0 ? (static_cast<double>(i) - static_cast<double>(views[before])) / span : 1.0;
+    result[static_cast<std::int64_t>(i)] += (1.0 - share) * change(before) + share * change(after);
+  }
+  return result;
 }
 
 }  // namespace
@@ -162,51 +184,41 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
   gains_.match(i, image, out.alpha, picture, 1.0);
 }
 
-// Looks the same from `ranges` through the new water as through the old, but for the brightness.
-void MapLearner::recolor(const splat::Medium& medium, const Tensor& ranges, double brighter) {
-  const splat::Medium water = on_device(medium);
-  Tensor sh_dc = map().sh_dc;
-  Tensor seen = splat::sh_dc_to_color(sh_dc);
-  const Tensor z = ranges.to(seen.options()).unsqueeze(1);
-  if (medium_) {
-    const splat::Medium old = medium_->medium();
-    seen = seen * torch::exp(-old.beta_d * z) + old.b_inf * (1.0 - torch::exp(-old.beta_b * z));
-  }
-  seen = brighter * seen;
-  sh_dc.copy_(splat::color_to_sh_dc(without_water(seen, z.squeeze(1), water)));
+void MapLearner::adopt(const splat::Medium& medium, const Tensor& known,
+                       const KeyframeStore& keyframes) {
+  const torch::NoGradGuard no_grad;
+  Map after = whole_map();
+  after.medium = medium;
+  wear(after, known, keyframes);
 }
 
-void MapLearner::adopt(const splat::Medium& medium, const Tensor& known, const Tensor& ranges) {
+void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;
-  recolor(medium, ranges, 1.0);
-  if (!medium_) medium_.emplace(on_device(medium));
-  medium_->hold(medium, known);
-}
-
-void MapLearner::adopt(const WaterSurvey& survey, const std::vector<std::size_t>& training,
-                       const Tensor& ranges) {
-  const torch::NoGradGuard no_grad;
-  const auto rows = [](const std::vector<std::size_t>& views) {
-    return torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()), torch::kInt64);
-  };
+  Map after = whole_map();
   splat::Medium water = survey.fit.medium;
-  double brighter = 1.0;
   if (options_.auto_gain) {
-    Tensor logs = gains_.logs().to(torch::kCPU, torch::kFloat64);
-    const Tensor looked_at = rows(survey.views);
-    const double shift =
-        (survey.fit.log_gains - logs.index_select(0, looked_at)).mean().item<double>();
-    logs = (logs + shift).index_copy(0, looked_at, survey.fit.log_gains);
-    const double median = logs.index_select(0, rows(training)).median().item<double>();
-    gains_.set_logs(logs - median);
-    brighter = std::exp(median - shift);
+    Tensor logs = survey_gains(gains_.logs().to(torch::kCPU, torch::kFloat64), survey);
+    const auto& views = keyframes.training();
+    const double median =
+        logs.index_select(0, torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()),
+                                           torch::kInt64))
+            .median()
+            .item<double>();
+    after.log_gains = (logs - median).to(gains_.logs().options());
     water.b_inf = (water.b_inf * std::exp(median)).clamp(kLeastVeil, kMostVeil);
   }
-  vignetting_ = survey.fit.vignetting;
+  after.vignetting = survey.fit.vignetting;
+  after.medium = water;
+  wear(after, survey.fit.known, keyframes);
+}
+
+void MapLearner::wear(const Map& after, const Tensor& known, const KeyframeStore& keyframes) {
+  recolor(whole_map(), after, keyframes);
+  if (options_.auto_gain) gains_.set_logs(after.log_gains);
+  vignetting_ = after.vignetting;
   falloffs_.clear();
-  recolor(water, ranges, brighter);
-  if (!medium_) medium_.emplace(on_device(water));
-  medium_->hold(water, survey.fit.known);
+  if (!medium_) medium_.emplace(on_device(*after.medium));
+  medium_->hold(*after.medium, known);
 }
 
 void MapLearner::set_vio_failing(bool failing) {

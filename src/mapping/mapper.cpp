@@ -202,20 +202,14 @@ void Mapper::maybe_survey_water() {
 
 void Mapper::survey_water() {
   const torch::NoGradGuard no_grad;
-  std::vector<Tensor> centers;
-  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    centers.push_back(camera_center(keyframes_[i].T_camera_world));
-  }
   const Map map = learner_->whole_map();
-  const Tensor from = torch::stack(centers).index_select(0, learner_->anchors().to(torch::kCPU));
-  const Tensor ranges = (map.gaussians.means.to(torch::kCPU, torch::kFloat64) - from).norm(2, 1);
   const splat::Medium usual = splat::coastal_medium();
   const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_,
                                             {.medium = usual}, options_.trainer.seed);
   if (survey) {
-    learner_->adopt(*survey, keyframes_.training(), ranges);
+    learner_->adopt(*survey, keyframes_);
   } else if (!learner_->medium()) {
-    learner_->adopt(usual, torch::zeros({3, 3, 3}, torch::kFloat64), ranges);
+    learner_->adopt(usual, torch::zeros({3, 3, 3}, torch::kFloat64), keyframes_);
   }
   learner_->set_vio_failing(vio_failing_);
 }

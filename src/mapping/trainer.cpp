@@ -94,14 +94,7 @@ void Trainer::maybe_survey_water() {
   const Map seen = whole_map();
   const auto survey = survey_water(seen, keyframes_, kSurveySpacing * extent_,
                                    {.medium = splat::coastal_medium()}, options_.seed);
-  if (!survey) return;
-  std::vector<torch::Tensor> centers;
-  for (const std::size_t i : keyframes_.training()) {
-    centers.push_back(camera_center(keyframes_[i].T_camera_world));
-  }
-  const torch::Tensor from = torch::stack(centers).to(seen.gaussians.means.options());
-  learner_.adopt(*survey, keyframes_.training(),
-                 std::get<0>(torch::cdist(seen.gaussians.means, from).min(1)));
+  if (survey) learner_.adopt(*survey, keyframes_);
 }
 
 void Trainer::maybe_densify() {

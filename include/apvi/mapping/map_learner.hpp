@@ -57,14 +57,13 @@ class MapLearner {
   /// Moves the Gaussians of one anchor.
   void move(std::int64_t anchor, const splat::Similarity& motion);
   /// From now on the map is seen through this water, which is held near (see
-  /// splat::MediumOptimizer::hold). Colours so far were learnt without water, or with other water;
-  /// `ranges` [size()] says from how far each was seen [m], so that they are changed to look the
-  /// same.
-  void adopt(const splat::Medium& medium, const torch::Tensor& known, const torch::Tensor& ranges);
+  /// splat::MediumOptimizer::hold). Its colours are changed so that to the keyframes it looks as
+  /// before.
+  void adopt(const splat::Medium& medium, const torch::Tensor& known,
+             const KeyframeStore& keyframes);
   /// The same with all that a survey found. The gains of the keyframes it did not look at follow
-  /// those it did; the median of all `training` ones is one afterwards.
-  void adopt(const WaterSurvey& survey, const std::vector<std::size_t>& training,
-             const torch::Tensor& ranges);
+  /// their neighbours' that it did; the median of all to learn from is one afterwards.
+  void adopt(const WaterSurvey& survey, const KeyframeStore& keyframes);
   /// Finds the gain of a new view before anything is made of its picture.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
   void set_vio_failing(bool failing);
@@ -91,7 +90,7 @@ class MapLearner {
                          const splat::RenderOutput& out);
   void forget_statistics();
   torch::Tensor falloff(const splat::Intrinsics& camera);
-  void recolor(const splat::Medium& medium, const torch::Tensor& ranges, double brighter);
+  void wear(const Map& after, const torch::Tensor& known, const KeyframeStore& keyframes);
 
   TrainerOptions options_;
   splat::GaussianStore store_;

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "recolor.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "apvi/mapping/seeds.hpp"
+#include "apvi/splat/ply.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::size_t kMostViews = 64;       // spread over all
+constexpr double kUnseen = 1e-4;             // weight of the nearest camera, in view or not
+constexpr double kLeastTransmission = 0.05;  // what little light comes through tells no colour
+
+/// How a colour is seen: gain * colour + veil, [N,3] each.
+struct Seen {
+  Tensor gain, veil;
+};
+
+/// `response` [N] of the camera, `ranges` [N].
+Seen through(const std::optional<splat::Medium>& water, const Tensor& response,
+             const Tensor& ranges) {
+  const Tensor g = response.unsqueeze(1);
+  if (!water) return {.gain = g.expand({-1, 3}), .veil = torch::zeros_like(g).expand({-1, 3})};
+  const auto like = [&ranges](const Tensor& t) { return t.to(ranges.options()).unsqueeze(0); };
+  const Tensor z = ranges.unsqueeze(1);
+  return {.gain = g * torch::exp(-like(water->beta_d) * z).clamp_min(kLeastTransmission),
+          .veil = g * like(water->b_inf) * (1.0 - torch::exp(-like(water->beta_b) * z))};
+}
+
+/// Sums of the normal equations of all colours: the new one is (by_old * old + offset) / weight.
+struct Sums {
+  Tensor weight, by_old, offset;
+
+  explicit Sums(const Tensor& means)
+      : weight(torch::zeros_like(means)),
+        by_old(torch::zeros_like(means)),
+        offset(torch::zeros_like(means)) {}
+
+  /// `counts` [N]: how much this view says of each.
+  void add(const Seen& old, const Seen& now, const Tensor& counts) {
+    const Tensor a = counts.unsqueeze(1) * now.gain;
+    weight += a * now.gain;
+    by_old += a * old.gain;
+    offset += a * (old.veil - now.veil);
+  }
+};
+
+std::vector<std::size_t> some_views(const KeyframeStore& keyframes) {
+  const std::vector<std::size_t>& all = keyframes.training();
+  const std::size_t stride = std::max<std::size_t>(1, (all.size() + kMostViews - 1) / kMostViews);
+  std::vector<std::size_t> some;
+  for (std::size_t k = 0; k < all.size(); k += stride) some.push_back(all[k]);
+  return some;
+}
+
+Tensor gain_of(const Map& map, std::size_t view, const Tensor& like) {
+  if (!map.log_gains.defined()) return torch::ones({1}, like.options());
+  return map.log_gains.narrow(0, static_cast<std::int64_t>(view), 1).exp().to(like.options());
+}
+
+/// Of the lens at pixels [N,2].
+Tensor falloff_at(const Map& map, const splat::Intrinsics& k, const Tensor& pixels) {
+  const double corner2 =
+      0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
+  const Tensor r2 =
+      ((pixels.select(1, 0) - k.cx).square() + (pixels.select(1, 1) - k.cy).square()) / corner2;
+  return (1.0 - map.vignetting * r2).clamp_min(0.05);
+}
+
+}  // namespace
+
+void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
+  const torch::NoGradGuard no_grad;
+  const Tensor& means = map.gaussians.means;
+  if (means.size(0) == 0) return;
+  Sums sums(means);
+  Tensor nearest =
+      torch::full({means.size(0)}, std::numeric_limits<float>::infinity(), means.options());
+  Tensor gain_then = torch::ones_like(nearest);
+  Tensor gain_now = torch::ones_like(nearest);
+  for (const std::size_t i : some_views(keyframes)) {
+    splat::View view = keyframes.view(i, 1);
+    const Tensor center = camera_center(view.T_camera_world).to(means.options());
+    view.T_camera_world = view.T_camera_world.to(means.options());
+    const SeenPoints seen = project(view, means);
+    const Tensor ranges = (means - center).norm(2, 1);
+    const Tensor then = gain_of(map, i, means);
+    const Tensor now = gain_of(after, i, means);
+    const Tensor counts = seen.in_view.to(means.options());
+    sums.add(through(map.medium, then * falloff_at(map, view.intrinsics, seen.pixels), ranges),
+             through(after.medium, now * falloff_at(after, view.intrinsics, seen.pixels), ranges),
+             counts);
+    const Tensor nearer = ranges < nearest;
+    nearest = torch::where(nearer, ranges, nearest);
+    gain_then = torch::where(nearer, then, gain_then);
+    gain_now = torch::where(nearer, now, gain_now);
+  }
+  sums.add(through(map.medium, gain_then, nearest), through(after.medium, gain_now, nearest),
+           torch::full_like(nearest, kUnseen));
+  const Tensor factor = sums.by_old / sums.weight;
+  const Tensor before = splat::sh_dc_to_color(map.gaussians.sh_dc);
+  const Tensor color = factor * before + sums.offset / sums.weight;
+  Tensor sh_dc = map.gaussians.sh_dc;
+  sh_dc.copy_(splat::color_to_sh_dc(color.clamp_min(0.0)));
+  Tensor sh_rest = map.gaussians.sh_rest;
+  if (sh_rest.numel() > 0) sh_rest.mul_(factor.unsqueeze(1));
+}
+
+}  // namespace apvi::mapping
