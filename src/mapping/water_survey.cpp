@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -20,13 +21,17 @@ constexpr std::size_t kCluster = 11;  // keyframes in a row that are compared wi
 constexpr std::size_t kClusters = 3;  // spread over the whole run
 constexpr int kMostWidth = 320;       // [px] pictures are reduced to
 constexpr std::int64_t kPoints = 3000;
-constexpr double kSolid = 0.8;       // alpha of a surface
-constexpr double kSameDepth = 0.03;  // of a surface that two views see, relative
-constexpr double kMargin = 4.0;      // [px] at the edges of a picture
-constexpr double kPatchPx = 1.6;     // sigma of a patch seen from far
-constexpr double kFarShare = 0.95;   // of the points are nearer than "far"
-constexpr double kOwnBlur = 0.5;     // [px] of a camera's picture
-constexpr std::int64_t kBlurs = 8;   // pictures more and more blurred, by a factor of sqrt(2)
+constexpr double kSolid = 0.8;        // alpha of a surface
+constexpr double kSameDepth = 0.03;   // of a surface that two views see, relative
+constexpr double kMargin = 4.0;       // [px] at the edges of a picture
+constexpr double kPatchPx = 1.6;      // sigma of a patch seen from far
+constexpr double kFarShare = 0.95;    // of the points are nearer than "far"
+constexpr double kOwnBlur = 0.5;      // [px] of a camera's picture
+constexpr std::int64_t kBlurs = 8;    // pictures more and more blurred, by a factor of sqrt(2)
+constexpr double kOneSurface = 0.03;  // relative change of a patch's mean depth on one surface
+constexpr std::int64_t kBeside = 3;   // [px] from a point, where its surface is looked at too
+constexpr double kSmooth = 0.15;      // relative change of depth there on a surface
+constexpr double kFlattest = 0.2;     // sine of the angle at which a surface is still looked at
 constexpr double kSaturated = 0.97;
 constexpr std::int64_t kLeastSightings = 3;  // of a point
 
@@ -35,8 +40,9 @@ struct Look {
   std::size_t keyframe = 0;
   std::size_t cluster = 0;
   splat::View camera;
-  Tensor depth;   ///< [H,W] float64 on the CPU, 0 where nothing is
-  Tensor points;  ///< [p,3] float64 of the world
+  Tensor depth;    ///< [H,W] float64 on the CPU, 0 where nothing is
+  Tensor points;   ///< [p,3] float64 of the world
+  Tensor normals;  ///< [p,3] of the surface there
 };
 
 /// Keyframes at least `spacing_m` apart; of many, some stretches.
@@ -76,22 +82,44 @@ Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::si
   return look;
 }
 
-/// Random points of the surfaces that the view shows.
-Tensor draw_points(const Look& look, std::int64_t count, Random& random) {
+/// Random points of the surfaces that the view shows, and how these lie.
+void draw_points(Look& look, std::int64_t count, Random& random) {
   const splat::Intrinsics& k = look.camera.intrinsics;
-  std::vector<double> pixels;
-  std::vector<double> depths;
+  std::array<std::vector<double>, 5> pixels;  // of the point and beside it
+  std::array<std::vector<double>, 5> depths;
   const auto depth = look.depth.accessor<double, 2>();
   for (std::int64_t n = 0; n < count; ++n) {
     const auto u = static_cast<std::int64_t>(random.uniform() * k.width);
     const auto v = static_cast<std::int64_t>(random.uniform() * k.height);
-    if (depth[v][u] <= 0.0) continue;
-    pixels.push_back(static_cast<double>(u) + 0.5);
-    pixels.push_back(static_cast<double>(v) + 0.5);
-    depths.push_back(depth[v][u]);
+    if (u < kBeside || v < kBeside || u + kBeside >= k.width || v + kBeside >= k.height) continue;
+    const std::array<std::pair<std::int64_t, std::int64_t>, 5> places = {
+        {{u, v}, {u - kBeside, v}, {u + kBeside, v}, {u, v - kBeside}, {u, v + kBeside}}};
+    const double here = depth[v][u];
+    const bool smooth = std::all_of(places.begin(), places.end(), [&](const auto& p) {
+      return std::abs(depth[p.second][p.first] - here) < kSmooth * here;
+    });
+    for (std::size_t i = 0; smooth && i < places.size(); ++i) {
+      pixels[i].push_back(static_cast<double>(places[i].first) + 0.5);
+      pixels[i].push_back(static_cast<double>(places[i].second) + 0.5);
+      depths[i].push_back(depth[places[i].second][places[i].first]);
+    }
   }
-  return world_points(look.camera, torch::tensor(pixels, torch::kFloat64).reshape({-1, 2}),
-                      torch::tensor(depths, torch::kFloat64));
+  std::array<Tensor, 5> at;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    at[i] = world_points(look.camera, torch::tensor(pixels[i], torch::kFloat64).reshape({-1, 2}),
+                         torch::tensor(depths[i], torch::kFloat64));
+  }
+  const Tensor normals = torch::linalg_cross(at[2] - at[1], at[4] - at[3]);
+  look.points = at[0];
+  look.normals = normals / normals.norm(2, 1, true).clamp_min(1e-12);
+}
+
+/// How much narrower in a picture a patch must be that lies askew, so that texture is blurred as
+/// much as where it is seen from above: the sum of its two variances on the surface is the same.
+Tensor foreshortened(const Look& view, const Tensor& points, const Tensor& normals) {
+  const Tensor rays = points - camera_center(view.camera.T_camera_world);
+  const Tensor sine = ((rays * normals).sum(1) / rays.norm(2, 1)).abs().clamp_min(kFlattest);
+  return (2.0 / (1.0 + sine.square().reciprocal())).sqrt();
 }
 
 Tensor blurred(const Tensor& planes, double sigma) {
@@ -104,7 +132,7 @@ Tensor blurred(const Tensor& planes, double sigma) {
                        weights.view({1, 1, -1, 1}));
 }
 
-/// A picture [H,W,3] ever more blurred [1,3,kBlurs,H,W].
+/// A picture [H,W,C] ever more blurred [1,C,kBlurs,H,W].
 Tensor blur_stack(const Tensor& picture) {
   const Tensor planes = picture.permute({2, 0, 1}).unsqueeze(1);
   std::vector<Tensor> levels;
@@ -138,8 +166,9 @@ class Collector {
   Collector(const KeyframeStore& keyframes, const torch::Device& device, double patch_m)
       : keyframes_(keyframes), device_(device), patch_m_(patch_m) {}
 
-  /// `numbers` [p] int64 of the points [p,3].
-  void add(const Look& view, std::int64_t number, const Tensor& points, const Tensor& numbers) {
+  /// `numbers` [p] int64 of the points [p,3], with the surface's normals there.
+  void add(const Look& view, std::int64_t number, const Tensor& points, const Tensor& normals,
+           const Tensor& numbers) {
     if (points.size(0) == 0) return;
     const splat::Intrinsics& k = view.camera.intrinsics;
     const SeenPoints seen = project(view.camera, points);
@@ -152,7 +181,9 @@ class Collector {
             .squeeze(1);
     // In pictures of one blur after the other; a patch that none of them holds is left out.
     const Tensor blur2 =
-        (patch_m_ * k.fx / seen.depths.clamp_min(1e-3)).square() - kOwnBlur * kOwnBlur;
+        (patch_m_ * k.fx / seen.depths.clamp_min(1e-3) * foreshortened(view, points, normals))
+            .square() -
+        kOwnBlur * kOwnBlur;
     const Tensor levels = torch::log2(blur2.clamp_min(1e-6) / (kOwnBlur * kOwnBlur));
     const Tensor visible = inside & ((depth / seen.depths - 1.0).abs() < kSameDepth) &
                            (levels >= 0.0) & (levels <= static_cast<double>(kBlurs - 1));
@@ -167,11 +198,17 @@ class Collector {
     const double corner2 =
         0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
     const Tensor level = levels.index_select(0, index);
-    const Tensor stack = blur_stack(keyframes_.image(
-        view.keyframe, reduction_of(keyframes_[view.keyframe].intrinsics), device_));
-    const Tensor color = sample(stack, pixels, level);
-    const Tensor around = sample(stack, pixels, (level + 2.0).clamp_max(kBlurs - 1.0));
-    const Tensor good = (std::get<0>(color.max(1)) < kSaturated).nonzero().squeeze(1);
+    const Tensor picture = keyframes_.image(
+        view.keyframe, reduction_of(keyframes_[view.keyframe].intrinsics), device_);
+    const Tensor stack =
+        blur_stack(torch::cat({picture, view.depth.to(picture.options()).unsqueeze(2)}, 2));
+    const Tensor patch = sample(stack, pixels, level);
+    const Tensor color = patch.slice(1, 0, 3);
+    const Tensor around =
+        sample(stack, pixels, (level + 2.0).clamp_max(kBlurs - 1.0)).slice(1, 0, 3);
+    // What lies behind an edge, water perhaps, would be taken for the surface's own colour.
+    const Tensor whole = (patch.select(1, 3) / z - 1.0).abs() < kOneSurface;
+    const Tensor good = ((std::get<0>(color.max(1)) < kSaturated) & whole).nonzero().squeeze(1);
     const auto keep = [&good](const Tensor& t) { return t.index_select(0, good); };
     points_.push_back(keep(numbers.index_select(0, index)));
     views_.push_back(torch::full({good.size(0)}, number, torch::kInt64));
@@ -217,7 +254,7 @@ std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, do
   }
   Random random(seed);
   const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
-  for (Look& view : looks) view.points = draw_points(view, each, random);
+  for (Look& view : looks) draw_points(view, each, random);
   return looks;
 }
 
@@ -246,15 +283,17 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
   WaterSurvey survey;
   for (std::size_t j = 0; j < looks.size(); ++j) {
     std::vector<Tensor> near_points;
+    std::vector<Tensor> normals;
     std::vector<Tensor> numbers;
     for (std::size_t i = 0; i < looks.size(); ++i) {
       const std::size_t apart = i > j ? i - j : j - i;
       if (looks[i].cluster != looks[j].cluster || apart > kCluster) continue;
       near_points.push_back(looks[i].points);
+      normals.push_back(looks[i].normals);
       numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
     }
     collector.add(looks[j], static_cast<std::int64_t>(j), torch::cat(near_points),
-                  torch::cat(numbers));
+                  torch::cat(normals), torch::cat(numbers));
     survey.views.push_back(looks[j].keyframe);
   }
   auto fit =

@@ -27,20 +27,29 @@ splat::Medium true_water() {
           .b_inf = torch::tensor({0.05, 0.20, 0.18})};
 }
 
-/// A sea bed of soft colours, 8 m wide and 12 m long, some two metres below the cameras.
+/// How far below (y) the world's origin the bed lies.
+Tensor height_at(const Tensor& x, const Tensor& z) {
+  return 1.0 + 0.1 * torch::sin(1.3 * x) * torch::cos(1.1 * z);
+}
+
+/// Soft colours [...,3].
+Tensor color_at(const Tensor& x, const Tensor& z) {
+  const Tensor phase = torch::tensor({0.0, 2.0, 4.0}, x.options());
+  return 0.45 + 0.35 * torch::sin(2.1 * x.unsqueeze(-1) + phase) *
+                    torch::cos(1.7 * z.unsqueeze(-1) - 0.5 * phase);
+}
+
+/// A sea bed 8 m wide and 12 m long, some two metres below the cameras. Of small Gaussians: what
+/// is drawn of large ones floats above it by a part of their size.
 splat::Gaussians sea_bed() {
-  const Tensor x = torch::linspace(-4.0, 4.0, 61).reshape({61, 1}).expand({61, 91}).flatten();
-  const Tensor z = torch::linspace(0.0, 12.0, 91).reshape({1, 91}).expand({61, 91}).flatten();
-  const Tensor y = 1.0 + 0.1 * torch::sin(1.3 * x) * torch::cos(1.1 * z);
+  const Tensor x = torch::linspace(-4.0, 4.0, 241).reshape({241, 1}).expand({241, 361}).flatten();
+  const Tensor z = torch::linspace(0.0, 12.0, 361).reshape({1, 361}).expand({241, 361}).flatten();
   const std::int64_t n = x.size(0);
-  const Tensor phase = torch::tensor({0.0, 2.0, 4.0});
-  const Tensor pattern =
-      torch::sin(2.1 * x.unsqueeze(1) + phase) * torch::cos(1.7 * z.unsqueeze(1) - 0.5 * phase);
-  return {.means = torch::stack({x, y, z}, 1),
-          .log_scales = torch::tensor({0.1, 0.02, 0.1}).log().repeat({n, 1}),
+  return {.means = torch::stack({x, height_at(x, z), z}, 1),
+          .log_scales = torch::tensor({0.025, 0.005, 0.025}).log().repeat({n, 1}),
           .quaternions = torch::tensor({1.0F, 0.0F, 0.0F, 0.0F}).repeat({n, 1}),
           .logit_opacities = torch::full({n}, 4.0F),
-          .sh_dc = splat::color_to_sh_dc(0.45 + 0.35 * pattern),
+          .sh_dc = splat::color_to_sh_dc(color_at(x, z)),
           .sh_rest = torch::zeros({n, 0, 3})};
 }
 
@@ -60,8 +69,35 @@ double log_gain_of(int i) {
   return 0.2 * std::sin(1.1 * i);
 }
 
+/// What a camera sees of the bed itself, each pixel by its formula and the length of its ray: not
+/// of the Gaussians, whose drawn depth changes a little with the angle they are seen from.
+Tensor bed_through_water(const splat::View& view) {
+  const splat::Intrinsics& k = view.intrinsics;
+  const Tensor R = view.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
+  const Tensor origin = camera_center(view.T_camera_world);
+  const Tensor u = (torch::arange(k.width, torch::kFloat64) + 0.5 - k.cx) / k.fx;
+  const Tensor v = (torch::arange(k.height, torch::kFloat64) + 0.5 - k.cy) / k.fy;
+  const Tensor ones = torch::ones({k.height, k.width}, torch::kFloat64);
+  const Tensor in_camera = torch::stack({ones * u, ones * v.unsqueeze(1), ones}, 2);
+  const Tensor ray = torch::matmul(in_camera / in_camera.norm(2, 2, true), R);
+  Tensor range = torch::ones_like(ones);
+  Tensor point;
+  for (int i = 0; i < 30; ++i) {
+    point = origin + range.unsqueeze(2) * ray;
+    const Tensor below = height_at(point.select(2, 0), point.select(2, 2)) - point.select(2, 1);
+    range = (range + below / ray.select(2, 1).clamp_min(0.1)).clamp(0.0, 30.0);
+  }
+  const Tensor x = point.select(2, 0);
+  const Tensor z = point.select(2, 2);
+  const Tensor hit = (ray.select(2, 1) > 0.1) & (x.abs() < 4.0) & (z > 0.0) & (z < 12.0);
+  return splat::apply_medium(
+      (color_at(x, z) * hit.unsqueeze(2)).to(torch::kFloat32),
+      torch::where(hit, range, torch::full_like(range, 100.0)).to(torch::kFloat32),
+      hit.to(torch::kFloat32), true_water());
+}
+
 /// Pictures through water by a camera that exposes by itself.
-KeyframeStore dive(const splat::Gaussians& bed) {
+KeyframeStore dive() {
   const torch::NoGradGuard no_grad;
   KeyframeStore store;
   for (int i = 0; i < 14; ++i) {
@@ -75,12 +111,10 @@ KeyframeStore dive(const splat::Gaussians& bed) {
     splat::View view;
     view.intrinsics = keyframe.intrinsics;
     view.T_camera_world = keyframe.T_camera_world;
-    const splat::RenderOutput out = splat::render(bed, view, {});
-    const Tensor seen = splat::apply_medium(
-        out.color, splat::depth_to_range(out.depth, view.intrinsics), out.alpha, true_water());
     const Tensor response =
         std::exp(log_gain_of(i)) * lens_falloff(view.intrinsics, kVignetting, torch::kCPU);
-    keyframe.image = ((seen * response).clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+    keyframe.image =
+        ((bed_through_water(view) * response).clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
     store.add(std::move(keyframe));
   }
   return store;
@@ -92,15 +126,15 @@ double worst_relative_error(const Tensor& got, const Tensor& truth) {
 
 TEST(SurveyWater, FindsWaterAndCameraFromAMapAndItsKeyframes) {
   const splat::Gaussians bed = sea_bed();
-  const KeyframeStore keyframes = dive(bed);
+  const KeyframeStore keyframes = dive();
   const auto survey = survey_water({.gaussians = bed, .medium = std::nullopt}, keyframes, 0.1,
                                    {.medium = splat::coastal_medium()}, 1);
   ASSERT_TRUE(survey);
   EXPECT_EQ(survey->views.size(), 14U);
-  EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.2);
-  // How fast so faint a veil grows can hardly be seen; how bright it becomes can.
-  EXPECT_LT(worst_relative_error(survey->fit.medium.b_inf, true_water().b_inf), 0.2);
-  EXPECT_NEAR(survey->fit.vignetting, kVignetting, 0.02);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.05);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.beta_b, true_water().beta_b), 0.15);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.b_inf, true_water().b_inf), 0.12);
+  EXPECT_NEAR(survey->fit.vignetting, kVignetting, 0.01);
   double mean = 0.0;
   for (int i = 0; i < 14; ++i) mean += log_gain_of(i) / 14.0;
   for (int i = 0; i < 14; ++i) {
@@ -110,7 +144,7 @@ TEST(SurveyWater, FindsWaterAndCameraFromAMapAndItsKeyframes) {
 
 TEST(SurveyWater, FindsNothingInAnEmptyMapOrInOneView) {
   const splat::Gaussians bed = sea_bed();
-  const KeyframeStore keyframes = dive(bed);
+  const KeyframeStore keyframes = dive();
   const WaterPrior prior = {.medium = splat::coastal_medium()};
   EXPECT_FALSE(survey_water(
       {.gaussians = splat::Gaussians::empty(0, torch::kFloat32), .medium = std::nullopt}, keyframes,
