@@ -19,10 +19,13 @@ namespace {
 using torch::Tensor;
 
 constexpr std::size_t kQueue = 16;  // frames that wait for the mapper
+// In real time: what waits longer is of the past, and the end would come before its turn.
+constexpr std::size_t kShortQueue = 4;
 
 // While frames wait in real time, of the time the mapper works.
 constexpr double kTrainingShare = 0.5;
 constexpr double kDepthShare = 0.3;  // at most
+constexpr double kLastSteps_s = 1.0;  // for the frames that wait when the recording ends
 
 Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
   Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
@@ -60,7 +63,7 @@ void OnlineMap::begin(const Rig& rig) {
   if (mode == pipeline::RunMode::sequential || options_.resume) return;
   const bool may_drop = mode == pipeline::RunMode::realtime;
   worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
-      kQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
+      may_drop ? kShortQueue : kQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
       [this](const pipeline::MapFrame& frame) { try_to_process(frame); });
 }
 
@@ -71,6 +74,7 @@ void OnlineMap::take(pipeline::MapFrame frame) {
 
 void OnlineMap::finish() {
   if (!worker_) return;
+  since_end_.reset();
   ending_ = true;
   worker_->wait();
   dropped_ = worker_->dropped();
@@ -115,7 +119,8 @@ void OnlineMap::learn() {
   const bool realtime = config_.run.mode == pipeline::RunMode::realtime;
   int left = config_.mapping.online.steps_per_keyframe;
   while (mapper_.ready() && !options_.interrupted()) {
-    if (realtime && (ending_ || (frames_wait() && training_s_ > kTrainingShare * busy_s_))) return;
+    if (realtime && ending_ && since_end_.seconds() > kLastSteps_s) return;
+    if (realtime && (ending_ || frames_wait()) && training_s_ > kTrainingShare * busy_s_) return;
     if (!realtime && left-- <= 0) return;
     step();
   }

@@ -70,6 +70,7 @@ class OnlineMap : public pipeline::MapSink {
   std::size_t dropped_ = 0;
   std::atomic<std::int64_t> shown_keyframes_ = 0;  // for the status line, from any thread
   std::atomic<std::int64_t> shown_gaussians_ = 0;
+  Stopwatch since_end_;  // written before ending_ is
   std::atomic<bool> ending_ = false;
   std::unique_ptr<Worker<pipeline::MapFrame>> worker_;  // last: ends before what it uses
 };
