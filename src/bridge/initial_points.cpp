@@ -104,7 +104,7 @@ splat::PointCloud initial_points(const RunConfig& config, const mapping::Keyfram
     fail_input("mapping.initial_points: {}: gives no points; try random", wanted);
   }
   log::info("{} initial points ({})", count, wanted);
-  const std::int64_t most = config.mapping.densify.max_gaussians;
+  const std::int64_t most = most_gaussians(config);
   if (count <= most) return points;
   log::warning("mapping.max_gaussians: {}: every {}th of the {} initial points is used", most,
                (count + most - 1) / most, count);

@@ -137,7 +137,7 @@ OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& opt
     fail_run(
         "{}: no memory left on the device; what there was of the map is saved: lower "
         "mapping.max_gaussians (now {}) or mapping.image_scale",
-        options.folder.string(), config.mapping.densify.max_gaussians);
+        options.folder.string(), most_gaussians(config));
   }
 }
 

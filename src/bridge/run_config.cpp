@@ -4,9 +4,13 @@
 #include <algorithm>
 
 #include "apvi/core/error.hpp"
+#include "apvi/splat/medium_backend.hpp"
 
 namespace apvi::bridge {
 namespace {
+
+constexpr int kMostOnCpu = 100000;  // a step of more is no use to a map that is made as one swims
+constexpr int kMostOnGpu = 800000;  // with gradients and Adam's memory about 0.8 GB
 
 void check_power_of_two(const char* key, int value) {
   if ((value & (value - 1)) != 0)
@@ -72,11 +76,18 @@ void check_run(const RunConfig& config) {
 
 }  // namespace
 
+int most_gaussians(const RunConfig& config) {
+  const int given = config.mapping.densify.max_gaussians;
+  if (given > 0) return given;
+  return splat::active_device().is_cuda() ? kMostOnGpu : kMostOnCpu;
+}
+
 mapping::TrainerOptions trainer_options(const RunConfig& config) {
   mapping::TrainerOptions options = config.mapping.trainer;
   options.seed = static_cast<std::uint64_t>(config.run.seed);
   options.rates = config.mapping.rates;
   options.densify = config.mapping.densify;
+  options.densify.max_gaussians = most_gaussians(config);
   options.poses = config.mapping.poses;
   options.exposure = config.mapping.exposure;
   return options;

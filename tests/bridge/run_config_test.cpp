@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "apvi/core/error.hpp"
+#include "apvi/splat/medium_backend.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi::bridge {
@@ -27,6 +28,13 @@ std::string error_of(const std::string& yaml) {
 }
 
 constexpr const char* kGiven = "localization: {enabled: false}\nmapping:\n  enabled: true\n";
+
+TEST(MappingConfig, AMapGrowsAsLargeAsItsDeviceBearsUnlessToldOtherwise) {
+  const bool gpu = splat::active_device().is_cuda();
+  EXPECT_EQ(most_gaussians(load(kGiven)), gpu ? 800000 : 100000);
+  EXPECT_EQ(mapper_options(load(kGiven)).trainer.densify.max_gaussians, gpu ? 800000 : 100000);
+  EXPECT_EQ(most_gaussians(load(std::string(kGiven) + "  max_gaussians: 5\n")), 5);
+}
 
 TEST(MappingConfig, ReachesTheTrainersOptions) {
   const RunConfig config =

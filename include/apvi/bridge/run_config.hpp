@@ -33,6 +33,7 @@ struct RatesSection : mapping::LearningRates {
 };
 
 struct DensifySection : mapping::DensifyOptions {
+  DensifySection() { max_gaussians = 0; }  // as many as suit the device
   template <typename V>
   void visit(V& v) {
     using config::Range;
@@ -137,7 +138,9 @@ struct MappingConfig {
                              {"quadtree", Densification::quadtree}},
       "how the map grows");
     v("medium", medium, "whether the water's colour and attenuation are estimated too");
-    v("max_gaussians", densify.max_gaussians, Range{1, 100000000}, "the map grows no larger");
+    v("max_gaussians", densify.max_gaussians, Range{0, 100000000},
+      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 800,000 on a GPU, "
+      "where with pictures of 640 x 480 it then stays within 3 GiB");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "more of them at the end, without growth and at falling rates");
@@ -194,6 +197,9 @@ struct RunConfig : pipeline::RunConfig {
 
 /// What the trainer is told: the sections in one, with the run's seed.
 mapping::TrainerOptions trainer_options(const RunConfig& config);
+
+/// `mapping.max_gaussians`, or what suits the device that maps are made on.
+int most_gaussians(const RunConfig& config);
 
 /// The same for a map that grows while poses are estimated.
 mapping::MapperOptions mapper_options(const RunConfig& config);
