@@ -11,7 +11,6 @@
 namespace apvi::dipo {
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Sample variance summed over the axes, of one member of the samples.
@@ -24,24 +23,36 @@ double spread(const std::deque<ImuSample>& samples, Member member) {
   return sum / static_cast<double>(samples.size());
 }
 
-// Least squares, once with everything and once without what then lies more than three sigma off.
-double robust_spread_about_line(const std::vector<Vector2d>& points) {
+struct Difference {
+  double t_s;
+  double descent;  // [m/s]
+  double m;        // depth as measured less as swum
+};
+
+// Robust sigma of the differences about what drifts, which a line follows, and about what comes
+// late, which goes with the descent. Least squares, once with everything and once without what then
+// lies over three sigma off.
+double unexplained_spread(const std::vector<Difference>& differences) {
+  constexpr double kWeakly = 1e-6;  // without a change of descent nothing can come late
   double sigma = std::numeric_limits<double>::infinity();
-  Vector2d line = Vector2d::Zero();  // height and slope
+  Vector3d fit = Vector3d::Zero();
+  const auto off = [&fit](const Difference& d) {
+    return std::abs(d.m - fit.dot(Vector3d(1.0, d.t_s, d.descent)));
+  };
   for (int pass = 0; pass < 2; ++pass) {
-    Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
-    Vector2d b = Vector2d::Zero();
-    for (const Vector2d& p : points) {
-      const Vector2d row(1.0, p.x());
-      if (std::abs(p.y() - row.dot(line)) > 3.0 * sigma) continue;
+    Eigen::Matrix3d A = Vector3d(0.0, 0.0, kWeakly).asDiagonal();
+    Vector3d b = Vector3d::Zero();
+    for (const Difference& d : differences) {
+      if (off(d) > 3.0 * sigma) continue;
+      const Vector3d row(1.0, d.t_s, d.descent);
       A += row * row.transpose();
-      b += row * p.y();
+      b += row * d.m;
     }
-    line = A.ldlt().solve(b);
-    std::vector<double> off;
-    for (const Vector2d& p : points) off.push_back(std::abs(p.y() - line.x() - line.y() * p.x()));
-    const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
-    std::nth_element(off.begin(), middle, off.end());
+    fit = A.ldlt().solve(b);
+    std::vector<double> sizes;
+    for (const Difference& d : differences) sizes.push_back(off(d));
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
     sigma = 1.4826 * *middle;  // of a normal distribution
   }
   return sigma;
@@ -103,7 +114,7 @@ void SwellTracker::add(Stamp stamp, double depth_m, double descent) {
   if (window_s_ <= 0.0 || (last_ && stamp <= *last_)) return;
   if (last_) swum_m_ += descent * seconds_between(*last_, stamp);
   last_ = stamp;
-  readings_.push_back({stamp, depth_m - swum_m_});
+  readings_.push_back({stamp, depth_m - swum_m_, descent});
   const Stamp keep = stamp - Duration::from_seconds(window_s_);
   while (readings_.front().stamp < keep) readings_.pop_front();
   constexpr double kEvery_s = 0.25;
@@ -114,8 +125,8 @@ void SwellTracker::add(Stamp stamp, double depth_m, double descent) {
 
 void SwellTracker::measure() {
   constexpr double kLeastSpan_s = 3.0;
-  constexpr double kFirstGuess_m = 0.1;  // a moderate sea: the start must not follow a wave
-  constexpr double kStretch_s = 1.0;     // a sixth of a swell's period: one side of one crest
+  constexpr double kFirstGuess_m = 0.0075;  // the start must not follow a wave
+  constexpr double kStretch_s = 1.0;        // a sixth of a swell's period: one side of one crest
   const double span = seconds_between(readings_.front().stamp, readings_.back().stamp);
   if (span > 0.0) {
     repeats_ = std::max(1.0, kStretch_s * static_cast<double>(readings_.size()) / span);
@@ -124,11 +135,12 @@ void SwellTracker::measure() {
     sigma_m_ = std::max(sigma_m_, kFirstGuess_m);
     return;
   }
-  std::vector<Eigen::Vector2d> points;  // time and difference
+  std::vector<Difference> differences;
   for (const Reading& r : readings_) {
-    points.emplace_back(seconds_between(readings_.front().stamp, r.stamp), r.difference_m);
+    differences.push_back(
+        {seconds_between(readings_.front().stamp, r.stamp), r.descent, r.difference_m});
   }
-  sigma_m_ = robust_spread_about_line(points);
+  sigma_m_ = unexplained_spread(differences);
 }
 
 std::optional<double> MeasurementGate::judge(double nis) {

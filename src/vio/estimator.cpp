@@ -151,9 +151,9 @@ void Estimator::estimate(Result& result, int iterations) {
   result.landmarks = graph.landmarks();
   has_seen_ = has_seen_ || result.landmarks > 0;
   result.sightings = graph.sightings();
-  give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
-  result.reprojection_rms_px = newest_rms_px(window_, rig_);
   Frame& newest = window_.newest();
+  if (!newest.doubtful) give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
+  result.reprojection_rms_px = newest.doubtful ? 0.0 : newest_rms_px(window_, rig_);
   result.state = to_nav_state(newest.state);
   watch.reset();
   const Informations informations = newest_informations(graph, window_, config_);
@@ -240,7 +240,6 @@ Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
   frame->state = state;
   frame->from_previous = std::move(from_previous);
   frame->takes_pings = takes_pings(stamp);
-  frame->doubtful = in_doubt_;
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }
@@ -255,7 +254,9 @@ bool Estimator::append(const TrackedFrame& tracked) {
     motion = preintegrate_from_newest(tracked.stamp);
     if (!motion) return false;
   }
-  add_sightings(window_, push_frame(tracked.stamp, predicted, std::move(motion)), tracked);
+  Frame& frame = push_frame(tracked.stamp, predicted, std::move(motion));
+  frame.doubtful = in_doubt_ && tracked.statistics.tracked < config_.tight.believed_tracks;
+  add_sightings(window_, frame, tracked);
   return true;
 }
 

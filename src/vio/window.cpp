@@ -103,6 +103,7 @@ void remove_sightings(Window& window, const Frame& frame) {
 void end_doubt(Window& window) {
   const Frame* newest = &window.newest();
   for (auto& [id, landmark] : window.landmarks) {
+    if (landmark.sightings.front().frame->doubtful) landmark.inverse_depth = 0.0;  // never solved
     if (landmark.sightings.back().frame == newest) continue;
     while (!landmark.sightings.empty() && landmark.sightings.back().frame->doubtful) {
       drop_sightings(landmark, window, *landmark.sightings.back().frame);

@@ -191,7 +191,9 @@ TEST(Estimator, AFrozenWindowLeansOnTheAidAndNeverBecomesCertainty) {
 TEST(Estimator, WhatMovesWhileVisionIsNotBelievedMovesNoWindowWithADvl) {
   double drift[2] = {};
   for (const bool believed : {true, false}) {
-    Drive drive({.seed = 3}, config_for(GraphKind::tight));
+    vio::Config config = config_for(GraphKind::tight);
+    config.tight.believed_tracks = 1000;
+    Drive drive({.seed = 3}, config);
     for (int k = 0; k < 80; ++k) drive.step(k);
     if (!believed) drive.estimator.freeze();
     for (int k = 80; k < 160; ++k) {
@@ -211,7 +213,9 @@ TEST(Estimator, WhatMovesWhileVisionIsNotBelievedMovesNoWindowWithADvl) {
 }
 
 TEST(Estimator, TracksThatEndInDoubtAreForgottenAndTheOthersCountAgain) {
-  Drive drive({.seed = 5}, config_for(GraphKind::tight));
+  vio::Config config = config_for(GraphKind::tight);
+  config.tight.believed_tracks = 1000;
+  Drive drive({.seed = 5}, config);
   for (int k = 0; k < 80; ++k) drive.step(k);
   drive.estimator.freeze();
   vio::Result result;
@@ -221,6 +225,15 @@ TEST(Estimator, TracksThatEndInDoubtAreForgottenAndTheOthersCountAgain) {
   result = drive.step(200);
   EXPECT_GT(result.landmarks, 20);
   EXPECT_LT(errors(result, drive.swim.truth(200)).position_m, 0.15);
+}
+
+TEST(Estimator, AFrameThatFollowsManyCornersCountsAlthoughVisionHasFailed) {
+  vio::Config config = config_for(GraphKind::tight);
+  config.tight.believed_tracks = 20;
+  Drive drive({.seed = 5}, config);
+  for (int k = 0; k < 80; ++k) drive.step(k);
+  drive.estimator.freeze();
+  for (int k = 80; k < 200; ++k) EXPECT_GT(drive.step(k).landmarks, 10) << "frame " << k;
 }
 
 // Frames of the window with pings in the graph, by when they were [s after the first frame].

@@ -68,6 +68,7 @@ class SwellTracker {
   struct Reading {
     Stamp stamp;
     double difference_m;  // measured less swum
+    double descent;       // [m/s]
   };
   void measure();
 

@@ -139,10 +139,13 @@ struct TightConfig {
   bool velocity = true;
   bool depth = true;
   double huber_sigmas = 3.0;
+  int believed_tracks = 100;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
+    v("believed_tracks", believed_tracks, Range{0, 100000},
+      "while vision has failed a frame counts only if it follows at least so many corners");
     v("velocity", velocity, "a factor per DVL ping");
     v("depth", depth, "a factor per frame from the pressure or depth sensor");
     v("huber_sigmas", huber_sigmas, Range{0.1, 1000.0},

@@ -73,7 +73,7 @@ class Estimator {
 
   /// The paper's window freezing: frames that are in the window and the points they saw first are
   /// held as they are, and new frames lean on the aid, until `release`. With DVL and depth in the
-  /// graph the window goes on by itself, and what new frames see does not count.
+  /// graph the window goes on by itself, and frames that follow few corners do not count.
   void freeze();
   /// What was held leaves, without entering the prior; the frames since go on, from where the aid
   /// put the first of them.
