@@ -214,6 +214,11 @@ double copy_rate(const Meter& meter, const torch::Device& device) {
   return 8.0 * static_cast<double>(from.numel()) / seconds[3];
 }
 
+Tensor zero_moment(const Tensor& parameter) {
+  return torch::zeros_like(parameter, parameter.options().dtype(moment_type(parameter)))
+      .requires_grad_(false);
+}
+
 class Bench {
  public:
   explicit Bench(const Arguments& arguments)
@@ -223,18 +228,27 @@ class Bench {
     for (const Tensor* tensor : std::as_const(map_).tensors()) {
       groups_.push_back({.parameter = tensor->detach(),
                          .gradient = {},
-                         .first = torch::zeros_like(*tensor),
-                         .second = torch::zeros_like(*tensor),
+                         .first = zero_moment(*tensor),
+                         .second = zero_moment(*tensor),
                          .rate = kRate});
     }
   }
 
   std::int64_t size() const { return map_.size(); }
-  /// Bytes of the parameters, of each of their moments, and of their derivatives.
+  /// Bytes of the parameters.
   double bytes() const {
-    double values = 0.0;
-    for (const AdamGroup& group : groups_) values += static_cast<double>(group.parameter.numel());
-    return 4.0 * values;
+    double sum = 0.0;
+    for (const AdamGroup& group : groups_) sum += static_cast<double>(group.parameter.nbytes());
+    return sum;
+  }
+  /// Bytes that a step of Adam reads and writes, whatever else it does.
+  double adam_bytes() const {
+    double sum = 0.0;
+    for (const AdamGroup& group : groups_) {
+      const std::size_t moments = group.first.nbytes() + group.second.nbytes();
+      sum += 2.0 * static_cast<double>(group.parameter.nbytes() + moments);
+    }
+    return sum;
   }
 
   void forward() const {
@@ -292,9 +306,8 @@ void run(const Arguments& arguments) {
   bench.clear();
   meter.forget_peak();
   const Timing step = measure(meter, arguments.repeats, clear, [&] { bench.training_step(); });
-  // Adam reads and writes parameters and both moments, whatever else a step does.
   const double forward_floor_ms = 1e3 * bench.bytes() / rate;
-  const double adam_floor_ms = 1e3 * bench.bytes() * 6.0 / rate;
+  const double adam_floor_ms = 1e3 * bench.adam_bytes() / rate;
   std::printf(R"({"gaussians": %lld, "width": %d, "height": %d, "sh_degree": %d, "threads": %d, )"
               R"("backend": "%s", )",
               static_cast<long long>(bench.size()), arguments.width, arguments.height,

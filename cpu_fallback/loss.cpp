@@ -127,13 +127,14 @@ class CpuLossBackend final : public LossBackend {
     return out;
   }
 
-  Tensor backward(const LossInput& input, const Tensor& kept) const override {
+  Tensor backward(const LossInput& input, const Tensor& kept,
+                  const Tensor& by_loss) const override {
     Tensor gradient = torch::empty_like(input.image);
     AT_DISPATCH_FLOATING_TYPES(input.image.scalar_type(), "photometric_loss_backward", [&] {
       differentiate_image<scalar_t>(input, kept.data_ptr<scalar_t>(),
                                     gradient.data_ptr<scalar_t>());
     });
-    return gradient;
+    return gradient.mul_(by_loss);
   }
 };
 

@@ -9,18 +9,14 @@
 namespace apvi::splat::cpu {
 namespace {
 
-// Half of the Gaussian of sigma 1.5 px over 11 taps, centre first, normalised to a sum of one.
-constexpr std::array<double, kSsimRadius + 1> kTaps = {0.2660117248617943,   0.21300553771125366,
-                                                       0.1093606895097,      0.03600077212843082,
-                                                       0.007598758135239184, 0.0010283800844791099};
-
 template <typename T>
 APVI_INLINE void blur_along(const T* padded, std::int64_t length, T* __restrict__ out) {
   const T* const p = padded + kMargin;
   for (std::int64_t i = 0; i < length; ++i) {
-    T sum = static_cast<T>(kTaps[0]) * p[i];
+    T sum = static_cast<T>(kSsimWeights[0]) * p[i];
     for (std::int64_t t = 1; t <= kSsimRadius; ++t) {
-      sum += static_cast<T>(kTaps[static_cast<std::size_t>(t)]) * (p[i - 3 * t] + p[i + 3 * t]);
+      sum +=
+          static_cast<T>(kSsimWeights[static_cast<std::size_t>(t)]) * (p[i - 3 * t] + p[i + 3 * t]);
     }
     out[i] = sum;
   }
@@ -32,9 +28,9 @@ APVI_INLINE void blur_across(const Neighbours<T>& rows, std::int64_t offset, std
   std::array<const T*, kSsimTaps> p = {};
   for (std::size_t t = 0; t < p.size(); ++t) p[t] = rows[t] + offset;
   for (std::int64_t i = 0; i < length; ++i) {
-    T sum = static_cast<T>(kTaps[0]) * p[kSsimRadius][i];
+    T sum = static_cast<T>(kSsimWeights[0]) * p[kSsimRadius][i];
     for (std::size_t t = 1; t <= kSsimRadius; ++t) {
-      sum += static_cast<T>(kTaps[t]) * (p[kSsimRadius - t][i] + p[kSsimRadius + t][i]);
+      sum += static_cast<T>(kSsimWeights[t]) * (p[kSsimRadius - t][i] + p[kSsimRadius + t][i]);
     }
     out[i] = sum;
   }

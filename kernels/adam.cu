@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "adam.hpp"
+#include "moments.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kVector = 4;  // values that a thread moves at once
 constexpr std::int64_t kBlockValues = kThreads * kVector;
 
 struct Groups {
@@ -14,32 +13,36 @@ struct Groups {
   int count;
 };
 
-__device__ void step_one(float& parameter, float g, float& m, float& v, float rate,
-                         const AdamFactors& f) {
-  m = f.keep_first * m + (1.0f - f.keep_first) * g;
-  v = f.keep_second * v + (1.0f - f.keep_second) * g * g;
-  parameter -= rate * m / (sqrtf(v) * f.root_scale + f.epsilon);
+template <typename T>
+__device__ bool aligned(const T* pointer) {
+  return reinterpret_cast<std::uintptr_t>(pointer) % sizeof(Vector<T>) == 0;
 }
 
-__device__ void step_four(const AdamGroupPointers& a, std::int64_t i, const AdamFactors& f) {
-  auto& parameter = *reinterpret_cast<float4*>(a.parameter + i);
-  auto& first = *reinterpret_cast<float4*>(a.first + i);
-  auto& second = *reinterpret_cast<float4*>(a.second + i);
-  const float4 g = *reinterpret_cast<const float4*>(a.gradient + i);
-  float4 p = parameter;
-  float4 m = first;
-  float4 v = second;
-  step_one(p.x, g.x, m.x, v.x, a.rate, f);
-  step_one(p.y, g.y, m.y, v.y, a.rate, f);
-  step_one(p.z, g.z, m.z, v.z, a.rate, f);
-  step_one(p.w, g.w, m.w, v.w, a.rate, f);
-  parameter = p;
-  first = m;
-  second = v;
-}
-
-__device__ bool aligned(const void* pointer) {
-  return reinterpret_cast<std::uintptr_t>(pointer) % sizeof(float4) == 0;
+template <typename Moment>
+__device__ void step_vector(const AdamGroupPointers& a, std::int64_t begin, const AdamFactors& f,
+                            const bool* visible) {
+  auto* const first = static_cast<Moment*>(a.first);
+  auto* const second = static_cast<Moment*>(a.second);
+  const auto step = [&](std::int64_t i, float& p, float g, Moment& m, Moment& v) {
+    step_value(p, g, m, v, a.rate, f, static_cast<unsigned>(i));
+  };
+  const bool whole = visible == nullptr && begin + kVector <= a.values && aligned(a.parameter) &&
+                     aligned(a.gradient) && aligned(first) && aligned(second);
+  if (!whole) {
+    for (std::int64_t i = begin; i < min(begin + kVector, a.values); ++i) {
+      if (visible != nullptr && !visible[i / a.width]) continue;
+      step(i, a.parameter[i], a.gradient[i], first[i], second[i]);
+    }
+    return;
+  }
+  const Vector<float> g = load_vector(a.gradient + begin, kVector);
+  Vector<float> p = load_vector(a.parameter + begin, kVector);
+  Vector<Moment> m = load_vector(first + begin, kVector);
+  Vector<Moment> v = load_vector(second + begin, kVector);
+  for (int k = 0; k < kVector; ++k) step(begin + k, p.x[k], g.x[k], m.x[k], v.x[k]);
+  store_vector(p, a.parameter + begin, kVector);
+  store_vector(m, first + begin, kVector);
+  store_vector(v, second + begin, kVector);
 }
 
 __global__ void adam_kernel(Groups groups, AdamFactors f, const bool* visible) {
@@ -48,13 +51,8 @@ __global__ void adam_kernel(Groups groups, AdamFactors f, const bool* visible) {
   const AdamGroupPointers a = groups.group[which];
   const std::int64_t begin =
       (blockIdx.x - groups.first_block[which]) * kBlockValues + threadIdx.x * kVector;
-  const bool four = visible == nullptr && begin + kVector <= a.values && aligned(a.parameter) &&
-                    aligned(a.gradient) && aligned(a.first) && aligned(a.second);
-  if (four) return step_four(a, begin, f);
-  for (std::int64_t i = begin; i < min(begin + kVector, a.values); ++i) {
-    if (visible != nullptr && !visible[i / a.width]) continue;
-    step_one(a.parameter[i], a.gradient[i], a.first[i], a.second[i], a.rate, f);
-  }
+  if (a.cut) return step_vector<Half>(a, begin, f, visible);
+  step_vector<float>(a, begin, f, visible);
 }
 
 }  // namespace

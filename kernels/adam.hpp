@@ -16,15 +16,17 @@ struct AdamGroupPointers {
   std::int64_t width;  ///< values of a row, which one mask covers
   float* parameter;
   const float* gradient;
-  float* first;
-  float* second;
-  float rate;  ///< with the first moment's bias correction
+  void* first;   ///< float, or the upper halves of floats (bfloat16)
+  void* second;  ///< likewise
+  bool cut;      ///< both are halves
+  float rate;    ///< with the first moment's bias correction
 };
 
 struct AdamFactors {
   float keep_first, keep_second;
   float root_scale;  ///< the second moment's bias correction
   float epsilon;
+  unsigned seed;  ///< of the step, for rounding
 };
 
 /// One step of all groups in one launch. `visible`, when not null: one a row, which others leave as

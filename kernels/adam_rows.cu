@@ -2,8 +2,8 @@
 // A step of Adam over a whole map that takes the derivatives as the rasterizer has them: nobody
 // writes and reads them for every parameter of every Gaussian. The idea of stepping from what the
 // backward pass holds is that of Faster-GS and of the fused optimisers beside it.
-#include "adam.hpp"
 #include "apvi/splat/sh_math.hpp"
+#include "moments.cuh"
 #include "raster.hpp"
 
 namespace apvi::splat::cuda {
@@ -11,7 +11,6 @@ namespace {
 
 constexpr int kThreads = 256;
 constexpr int kGaussians = 128;  // of a block
-constexpr int kVector = 4;
 constexpr int kKinds = 6;
 // What a Gaussian's row becomes in shared memory: mean, log scales, quaternion, logit of opacity,
 // constant colour coefficient, basis, colour; an odd number, so that rows begin in all banks.
@@ -43,59 +42,42 @@ __device__ float derivative(const float* row, int kind, int k) {
   return row[kBasisAt + k / 3] * row[kColorAt + k % 3];
 }
 
-struct Four {
-  float x[kVector];
-};
-__device__ Four load_four(const float* from, int count) {
-  Four out;
-  if (count == kVector) {
-    const float4 v = *reinterpret_cast<const float4*>(from);
-    return {{v.x, v.y, v.z, v.w}};
-  }
-  for (int k = 0; k < kVector; ++k) out.x[k] = k < count ? from[k] : 0.0f;
-  return out;
-}
-__device__ void store_four(const Four& v, float* to, int count) {
-  if (count == kVector) {
-    *reinterpret_cast<float4*>(to) = make_float4(v.x[0], v.x[1], v.x[2], v.x[3]);
-    return;
-  }
-  for (int k = 0; k < count; ++k) to[k] = v.x[k];
-}
-
 /// The values of one kind of a block's Gaussians, which lie in a row.
+template <typename Moment>
 __device__ void step_kind(const Map& map, int kind, std::int64_t first, int gaussians,
                           const float* rows, const bool* moves, const AdamFactors& f) {
   const AdamGroupPointers a = map.kind[kind];
+  auto* const firsts = static_cast<Moment*>(a.first);
+  auto* const seconds = static_cast<Moment*>(a.second);
   const auto width = static_cast<int>(a.width);
   const int values = gaussians * width;
   for (int at = static_cast<int>(threadIdx.x) * kVector; at < values; at += kThreads * kVector) {
     const int count = min(kVector, values - at);
     const std::int64_t to = first * width + at;
-    Four p = load_four(a.parameter + to, count);
-    Four m = load_four(a.first + to, count);
-    Four v = load_four(a.second + to, count);
+    Vector<float> p = load_vector(a.parameter + to, count);
+    Vector<Moment> m = load_vector(firsts + to, count);
+    Vector<Moment> v = load_vector(seconds + to, count);
     int i = at / width;
     int k = at % width;
 #pragma unroll
     for (int j = 0; j < kVector; ++j) {
       if (j < count && moves[i]) {
-        const float g = derivative(rows + i * kStride, kind, k);
-        m.x[j] = f.keep_first * m.x[j] + (1.0f - f.keep_first) * g;
-        v.x[j] = f.keep_second * v.x[j] + (1.0f - f.keep_second) * g * g;
-        p.x[j] -= a.rate * m.x[j] / (sqrtf(v.x[j]) * f.root_scale + f.epsilon);
+        const auto place = static_cast<unsigned>(to + j) * kKinds + static_cast<unsigned>(kind);
+        step_value(p.x[j], derivative(rows + i * kStride, kind, k), m.x[j], v.x[j], a.rate, f,
+                   place);
       }
       if (++k == width) {
         k = 0;
         ++i;
       }
     }
-    store_four(p, a.parameter + to, count);
-    store_four(m, a.first + to, count);
-    store_four(v, a.second + to, count);
+    store_vector(p, a.parameter + to, count);
+    store_vector(m, firsts + to, count);
+    store_vector(v, seconds + to, count);
   }
 }
 
+template <typename Moment>
 __global__ void __launch_bounds__(kThreads)
     adam_rows_kernel(Map map, GradientRows gradient, AdamFactors f, bool visible_only) {
   __shared__ float rows[kGaussians * kStride];
@@ -109,7 +91,8 @@ __global__ void __launch_bounds__(kThreads)
   }
   __syncthreads();
   for (int kind = 0; kind < kKinds; ++kind) {
-    if (map.kind[kind].width > 0) step_kind(map, kind, first, gaussians, rows, moves, f);
+    if (map.kind[kind].width == 0) continue;
+    step_kind<Moment>(map, kind, first, gaussians, rows, moves, f);
   }
 }
 
@@ -123,7 +106,8 @@ cudaError_t launch_adam_rows(const AdamGroupPointers* groups, std::int64_t count
   map.count = count;
   for (int k = 0; k < kKinds; ++k) map.kind[k] = groups[k];
   const auto blocks = static_cast<unsigned>((count + kGaussians - 1) / kGaussians);
-  adam_rows_kernel<<<blocks, kThreads, 0, stream>>>(map, gradient, factors, visible_only);
+  const auto kernel = groups[0].cut ? adam_rows_kernel<Half> : adam_rows_kernel<float>;
+  kernel<<<blocks, kThreads, 0, stream>>>(map, gradient, factors, visible_only);
   return cudaGetLastError();
 }
 

@@ -2,133 +2,132 @@
 // Which splats each tile draws, in which order: splats are sorted by depth, their slots listed in
 // that order, and these sorted by tile, which keeps the order within each. Two sorts of short keys
 // move fewer bytes than one of long keys (Schütz et al.; Feng et al., "FlashGS", 2024).
-#include <thrust/iterator/counting_iterator.h>
-#include <thrust/iterator/transform_iterator.h>
-
 #include <cub/block/block_scan.cuh>
-#include <cub/device/device_radix_sort.cuh>
-#include <cub/device/device_scan.cuh>
 
-#include <algorithm>
+#include <utility>
 
-#include "gaussian_rows.cuh"
+#include "look_back.cuh"
+#include "radix_sort.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
 
 constexpr int kThreads = 256;
 
-/// How many slots the splat of a rank has.
-struct SlotCount {
-  const std::uint32_t* order;
-  const SlotRange* slots;
+constexpr int kDepthBits = 8;  // of a digit
+constexpr int kDepthPasses = 4;
+constexpr int kTileBits = 6;
+
+struct SplatCount {
+  const Counts* counts;
   std::uint32_t capacity;
 
-  __device__ std::uint32_t operator()(std::uint32_t rank) const {
-    const std::uint32_t splat = order[rank];
-    return splat < capacity ? slots[splat].count : 0;
+  __device__ std::uint32_t operator()() const { return min(counts->splats, capacity); }
+};
+/// Slots that are listed: where the room is too small for all, none.
+struct SlotCount {
+  const Counts* counts;
+  std::uint32_t capacity, slot_capacity;
+
+  __device__ std::uint32_t operator()() const {
+    return counts->splats <= capacity && counts->slots <= slot_capacity ? counts->slots : 0;
   }
 };
-using SlotCounts = thrust::transform_iterator<SlotCount, thrust::counting_iterator<std::uint32_t>>;
 
-/// Parts of the scratch memory. Key: what holds the number of a tile, and one more.
-template <typename Key>
-struct Parts {
-  std::uint32_t* depth_keys;  // [capacity] sorted; nobody reads them
-  std::uint32_t* order;       // [capacity] splats by depth
-  std::uint32_t* offsets;     // [capacity] where the slots of each begin in that order
-  Key* keys;                  // [slot_capacity] tiles of the slots in that order
-  Key* sorted_keys;           // [slot_capacity]
-  std::uint32_t* slots;       // [slot_capacity] in that order
-  void* cub;
-  std::size_t cub_bytes;
+/// Digits of the number of a tile.
+int tile_passes(int tiles) {
+  int passes = 1;
+  while (tiles - 1 >> passes * kTileBits != 0) ++passes;
+  return passes;
+}
+
+/// Cuts memory into parts, each on a boundary of 256 bytes; without memory, it counts.
+class Cutter {
+ public:
+  explicit Cutter(void* start) : start_(static_cast<char*>(start)) {}
+
+  template <typename T>
+  T* take(std::size_t count) {
+    constexpr std::size_t kAlign = 256;
+    auto* const at = reinterpret_cast<T*>(start_ + used_);
+    used_ += (count * sizeof(T) + kAlign - 1) / kAlign * kAlign;
+    return at;
+  }
+  std::size_t used() const { return used_; }
+
+ private:
+  char* start_;
+  std::size_t used_ = 0;
 };
 
-int bits_for(int tiles) {
-  int bits = 1;
-  while (1 << bits <= tiles) ++bits;
-  return bits;
+unsigned blocks_for(std::uint64_t count) {
+  return static_cast<unsigned>((count + kThreads - 1) / kThreads);
 }
 
-SlotCounts slot_counts(const std::uint32_t* order, const SplatPointers& splats) {
-  return {thrust::counting_iterator<std::uint32_t>(0), {order, splats.slots, splats.capacity}};
-}
+/// What is zeros in the beginning.
+struct State {
+  Packed* list;  // [blocks of the listing + 1]
+  SortState by_depth, by_tile;
+  std::size_t bytes;
 
-cudaError_t sort_by_depth(void* cub, std::size_t& bytes, const SplatPointers& splats,
-                          std::uint32_t* keys, std::uint32_t* order, cudaStream_t stream) {
-  return cub::DeviceRadixSort::SortPairs(cub, bytes, splats.depth_keys, keys, splats.order, order,
-                                         static_cast<int>(splats.capacity), 0, 32, stream);
-}
+  State(void* start, std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
+    Cutter cutter(start);
+    const int passes = tile_passes(tiles);
+    list = cutter.take<Packed>(blocks_for(capacity) + 1);
+    by_depth = cut_sort_state<kDepthBits>(
+        cutter.take<std::uint32_t>(sort_state_words<kDepthBits>(capacity, kDepthPasses)),
+        kDepthPasses);
+    by_tile = cut_sort_state<kTileBits>(
+        cutter.take<std::uint32_t>(sort_state_words<kTileBits>(slot_capacity, passes)), passes);
+    bytes = cutter.used();
+  }
+};
 
+/// What is not. Key: what holds the number of a tile.
 template <typename Key>
-cudaError_t sort_by_tile(const Parts<Key>& parts, std::size_t& bytes, std::uint32_t* out,
-                         std::uint32_t slot_capacity, int tiles, cudaStream_t stream) {
-  return cub::DeviceRadixSort::SortPairs(parts.cub, bytes, parts.keys, parts.sorted_keys,
-                                         parts.slots, out, static_cast<int>(slot_capacity), 0,
-                                         bits_for(tiles), stream);
-}
+struct Scratch {
+  std::uint32_t* depth_keys;  // [capacity]
+  std::uint32_t* orders[2];   // [capacity] of which the first becomes the splats by depth
+  Key* keys[2];               // [slot_capacity] tiles of the slots
+  std::uint32_t* slots;       // [slot_capacity]
+  std::size_t bytes;
 
-template <typename Key>
-std::size_t cub_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
-  SplatPointers splats = {};
-  splats.capacity = capacity;
-  std::size_t sort = 0;
-  std::size_t scan = 0;
-  std::size_t tile_sort = 0;
-  sort_by_depth(nullptr, sort, splats, nullptr, nullptr, nullptr);
-  cub::DeviceScan::ExclusiveSum(nullptr, scan, slot_counts(nullptr, splats),
-                                static_cast<std::uint32_t*>(nullptr), static_cast<int>(capacity));
-  sort_by_tile(Parts<Key>{}, tile_sort, nullptr, slot_capacity, tiles, nullptr);
-  return std::max({sort, scan, tile_sort});
-}
+  Scratch(void* start, std::uint32_t capacity, std::uint32_t slot_capacity) {
+    Cutter cutter(start);
+    depth_keys = cutter.take<std::uint32_t>(capacity);
+    for (auto& order : orders) order = cutter.take<std::uint32_t>(capacity);
+    for (auto& key : keys) key = cutter.take<Key>(slot_capacity);
+    slots = cutter.take<std::uint32_t>(slot_capacity);
+    bytes = cutter.used();
+  }
+};
 
-/// Cuts the scratch memory into its parts; null for a start gives offsets, the last one the size.
+/// The slots by depth of their splats.
 template <typename Key>
-Parts<Key> cut(void* start, std::uint32_t capacity, std::uint32_t slot_capacity, int tiles,
-               std::size_t* total) {
-  constexpr std::size_t kAlign = 256;
-  std::size_t used = 0;
-  const auto take = [&](std::size_t bytes) {
-    void* const at = static_cast<char*>(start) + used;
-    used += (bytes + kAlign - 1) / kAlign * kAlign;
-    return at;
-  };
-  Parts<Key> out = {};
-  const auto take_ids = [&](std::uint32_t count) {
-    return static_cast<std::uint32_t*>(take(count * sizeof(std::uint32_t)));
-  };
-  out.depth_keys = take_ids(capacity);
-  out.order = take_ids(capacity);
-  out.offsets = take_ids(capacity);
-  out.keys = static_cast<Key*>(take(slot_capacity * sizeof(Key)));
-  out.sorted_keys = static_cast<Key*>(take(slot_capacity * sizeof(Key)));
-  out.slots = take_ids(slot_capacity);
-  out.cub_bytes = cub_bytes<Key>(capacity, slot_capacity, tiles);
-  out.cub = take(out.cub_bytes);
-  if (total != nullptr) *total = used;
-  return out;
-}
+struct List {
+  Key* tiles;
+  std::uint32_t* splats;
+};
 
 /// Writes the slots of one splat in one band of tiles; returns how many.
 template <typename Key>
-__device__ int list_band(const Splat<float>& s, PixelSpan rows, int band, const Frame& frame,
-                         std::uint32_t to, std::uint32_t slot, std::uint32_t capacity,
-                         const Parts<Key>& out) {
+__device__ int list_band(const Splat<float>& s, std::uint32_t splat, PixelSpan rows, int band,
+                         const Frame& frame, std::uint32_t to, const List<Key>& out) {
   const PixelSpan columns = tiles_in_band(s, rows, band, frame.width);
   int count = 0;
   for (int x = columns.first; x <= columns.last; ++x, ++count) {
-    if (to + count >= capacity || slot + count >= capacity) continue;
-    out.keys[to + count] = static_cast<Key>(band * frame.tiles_x() + x);
-    out.slots[to + count] = slot + count;
+    out.tiles[to + count] = static_cast<Key>(band * frame.tiles_x() + x);
+    out.splats[to + count] = splat;
   }
   return count;
 }
 
 /// The same for all bands, by a whole warp: splats near the camera cover the image.
 template <typename Key>
-__device__ void list_by_warp(const Splat<float>& s, const Frame& frame, std::uint32_t to,
-                             std::uint32_t slot, std::uint32_t capacity, const Parts<Key>& out) {
+__device__ void list_by_warp(const SplatPointers& splats, std::uint32_t splat, const Frame& frame,
+                             std::uint32_t to, const List<Key>& out) {
   const int lane = static_cast<int>(threadIdx.x) % kWarp;
+  const Splat<float> s = splats.splats[splat];
   const PixelSpan rows = rows_of(s, frame.height);
   const int last = rows.last / kTileSize;
   for (int first = rows.first / kTileSize; first <= last; first += kWarp) {
@@ -142,147 +141,210 @@ __device__ void list_by_warp(const Splat<float>& s, const Frame& frame, std::uin
       if (lane >= by) before += other;
     }
     const int all = __shfl_sync(kAllLanes, before, kWarp - 1);
-    before -= own;
-    if (band <= last) list_band(s, rows, band, frame, to + before, slot + before, capacity, out);
+    if (band <= last) list_band(s, splat, rows, band, frame, to + before - own, out);
     to += all;
-    slot += all;
   }
 }
 
-constexpr std::uint32_t kManySlots = 24;
+constexpr std::uint32_t kManySlots = 16;
 
+/// Writes the slots of the splats of a warp, each from its place on.
 template <typename Key>
-__global__ void list_kernel(Frame frame, SplatPointers splats, Parts<Key> out,
-                            std::uint32_t* slot_splat) {
-  const std::uint32_t rank = blockIdx.x * kThreads + threadIdx.x;
-  const std::uint32_t splat = rank < splats.capacity ? out.order[rank] : ~0U;
-  SlotRange slots = {0, 0};
-  std::uint32_t to = 0;
-  if (splat < splats.capacity) {
-    slots = splats.slots[splat];
-    to = out.offsets[rank];
-  }
-  if (slots.count != 0 && slots.count <= kManySlots) {
+__device__ void list_splats(const Frame& frame, const SplatPointers& splats, std::uint32_t splat,
+                            std::uint32_t slots, std::uint32_t to, const List<Key>& out) {
+  if (slots != 0 && slots <= kManySlots) {
     const Splat<float> s = splats.splats[splat];
     const PixelSpan rows = rows_of(s, frame.height);
     std::uint32_t done = 0;
     for (int band = rows.first / kTileSize; band * kTileSize <= rows.last; ++band) {
-      done +=
-          list_band(s, rows, band, frame, to + done, slots.begin + done, splats.slot_capacity, out);
-    }
-    for (std::uint32_t k = 0; k < slots.count && slots.begin + k < splats.slot_capacity; ++k) {
-      slot_splat[slots.begin + k] = splat;
+      done += list_band(s, splat, rows, band, frame, to + done, out);
     }
   }
-  for (unsigned left = __ballot_sync(kAllLanes, slots.count > kManySlots); left != 0;
-       left &= left - 1) {
+  for (unsigned left = __ballot_sync(kAllLanes, slots > kManySlots); left != 0; left &= left - 1) {
     const int from = __ffs(static_cast<int>(left)) - 1;
-    const std::uint32_t its = __shfl_sync(kAllLanes, splat, from);
-    const std::uint32_t begin = __shfl_sync(kAllLanes, slots.begin, from);
-    const std::uint32_t count = __shfl_sync(kAllLanes, slots.count, from);
-    list_by_warp(splats.splats[its], frame, __shfl_sync(kAllLanes, to, from), begin,
-                 splats.slot_capacity, out);
-    for (std::uint32_t k = threadIdx.x % kWarp; k < count; k += kWarp) {
-      if (begin + k < splats.slot_capacity) slot_splat[begin + k] = its;
-    }
+    list_by_warp(splats, __shfl_sync(kAllLanes, splat, from), frame,
+                 __shfl_sync(kAllLanes, to, from), out);
   }
 }
 
-/// Where each tile begins. A key beyond the last tile marks memory that holds no slot.
+/// Lists the slots by depth of their splats, and numbers them in that order.
 template <typename Key>
-__global__ void find_tiles_kernel(const Key* keys, std::uint32_t capacity, int tiles,
+__global__ void __launch_bounds__(kThreads)
+    list_kernel(Frame frame, SplatPointers splats, SlotCount count, const std::uint32_t* order,
+                Packed* states, List<Key> out) {
+  using Scan = cub::BlockScan<std::uint32_t, kThreads>;
+  __shared__ typename Scan::TempStorage storage;
+  __shared__ unsigned turn_shared;
+  __shared__ std::uint32_t before_shared;
+  const unsigned block = take_turn(states, gridDim.x, turn_shared);
+  const std::uint32_t rank = block * kThreads + threadIdx.x;
+  if (count() == 0) return;
+  const bool is_splat = rank < splats.counts->splats;
+  const std::uint32_t splat = is_splat ? order[rank] : 0;
+  const std::uint32_t slots = is_splat ? splats.slots[splat].count : 0;
+  std::uint32_t to = 0;
+  std::uint32_t all = 0;
+  Scan(storage).ExclusiveSum(slots, to, all);
+  if (threadIdx.x < kWarp) {
+    const Packed before = count_before(states, block, all);
+    if (threadIdx.x == 0) before_shared = slots_in(before);
+  }
+  __syncthreads();
+  to += before_shared;
+  if (is_splat) splats.slots[splat].begin = to;
+  list_splats(frame, splats, splat, slots, to, out);
+}
+
+/// Where each tile begins.
+template <typename Key>
+__global__ void find_tiles_kernel(const Key* keys, SlotCount count, int tiles,
                                   std::uint32_t* tile_begin) {
   const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  if (k > capacity) return;
-  const auto tile_at = [&](std::uint32_t at) {
-    return static_cast<int>(min(std::uint32_t{keys[at]}, static_cast<std::uint32_t>(tiles)));
-  };
-  const int before = k == 0 ? -1 : tile_at(k - 1);
-  const int here = k == capacity ? tiles : tile_at(k);
+  const std::uint32_t n = count();
+  if (k > n) return;
+  const int before = k == 0 ? -1 : static_cast<int>(keys[k - 1]);
+  const int here = k == n ? tiles : static_cast<int>(keys[k]);
   for (int tile = before + 1; tile <= here; ++tile) tile_begin[tile] = k;
 }
 
 constexpr int kChunkThreads = 1024;
+// Chunks begin by kinds: full ones by how many lie before them in their tile, at first one by one,
+// then by twos' powers; then those half full; then the rest.
+constexpr int kKinds = kChunkKinds;
+constexpr int kHalfFull = kKinds - 2;
 
-/// One block: the chunks of all tiles, in the order of the tiles.
-__global__ void __launch_bounds__(kChunkThreads)
-    find_chunks_kernel(int tiles, BinPointers bins, std::uint32_t capacity) {
+/// Calls f(kind, number of the first chunk in its tile, how many) for the chunks of a tile.
+template <typename F>
+__device__ void for_each_kind(std::uint32_t slots, std::uint32_t chunk_slots, std::uint32_t chunks,
+                              F&& f) {
+  const std::uint32_t full = slots / chunk_slots;
+  int kind = 0;
+  for (std::uint32_t first = 0; first < full; ++kind) {
+    const std::uint32_t last = kind < 4 ? first + 1 : 2 * first;
+    const std::uint32_t end = kind + 1 < kHalfFull ? min(last, full) : full;
+    f(kind, first, end - first);
+    first = end;
+  }
+  if (full == chunks) return;
+  f((slots - full * chunk_slots) * 2 >= chunk_slots ? kHalfFull : kHalfFull + 1, full, 1U);
+}
+
+/// One block: the first chunk of each tile, and how many there are of each kind, which become the
+/// places where those begin in the order of drawing.
+__global__ void __launch_bounds__(kChunkThreads) count_chunks_kernel(int tiles, BinPointers bins) {
   using Scan = cub::BlockScan<std::uint32_t, kChunkThreads>;
   __shared__ typename Scan::TempStorage storage;
+  __shared__ std::uint32_t kinds[kKinds];
+  if (threadIdx.x < kKinds) kinds[threadIdx.x] = 0;
   std::uint32_t before = 0;
   for (int first = 0; first < tiles; first += kChunkThreads) {
     const int tile = first + static_cast<int>(threadIdx.x);
+    std::uint32_t slots = 0;
     std::uint32_t own = 0;
     if (tile < tiles) {
-      const std::uint32_t slots = bins.tile_begin[tile + 1] - bins.tile_begin[tile];
-      own = (slots + bins.chunk_slots - 1) / bins.chunk_slots;
+      slots = bins.tile_begin[tile + 1] - bins.tile_begin[tile];
+      own = max(1U, (slots + bins.chunk_slots - 1) / bins.chunk_slots);
     }
     std::uint32_t at = 0;
     std::uint32_t all = 0;
     Scan(storage).ExclusiveSum(own, at, all);
     __syncthreads();  // the storage is used again
-    if (tile < tiles) bins.chunk_begin[tile] = before + at;
-    for (std::uint32_t k = before + at; k < min(before + at + own, capacity); ++k) {
-      bins.chunk_tile[k] = static_cast<std::uint32_t>(tile);
+    if (tile < tiles) {
+      bins.chunk_begin[tile] = before + at;
+      for_each_kind(slots, bins.chunk_slots, own,
+                    [&](int kind, std::uint32_t, std::uint32_t n) { atomicAdd(kinds + kind, n); });
     }
     before += all;
   }
-  if (threadIdx.x == 0) bins.chunk_begin[tiles] = min(before, capacity);
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  bins.chunk_begin[tiles] = before;
+  *bins.drawing.begun = 0;
+  std::uint32_t at = 0;
+  for (int kind = 0; kind < kKinds; ++kind) {
+    bins.drawing.kinds[kind] = at;
+    at += kinds[kind];
+  }
 }
 
-unsigned blocks_for(std::uint64_t count) {
-  return static_cast<unsigned>((count + kThreads - 1) / kThreads);
+/// One warp a tile: what is to be known of its chunks. Which tile comes first among chunks of one
+/// kind does not matter to what is drawn.
+__global__ void __launch_bounds__(kThreads) place_chunks_kernel(int tiles, BinPointers bins) {
+  const int tile = static_cast<int>((blockIdx.x * kThreads + threadIdx.x) / kWarp);
+  const std::uint32_t lane = threadIdx.x % kWarp;
+  if (tile >= tiles) return;
+  const std::uint32_t slots = bins.tile_begin[tile + 1] - bins.tile_begin[tile];
+  const std::uint32_t begin = bins.chunk_begin[tile];
+  const std::uint32_t own = bins.chunk_begin[tile + 1] - begin;
+  if (lane == 0) {
+    bins.dark[tile] = ~0U;
+    bins.drawing.drawn[tile] = 0;
+  }
+  for (std::uint32_t k = lane; k < own; k += kWarp) {
+    bins.chunk_tile[begin + k] = static_cast<std::uint32_t>(tile);
+    bins.drawing.ready[begin + k] = 0;
+  }
+  for_each_kind(slots, bins.chunk_slots, own, [&](int kind, std::uint32_t first, std::uint32_t n) {
+    std::uint32_t at = lane == 0 ? atomicAdd(bins.drawing.kinds + kind, n) : 0;
+    at = __shfl_sync(kAllLanes, at, 0);
+    for (std::uint32_t k = lane; k < n; k += kWarp) bins.turns[at + k] = begin + first + k;
+  });
 }
 
 template <typename Key>
 cudaError_t bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
                 cudaStream_t stream) {
-  Parts<Key> parts =
-      cut<Key>(out.scratch, splats.capacity, splats.slot_capacity, frame.tiles(), nullptr);
-  cudaError_t error =
-      sort_by_depth(parts.cub, parts.cub_bytes, splats, parts.depth_keys, parts.order, stream);
+  const State state(out.state, splats.capacity, splats.slot_capacity, frame.tiles());
+  const Scratch<Key> scratch(out.scratch, splats.capacity, splats.slot_capacity);
+  cudaError_t error = sort_pairs<kDepthBits>(
+      SortBuffers<std::uint32_t>{.keys = {splats.depth_keys, scratch.depth_keys},
+                                 .values = {scratch.orders[0], scratch.orders[1]},
+                                 .numbered = true,
+                                 .keep_keys = false},
+      SplatCount{splats.counts, splats.capacity}, splats.capacity, kDepthPasses, state.by_depth,
+      stream);
   if (error != cudaSuccess) return error;
-  error =
-      cub::DeviceScan::ExclusiveSum(parts.cub, parts.cub_bytes, slot_counts(parts.order, splats),
-                                    parts.offsets, static_cast<int>(splats.capacity), stream);
-  if (error != cudaSuccess) return error;
-  error = cudaMemsetAsync(parts.keys, 0xff, splats.slot_capacity * sizeof(Key), stream);
-  if (error != cudaSuccess) return error;
-  list_kernel<<<blocks_for(splats.capacity), kThreads, 0, stream>>>(frame, splats, parts,
-                                                                    out.slot_splat);
-  error = sort_by_tile(parts, parts.cub_bytes, out.tile_slots, splats.slot_capacity, frame.tiles(),
-                       stream);
+  // After as many passes as the tiles' numbers have digits, the slots are where they are wanted.
+  const int passes = tile_passes(frame.tiles());
+  const SlotCount count = {splats.counts, splats.capacity, splats.slot_capacity};
+  SortBuffers<Key> slots = {.keys = {scratch.keys[0], scratch.keys[1]},
+                            .values = {out.tile_slots, scratch.slots},
+                            .numbered = true,
+                            .keep_keys = true};
+  if (passes % 2 != 0) std::swap(slots.values[0], slots.values[1]);
+  list_kernel<<<blocks_for(splats.capacity), kThreads, 0, stream>>>(
+      frame, splats, count, scratch.orders[0], state.list,
+      List<Key>{slots.keys[0], out.slot_splat});
+  error = sort_pairs<kTileBits>(slots, count, splats.slot_capacity, passes, state.by_tile, stream);
   if (error != cudaSuccess) return error;
   find_tiles_kernel<<<blocks_for(std::uint64_t{splats.slot_capacity} + 1), kThreads, 0, stream>>>(
-      parts.sorted_keys, splats.slot_capacity, frame.tiles(), out.tile_begin);
-  find_chunks_kernel<<<1, kChunkThreads, 0, stream>>>(
-      frame.tiles(), out, chunk_capacity(splats.slot_capacity, out.chunk_slots, frame.tiles()));
+      slots.keys[passes % 2], count, frame.tiles(), out.tile_begin);
+  count_chunks_kernel<<<1, kChunkThreads, 0, stream>>>(frame.tiles(), out);
+  place_chunks_kernel<<<blocks_for(std::uint64_t{kWarp} * frame.tiles()), kThreads, 0, stream>>>(
+      frame.tiles(), out);
   return cudaGetLastError();
 }
 
-constexpr int kShortKeys = 0xffff;
+constexpr int kShortKeys = 1 << 16;
 
 }  // namespace
 
 std::uint32_t chunk_slots(std::uint32_t slot_capacity) {
   constexpr std::uint32_t kBlocks = 4096;  // twice what a large device runs at once
-  std::uint32_t slots = kLeastChunkSlots;
-  while (slots < kMostChunkSlots && 2 * slots * kBlocks <= slot_capacity) slots *= 2;
-  return slots;
+  return slot_capacity < kMostChunkSlots * kBlocks ? kLeastChunkSlots : kMostChunkSlots;
 }
 
 std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_slots, int tiles) {
   return slot_capacity / chunk_slots + static_cast<std::uint32_t>(tiles);
 }
 
+std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
+  return State(nullptr, capacity, slot_capacity, tiles).bytes;
+}
+
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
-  std::size_t bytes = 0;
-  if (tiles < kShortKeys) {
-    cut<std::uint16_t>(nullptr, capacity, slot_capacity, tiles, &bytes);
-  } else {
-    cut<std::uint32_t>(nullptr, capacity, slot_capacity, tiles, &bytes);
-  }
-  return bytes;
+  return tiles < kShortKeys ? Scratch<std::uint16_t>(nullptr, capacity, slot_capacity).bytes
+                            : Scratch<std::uint32_t>(nullptr, capacity, slot_capacity).bytes;
 }
 
 cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,

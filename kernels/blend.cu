@@ -1,109 +1,171 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Draws the splats of each tile front to back.
+// Draws the splats of each tile front to back. The chunks of a tile's list are drawn side by side:
+// each but the first and the last says first how much light it lets through, alone; when those
+// before it have said so too, it knows what light it starts with and blends its splats, which are
+// still in shared memory. Chunks begin in an order in which none waits for a later one, and of
+// those behind a chunk that finished the tile's last pixels, most need not be drawn at all. Who is
+// the last to be drawn adds the tile's chunks up.
 #include "tile_walk.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
 
-constexpr int kBatch = kThreads;
+/// Of a multiprocessor; more of them leave too few registers.
+constexpr int kDrawBlocks = 10;
 
-/// How much light each chunk but the last lets through. Where it is less than a pixel is drawn for,
-/// it does not matter how much.
-__global__ void __launch_bounds__(kThreads)
-    dim_kernel(Frame frame, SplatPointers splats, BinPointers bins, ChunkPointers chunks) {
-  __shared__ Batch<kBatch> batch;
-  const Chunk chunk(frame, bins, splats.slot_capacity);
-  if (chunk.none || chunk.last) return;
-  const Corner tile = chunk.corner(frame);
-  const Place place(tile);
-  float light[kPixels];
-  for (int p = 0; p < kPixels; ++p) light[p] = place.inside(frame, p) ? 1.0f : -1.0f;
-  for (std::uint32_t begin = chunk.begin; begin < chunk.end; begin += kBatch) {
-    if (__syncthreads_or(any_live(light)) == 0) break;
-    fill<kBatch, false>(batch, frame, tile, splats, bins, begin, chunk.end, nullptr);
-    __syncthreads();
-    const int count = min(kBatch, static_cast<int>(chunk.end - begin));
-    for (int base = 0; base < count; base += kWarp) {
-      for_each_touching(batch, base, place, [&](int, const Drawable&, const Reach& reach) {
-        for (int p = 0; p < kPixels; ++p) pass(reach, p, light[p]);
-      });
-    }
+template <int kSlots>
+struct DrawShared {
+  Batch<kSlots> batch;
+  int weights[kSlots];
+  unsigned blocks[kSlots];          // of the tile's, in which a splat is drawn
+  std::uint32_t found[kTileWarps];  // splats drawn, of which each warp counts some
+  std::uint32_t word;               // that a thread has for all
+};
+
+/// Fetches the splats of a chunk, a multiple of 32 of them; what there is not touches no block.
+template <int kSlots>
+__device__ void fetch(const Chunk& chunk, const Frame& frame, const SplatPointers& splats,
+                      const BinPointers& bins, DrawShared<kSlots>& shared) {
+  const int count = chunk.size();
+  for (auto at = static_cast<int>(threadIdx.x); at < (count + kWarp - 1) / kWarp * kWarp;
+       at += kThreads) {
+    shared.weights[at] = 0;
+    shared.blocks[at] = 0;
+    shared.batch.put_none(at);
+    if (at >= count) continue;
+    const std::uint32_t slot = bins.tile_slots[chunk.begin + at];
+    const Splat<float> s = splats.splats[bins.slot_splat[slot]];
+    shared.batch.put(at, s, slot, find_blocks(s, chunk.corner(frame), frame));
   }
-  for (float& x : light) x = x > 0.0f ? x : 0.0f;
-  chunks.through[chunk.id * kThreads + threadIdx.x] = make_float2(light[0], light[1]);
 }
 
-__global__ void __launch_bounds__(kThreads)
-    blend_kernel(Frame frame, SplatPointers splats, BinPointers bins, ChunkPointers chunks,
-                 float* slot_weight) {
-  __shared__ Batch<kBatch> batch;
-  __shared__ int weights[kBatch];
-  const Chunk chunk(frame, bins, splats.slot_capacity);
-  if (chunk.none) return;
-  const Corner tile = chunk.corner(frame);
-  const Place place(tile);
-  float light[kPixels];
-  float sum[kPixels][4] = {};
-  light_before(chunk, place, frame, chunks, light);
-  const bool live_before[kPixels] = {light[0] > 0.0f, light[1] > 0.0f};
-  for (std::uint32_t begin = chunk.begin; begin < chunk.end; begin += kBatch) {
-    if (__syncthreads_or(any_live(light)) == 0) break;
-    fill<kBatch, false>(batch, frame, tile, splats, bins, begin, chunk.end, nullptr);
-    weights[threadIdx.x] = 0;
-    __syncthreads();
-    const int count = min(kBatch, static_cast<int>(chunk.end - begin));
-    for (int base = 0; base < count; base += kWarp) {
-      if (!__any_sync(kAllLanes, any_live(light))) break;
-      const auto draw = [&](int at, const Drawable& s, const Reach& reach) {
-        int best = 0;
+/// What a word of thread 0's is, for all threads.
+__device__ std::uint32_t from_first(std::uint32_t word, std::uint32_t& shared) {
+  __syncthreads();
+  if (threadIdx.x == 0) shared = word;
+  __syncthreads();
+  return shared;
+}
+
+__device__ std::uint32_t look(const std::uint32_t* at) {
+  return *static_cast<const volatile std::uint32_t*>(at);
+}
+
+/// What a chunk lets through is there for those behind it.
+__device__ void say_through(const Chunk& chunk, const BinPointers& bins,
+                            const ChunkPointers& chunks, const float (&light)[kPixels]) {
+  chunks.through[chunk.id * kThreads + threadIdx.x] =
+      make_float2(fmaxf(light[0], 0.0f), fmaxf(light[1], 0.0f));
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) *static_cast<volatile std::uint32_t*>(bins.drawing.ready + chunk.id) = 1;
+}
+
+/// How much light a chunk lets through, alone. Where it is less than a pixel is drawn for, it does
+/// not matter how much.
+template <int kSlots>
+__device__ void dim(const Batch<kSlots>& batch, int count, const Place& place,
+                    float (&light)[kPixels]) {
+  constexpr auto kLeast = static_cast<float>(kMinTransmittance);
+  for (int base = 0; base < count; base += kWarp) {
+    if (!__any_sync(kAllLanes, light[0] > kLeast || light[1] > kLeast)) break;
+    for_each_touching(batch, base, place, [&](int, const Drawable&, const Reach& reach) {
 #pragma unroll
-        for (int p = 0; p < kPixels; ++p) {
-          const Share share = pass(reach, p, light[p]);
-          sum[p][0] = fmaf(share.weight, s.red, sum[p][0]);
-          sum[p][1] = fmaf(share.weight, s.green, sum[p][1]);
-          sum[p][2] = fmaf(share.weight, s.blue, sum[p][2]);
-          sum[p][3] = fmaf(share.weight, s.z, sum[p][3]);
-          best =
-              max(best, share.seen && !share.drawn ? kFinishedOnly : __float_as_int(share.weight));
-        }
-        best = __reduce_max_sync(kAllLanes, best);
-        if (threadIdx.x % kWarp == 0 && best != 0) atomicMax(weights + at, best);
-      };
-      for_each_touching(batch, base, place, draw);
-    }
-    __syncthreads();
-    if (weights[threadIdx.x] != 0) {
-      slot_weight[batch.slot[threadIdx.x]] = __int_as_float(weights[threadIdx.x]);
+      for (int p = 0; p < kPixels; ++p) {
+        const float alpha = fminf(reach.uncut[p], static_cast<float>(kMaxAlpha));
+        const float next = __fmaf_rn(-light[p], alpha, light[p]);
+        light[p] = reach.touched[p] ? next : light[p];
+      }
+    });
+  }
+  for (float& x : light) x = x > kLeast ? x : 0.0f;
+}
+
+/// Light that a chunk starts with; negative: finished before, or no pixel of the image. Waits for
+/// the chunks before it.
+__device__ void find_start(const Chunk& chunk, const BinPointers& bins, const ChunkPointers& chunks,
+                           float (&light)[kPixels]) {
+  for (std::uint32_t k = chunk.first + threadIdx.x; k < chunk.id; k += kThreads) {
+    while (look(bins.drawing.ready + k) == 0) {
     }
   }
-  const std::uint32_t to = chunk.id * kThreads + threadIdx.x;
-  chunks.end[to] = make_float2(live_before[0] ? light[0] : 0.0f, live_before[1] ? light[1] : 0.0f);
-  for (int p = 0; p < kPixels; ++p) {
-    chunks.sums[kPixels * to + p] = make_float4(sum[p][0], sum[p][1], sum[p][2], sum[p][3]);
+  __threadfence();
+  __syncthreads();
+#pragma unroll 8
+  for (std::uint32_t k = chunk.first; k < chunk.id; ++k) {
+    const float2 through = __ldcg(chunks.through + k * kThreads + threadIdx.x);
+    light[0] *= through.x;
+    light[1] *= through.y;
+  }
+  for (float& x : light) {
+    if (x <= static_cast<float>(kMinTransmittance)) x = -1.0f;
+  }
+  chunks.start[chunk.id * kThreads + threadIdx.x] = make_float2(light[0], light[1]);
+}
+
+/// Draws the splats of a chunk; `weights` become the largest of each, `blocks` those that have it.
+template <int kSlots>
+__device__ void blend(DrawShared<kSlots>& shared, int count, const Place& place,
+                      float (&light)[kPixels], float (&sum)[kPixels][4]) {
+  for (int base = 0; base < count; base += kWarp) {
+    if (!__any_sync(kAllLanes, any_live(light))) break;
+    for_each_touching(
+        shared.batch, base, place, [&](int at, const Drawable& s, const Reach& reach) {
+          int best = 0;
+#pragma unroll
+          for (int p = 0; p < kPixels; ++p) {
+            const Share share = pass(reach, p, light[p]);
+            sum[p][0] = fmaf(share.weight, s.red, sum[p][0]);
+            sum[p][1] = fmaf(share.weight, s.green, sum[p][1]);
+            sum[p][2] = fmaf(share.weight, s.blue, sum[p][2]);
+            sum[p][3] = fmaf(share.weight, s.z, sum[p][3]);
+            best = max(best, share.finished ? kFinishedOnly : __float_as_int(share.weight));
+          }
+          best = __reduce_max_sync(kAllLanes, best);
+          if (threadIdx.x % kWarp == 0 && best != 0) {
+            atomicMax(shared.weights + at, best);
+            atomicOr(shared.blocks + at, 1U << (threadIdx.x / kWarp));
+          }
+        });
   }
 }
 
-/// One block a tile: adds up what its chunks have.
-__global__ void __launch_bounds__(kThreads)
-    join_kernel(Frame frame, BinPointers bins, ChunkPointers chunks, ImagePointers image) {
-  const auto tile = static_cast<int>(blockIdx.x);
-  const Place place({tile % frame.tiles_x() * kTileSize, tile / frame.tiles_x() * kTileSize});
-  float through[kPixels] = {1.0f, 1.0f};
-  float sum[kPixels][4] = {};
-  const std::uint32_t last = bins.chunk_begin[tile + 1];
-#pragma unroll 4
-  for (std::uint32_t k = bins.chunk_begin[tile]; k < last; ++k) {
-    const float2 end = chunks.end[k * kThreads + threadIdx.x];
-    if (end.x != 0.0f) through[0] = fabsf(end.x);
-    if (end.y != 0.0f) through[1] = fabsf(end.y);
-    for (int p = 0; p < kPixels; ++p) {
-      const float4 part = chunks.sums[kPixels * (k * kThreads + threadIdx.x) + p];
-      sum[p][0] += part.x;
-      sum[p][1] += part.y;
-      sum[p][2] += part.z;
-      sum[p][3] += part.w;
+/// The largest weights of a chunk's slots and of the Gaussians they are of. What was drawn the walk
+/// back finds in a row where the chunk's slots were.
+template <int kSlots>
+__device__ void store_weights(DrawShared<kSlots>& shared, const Chunk& chunk,
+                              const SplatPointers& splats, const BinPointers& bins,
+                              float* slot_weight, float* max_weight) {
+  const int warp = static_cast<int>(threadIdx.x) / kWarp;
+  const unsigned below = (1U << threadIdx.x % kWarp) - 1;
+  std::uint32_t before = chunk.begin;
+  for (int base = 0; base < chunk.size(); base += kThreads) {
+    const int at = base + static_cast<int>(threadIdx.x);
+    const int weight = at < chunk.size() ? shared.weights[at] : 0;
+    const unsigned drawn = __ballot_sync(kAllLanes, weight != 0);
+    if (threadIdx.x % kWarp == 0) shared.found[warp] = __popc(drawn);
+    __syncthreads();
+    std::uint32_t to = before + __popc(drawn & below);
+    for (int w = 0; w < kTileWarps; ++w) {
+      if (w < warp) to += shared.found[w];
+      before += shared.found[w];
     }
+    const std::uint32_t slot = at < chunk.size() ? shared.batch.splats[at].slot : 0;
+    if (at < chunk.size()) slot_weight[slot] = __int_as_float(weight);
+    if (weight != 0) {
+      const std::uint32_t splat = bins.slot_splat[slot];
+      bins.tile_slots[to] = slot;
+      bins.tile_draws[to] = shared.blocks[at] << kSplatBits | splat;
+      auto* const best = reinterpret_cast<int*>(max_weight + splats.gaussian[splat]);
+      if (weight != kFinishedOnly) atomicMax(best, weight);
+    }
+    __syncthreads();
   }
+  if (threadIdx.x == 0) bins.chunk_drawn[chunk.id] = before - chunk.begin;
+}
+
+__device__ void store_image(const Place& place, const Frame& frame, const ImagePointers& image,
+                            const float (&through)[kPixels], const float (&sum)[kPixels][4]) {
   for (int p = 0; p < kPixels; ++p) {
     if (!place.inside(frame, p)) continue;
     const std::int64_t to = place.index(frame, p);
@@ -116,16 +178,112 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-/// The largest weight of every Gaussian that shows.
-__global__ void weigh_kernel(SplatPointers splats, const float* slot_weight, float* max_weight) {
-  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
-  if (i >= min(splats.counts->splats, splats.capacity)) return;
-  const SlotRange slots = splats.slots[i];
-  int best = 0;
-  for (std::uint32_t k = 0; k < slots.count && slots.begin + k < splats.slot_capacity; ++k) {
-    best = max(best, __float_as_int(slot_weight[slots.begin + k]));
+/// What a chunk left of a thread's pixels.
+struct Part {
+  float2 end;
+  float4 sums[kPixels];
+};
+
+/// Adds up what the chunks of a tile have, and leaves each with the sums of those before it.
+__device__ void join(const Chunk& chunk, const Place& place, const Frame& frame,
+                     const BinPointers& bins, const ChunkPointers& chunks,
+                     const ImagePointers& image) {
+  constexpr std::uint32_t kAtOnce = 2;
+  float through[kPixels] = {1.0f, 1.0f};
+  float sum[kPixels][4] = {};
+  const std::uint32_t last = min(chunk.last, look(bins.dark + chunk.tile));
+  for (std::uint32_t k = chunk.first; k <= last; k += kAtOnce) {
+    Part parts[kAtOnce] = {};
+#pragma unroll
+    for (std::uint32_t j = 0; j < kAtOnce; ++j) {
+      if (k + j > last) continue;
+      const std::uint32_t at = (k + j) * kThreads + threadIdx.x;
+      parts[j].end = __ldcg(chunks.end + at);
+      for (int p = 0; p < kPixels; ++p) {
+        parts[j].sums[p] = __ldcg(chunks.sums + kPixels * at + p);
+      }
+    }
+#pragma unroll
+    for (std::uint32_t j = 0; j < kAtOnce; ++j) {
+      if (k + j > last) continue;
+      const std::uint32_t at = (k + j) * kThreads + threadIdx.x;
+      if (parts[j].end.x != 0.0f) through[0] = fabsf(parts[j].end.x);
+      if (parts[j].end.y != 0.0f) through[1] = fabsf(parts[j].end.y);
+      for (int p = 0; p < kPixels; ++p) {
+        chunks.sums[kPixels * at + p] = make_float4(sum[p][0], sum[p][1], sum[p][2], sum[p][3]);
+        sum[p][0] += parts[j].sums[p].x;
+        sum[p][1] += parts[j].sums[p].y;
+        sum[p][2] += parts[j].sums[p].z;
+        sum[p][3] += parts[j].sums[p].w;
+      }
+    }
   }
-  max_weight[splats.gaussian[i]] = best > kFinishedOnly ? __int_as_float(best) : 0.0f;
+  store_image(place, frame, image, through, sum);
+}
+
+/// Whether all other chunks of the tile were drawn before this one.
+__device__ bool is_last_drawn(const Chunk& chunk, const BinPointers& bins, std::uint32_t& shared) {
+  __threadfence();
+  __syncthreads();
+  std::uint32_t before = 0;
+  if (threadIdx.x == 0) before = atomicAdd(bins.drawing.drawn + chunk.tile, 1U);
+  const bool out = from_first(before, shared) == chunk.last - chunk.first;
+  __threadfence();
+  return out;
+}
+
+template <int kSlots>
+__global__ void __launch_bounds__(kThreads, kDrawBlocks)
+    draw_kernel(Frame frame, SplatPointers splats, BinPointers bins, ImagePointers image,
+                ChunkPointers chunks, float* slot_weight, float* max_weight) {
+  __shared__ DrawShared<kSlots> shared;
+  std::uint32_t turn = 0;
+  if (threadIdx.x == 0) turn = atomicAdd(bins.drawing.begun, 1U);
+  const Chunk chunk(frame, bins, splats.slot_capacity, from_first(turn, shared.word));
+  if (chunk.none) return;
+  const Corner tile = chunk.corner(frame);
+  const Place place(tile);
+  const bool first = chunk.id == chunk.first;
+  const bool last = chunk.id == chunk.last;
+  const int count = chunk.size();
+  const std::uint32_t to = chunk.id * kThreads + threadIdx.x;
+  float light[kPixels];
+  float sum[kPixels][4] = {};
+  for (int p = 0; p < kPixels; ++p) light[p] = place.inside(frame, p) ? 1.0f : -1.0f;
+  const bool behind = from_first(look(bins.dark + chunk.tile), shared.word) < chunk.id;
+  if (behind) {
+    if (!last) say_through(chunk, bins, chunks, {0.0f, 0.0f});
+    for (auto at = static_cast<int>(threadIdx.x); at < count; at += kThreads) {
+      slot_weight[bins.tile_slots[chunk.begin + at]] = 0.0f;
+    }
+  } else {
+    fetch(chunk, frame, splats, bins, shared);
+    __syncthreads();
+    if (!first && !last) {
+      float through[kPixels] = {light[0], light[1]};
+      dim(shared.batch, count, place, through);
+      say_through(chunk, bins, chunks, through);
+    }
+    if (!first) find_start(chunk, bins, chunks, light);
+    const bool live_before[kPixels] = {light[0] > 0.0f, light[1] > 0.0f};
+    const bool lit = __syncthreads_or(any_live(light)) != 0;
+    blend(shared, count, place, light, sum);
+    if (first && !last) say_through(chunk, bins, chunks, light);
+    if (__syncthreads_or(any_live(light)) == 0 && lit && threadIdx.x == 0) {
+      atomicMin(bins.dark + chunk.tile, chunk.id);
+    }
+    store_weights(shared, chunk, splats, bins, slot_weight, max_weight);
+    if (first && last) {
+      for (float& x : light) x = fabsf(x);
+      return store_image(place, frame, image, light, sum);
+    }
+    chunks.end[to] =
+        make_float2(live_before[0] ? light[0] : 0.0f, live_before[1] ? light[1] : 0.0f);
+    for (int p = 0; p < kPixels; ++p) {
+      chunks.sums[kPixels * to + p] = make_float4(sum[p][0], sum[p][1], sum[p][2], sum[p][3]);
+    }
+  }
+  if (is_last_drawn(chunk, bins, shared.word)) join(chunk, place, frame, bins, chunks, image);
 }
 
 }  // namespace
@@ -135,12 +293,10 @@ cudaError_t launch_blend(const Frame& frame, const SplatPointers& splats, const 
                          float* slot_weight, const StatisticsPointers& statistics,
                          cudaStream_t stream) {
   const unsigned blocks = chunk_capacity(splats.slot_capacity, bins.chunk_slots, frame.tiles());
-  dim_kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, chunks);
-  blend_kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, chunks, slot_weight);
-  join_kernel<<<static_cast<unsigned>(frame.tiles()), kThreads, 0, stream>>>(frame, bins, chunks,
-                                                                             image);
-  weigh_kernel<<<(splats.capacity + kThreads - 1) / kThreads, kThreads, 0, stream>>>(
-      splats, slot_weight, statistics.max_weight);
+  const auto kernel = bins.chunk_slots == kLeastChunkSlots ? draw_kernel<kLeastChunkSlots>
+                                                           : draw_kernel<kMostChunkSlots>;
+  kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, image, chunks, slot_weight,
+                                          statistics.max_weight);
   return cudaGetLastError();
 }
 

@@ -69,6 +69,18 @@ struct BackwardShared {
   unsigned long long written[kTileWarps];
 };
 
+/// Fetches some of the splats that a chunk draws.
+__device__ void fetch_drawn(const SplatPointers& splats, const BinPointers& bins,
+                            std::uint32_t begin, int count, Batch<kBackwardBatch>& batch) {
+  const auto at = static_cast<int>(threadIdx.x);
+  if (at >= kBackwardBatch) return;
+  batch.put_none(at);
+  if (at >= count) return;
+  const std::uint32_t draw = bins.tile_draws[begin + at];
+  batch.put(at, splats.splats[draw & ((1U << kSplatBits) - 1)], bins.tile_slots[begin + at],
+            draw >> kSplatBits);
+}
+
 /// One splat's derivatives at the pixels of a thread; whether any has it.
 __device__ bool walk_back(const Drawable& s, const Reach& reach, float (&light)[kPixels],
                           PixelGradient (&grad)[kPixels], float (&sum)[kSlotFloats]) {
@@ -109,25 +121,27 @@ __device__ void store_batch(const BackwardShared& shared, int count, float* slot
     for (int warp = 0; warp < kTileWarps; ++warp) {
       if ((shared.written[warp] >> at & 1U) != 0) sum += shared.sums[warp][at][value];
     }
-    slot_gradient[static_cast<std::int64_t>(shared.batch.slot[at]) * kSlotFloats + value] = sum;
+    slot_gradient[static_cast<std::int64_t>(shared.batch.splats[at].slot) * kSlotFloats + value] =
+        sum;
   }
 }
 
-/// Takes what the chunks before have from what is still to come.
-__device__ void take_before(const Chunk& chunk, const ChunkPointers& chunks,
-                            PixelGradient (&grad)[kPixels]) {
-  float start[kPixels] = {1.0f, 1.0f};
-#pragma unroll 4
-  for (std::uint32_t k = chunk.first; k < chunk.id; ++k) {
-    const float2 ends = chunks.end[k * kThreads + threadIdx.x];
-    const float end[kPixels] = {fabsf(ends.x), fabsf(ends.y)};
-    for (int p = 0; p < kPixels; ++p) {
-      const float4 part = chunks.sums[kPixels * (k * kThreads + threadIdx.x) + p];
-      PixelGradient& g = grad[p];
-      g.rest -= part.x * g.color[0] + part.y * g.color[1] + part.z * g.color[2] + part.w * g.depth +
-                (start[p] - end[p]) * g.alpha;
-      start[p] = end[p];
-    }
+/// The light that a chunk starts with, and what is still to come there, without what the chunks
+/// before it have.
+__device__ void begin_at(const Chunk& chunk, const Place& place, const Frame& frame,
+                         const ChunkPointers& chunks, float (&light)[kPixels],
+                         PixelGradient (&grad)[kPixels]) {
+  for (int p = 0; p < kPixels; ++p) light[p] = place.inside(frame, p) ? 1.0f : -1.0f;
+  if (chunk.id == chunk.first) return;
+  const std::uint32_t at = chunk.id * kThreads + threadIdx.x;
+  const float2 start = chunks.start[at];
+  light[0] = start.x;
+  light[1] = start.y;
+  for (int p = 0; p < kPixels; ++p) {
+    const float4 before = chunks.sums[kPixels * at + p];
+    PixelGradient& g = grad[p];
+    g.rest -= before.x * g.color[0] + before.y * g.color[1] + before.z * g.color[2] +
+              before.w * g.depth + (1.0f - light[p]) * g.alpha;
   }
 }
 
@@ -161,28 +175,27 @@ __global__ void __launch_bounds__(kThreads)
 
 __global__ void __launch_bounds__(kThreads)
     blend_backward_kernel(Frame frame, SplatPointers splats, BinPointers bins, ImagePointers image,
-                          ChunkPointers chunks, const float* slot_weight,
-                          ImageGradientPointers image_grad, float* slot_gradient) {
+                          ChunkPointers chunks, ImageGradientPointers image_grad,
+                          float* slot_gradient) {
   __shared__ BackwardShared shared;
-  const Chunk chunk(frame, bins, splats.slot_capacity);
-  if (chunk.none) return;
+  const Chunk chunk(frame, bins, splats.slot_capacity, blockIdx.x);
+  if (chunk.none || chunk.id > bins.dark[chunk.tile]) return;
   const Corner tile = chunk.corner(frame);
   const Place place(tile);
   const int warp = static_cast<int>(threadIdx.x) / kWarp;
   const int own_value = value_of_lane();
   float light[kPixels];
   PixelGradient grad[kPixels] = {};
-  light_before(chunk, place, frame, chunks, light);
   for (int p = 0; p < kPixels; ++p) {
     if (place.inside(frame, p)) grad[p] = gradient_at(image, image_grad, place.index(frame, p));
   }
-  take_before(chunk, chunks, grad);
-  for (std::uint32_t begin = chunk.begin; begin < chunk.end; begin += kBackwardBatch) {
-    if (__syncthreads_or(any_live(light)) == 0) break;
-    fill<kBackwardBatch, true>(shared.batch, frame, tile, splats, bins, begin, chunk.end,
-                               slot_weight);
+  begin_at(chunk, place, frame, chunks, light, grad);
+  const std::uint32_t end = chunk.begin + bins.chunk_drawn[chunk.id];
+  for (std::uint32_t begin = chunk.begin; begin < end; begin += kBackwardBatch) {
+    const int count = min(kBackwardBatch, static_cast<int>(end - begin));
     __syncthreads();
-    const int count = min(kBackwardBatch, static_cast<int>(chunk.end - begin));
+    fetch_drawn(splats, bins, begin, count, shared.batch);
+    __syncthreads();
     unsigned long long written = 0;
     for (int base = 0; base < count; base += kWarp) {
       const auto draw = [&](int at, const Drawable& s, const Reach& reach) {
@@ -205,12 +218,11 @@ __global__ void __launch_bounds__(kThreads)
 
 cudaError_t launch_blend_backward(const Frame& frame, const SplatPointers& splats,
                                   const BinPointers& bins, const ImagePointers& image,
-                                  const ChunkPointers& chunks, const float* slot_weight,
-                                  const ImageGradientPointers& grad, const BackwardScratch& scratch,
-                                  cudaStream_t stream) {
+                                  const ChunkPointers& chunks, const ImageGradientPointers& grad,
+                                  const BackwardScratch& scratch, cudaStream_t stream) {
   const unsigned blocks = chunk_capacity(splats.slot_capacity, bins.chunk_slots, frame.tiles());
-  blend_backward_kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, image, chunks,
-                                                         slot_weight, grad, scratch.slot_gradient);
+  blend_backward_kernel<<<blocks, kThreads, 0, stream>>>(frame, splats, bins, image, chunks, grad,
+                                                         scratch.slot_gradient);
   background_backward_kernel<<<static_cast<unsigned>(frame.tiles()), kThreads, 0, stream>>>(
       frame, image, grad.color, scratch.background_partials);
   return cudaGetLastError();

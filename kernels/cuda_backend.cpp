@@ -88,12 +88,13 @@ class CudaLossBackend final : public LossBackend {
     return out;
   }
 
-  Tensor backward(const LossInput& input, const Tensor& kept) const override {
+  Tensor backward(const LossInput& input, const Tensor& kept,
+                  const Tensor& by_loss) const override {
     const c10::cuda::CUDAGuard guard(input.image.device());
     Tensor gradient = torch::empty_like(input.image);
     const auto* const share = kept.data_ptr<float>();
     C10_CUDA_CHECK(cuda::launch_loss_backward(to_images(input), share + 1, share,
-                                              gradient.data_ptr<float>(),
+                                              by_loss.data_ptr<float>(), gradient.data_ptr<float>(),
                                               at::cuda::getCurrentCUDAStream()));
     return gradient;
   }
@@ -143,7 +144,8 @@ class CudaAdamBackend final : public AdamBackend {
     return {.keep_first = static_cast<float>(options.beta1),
             .keep_second = static_cast<float>(options.beta2),
             .root_scale = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(options.beta2, n))),
-            .epsilon = static_cast<float>(options.epsilon)};
+            .epsilon = static_cast<float>(options.epsilon),
+            .seed = static_cast<unsigned>(steps) * 0x9e3779b9U};
   }
 
   static std::vector<cuda::AdamGroupPointers> to_pointers(const std::vector<AdamGroup>& groups,
@@ -159,8 +161,9 @@ class CudaAdamBackend final : public AdamBackend {
                      .width = rows == 0 ? 0 : values / rows,
                      .parameter = group.parameter.data_ptr<float>(),
                      .gradient = gradient.defined() ? gradient.data_ptr<float>() : nullptr,
-                     .first = group.first.data_ptr<float>(),
-                     .second = group.second.data_ptr<float>(),
+                     .first = group.first.data_ptr(),
+                     .second = group.second.data_ptr(),
+                     .cut = group.first.scalar_type() == torch::kBFloat16,
                      .rate = static_cast<float>(group.rate * scale)});
     }
     return out;

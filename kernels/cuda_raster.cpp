@@ -23,6 +23,7 @@ struct RasterMemory {
   cuda::Counts last = {0, 0};
   Tensor host_counts = torch::empty({2}, torch::dtype(torch::kInt32).pinned_memory(true));
   at::cuda::CUDAEvent counted;
+  at::cuda::CUDAEvent projected, shaded;
 
   cuda::Counts* counts() {
     return reinterpret_cast<cuda::Counts*>(host_counts.data_ptr<std::int32_t>());
@@ -104,24 +105,29 @@ class RasterBuffers {
             .gaussian = at<std::uint32_t>(layout_.gaussian),
             .slots = at<cuda::SlotRange>(layout_.slots),
             .depth_keys = nullptr,
-            .order = nullptr,
             .block_state = nullptr,
             .counts = at<cuda::Counts>(layout_.counts),
             .host_counts = nullptr};
   }
   cuda::BinPointers bins() const {
-    return {.slot_splat = at<std::uint32_t>(layout_.slot_splat),
+    return {.slot_splat = nullptr,
             .tile_slots = at<std::uint32_t>(layout_.tile_slots),
+            .tile_draws = at<std::uint32_t>(layout_.tile_draws),
             .tile_begin = at<std::uint32_t>(layout_.tile_begin),
             .chunk_slots = cuda::chunk_slots(capacity_.slots),
             .chunk_begin = at<std::uint32_t>(layout_.chunk_begin),
             .chunk_tile = at<std::uint32_t>(layout_.chunk_tile),
-            .scratch = nullptr,
-            .scratch_bytes = 0};
+            .chunk_drawn = at<std::uint32_t>(layout_.chunk_drawn),
+            .turns = at<std::uint32_t>(layout_.turns),
+            .dark = at<std::uint32_t>(layout_.dark),
+            .drawing = {},
+            .state = nullptr,
+            .scratch = nullptr};
   }
   cuda::ChunkPointers chunks() const {
-    return {.through = at<float2>(layout_.through),
-            .end = at<float2>(layout_.end),
+    return {.through = nullptr,
+            .start = at<float2>(layout_.start),
+            .end = nullptr,
             .sums = at<float4>(layout_.sums)};
   }
   float* slot_weight() const { return at<float>(layout_.slot_weight); }
@@ -131,22 +137,24 @@ class RasterBuffers {
  private:
   struct Layout {
     Parts parts;
-    std::int64_t splats, gaussian, slots, counts, slot_splat, tile_slots, tile_begin, slot_weight;
-    std::int64_t chunk_begin, chunk_tile, through, end, sums;
+    std::int64_t splats, gaussian, slots, counts, tile_slots, tile_draws, tile_begin, slot_weight;
+    std::int64_t chunk_begin, chunk_tile, chunk_drawn, turns, dark, start, sums;
 
     Layout(const cuda::Counts& n, int tiles)
         : splats(parts.take(std::int64_t{n.splats} * 64)),
           gaussian(parts.take(std::int64_t{n.splats} * 4)),
           slots(parts.take(std::int64_t{n.splats} * 8)),
           counts(parts.take(8)),
-          slot_splat(parts.take(std::int64_t{n.slots} * 4)),
           tile_slots(parts.take(std::int64_t{n.slots} * 4)),
+          tile_draws(parts.take(std::int64_t{n.slots} * 4)),
           tile_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
           slot_weight(parts.take(std::int64_t{n.slots} * 4)),
           chunk_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
           chunk_tile(parts.take(chunks(n, tiles) * 4)),
-          through(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
-          end(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
+          chunk_drawn(parts.take(chunks(n, tiles) * 4)),
+          turns(parts.take(chunks(n, tiles) * 4)),
+          dark(parts.take(std::int64_t{tiles} * 4)),
+          start(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
           sums(parts.take(chunks(n, tiles) * cuda::kTilePixels * 16)) {}
 
     static std::int64_t chunks(const cuda::Counts& n, int tiles) {
@@ -166,6 +174,62 @@ class RasterBuffers {
   Tensor row_;
 };
 
+/// What only the forward pass needs.
+class Scratch {
+ public:
+  Scratch(std::int64_t gaussians, const cuda::Counts& capacity, const cuda::Frame& frame,
+          std::uint32_t chunk_slots, const torch::TensorOptions& options) {
+    const std::int64_t chunks = cuda::chunk_capacity(capacity.slots, chunk_slots, frame.tiles());
+    const auto take_bytes = [&](std::size_t bytes) {
+      return parts_.take(static_cast<std::int64_t>(bytes));
+    };
+    block_state_ = parts_.take((cuda::project_blocks(gaussians) + 1) * 8);
+    bin_state_ = take_bytes(cuda::bin_state_bytes(capacity.splats, capacity.slots, frame.tiles()));
+    depth_keys_ = parts_.take(std::int64_t{capacity.splats} * 4);
+    slot_splat_ = parts_.take(std::int64_t{capacity.slots} * 4);
+    begun_ = parts_.take(4);
+    kinds_ = parts_.take(cuda::kChunkKinds * 4);
+    drawn_ = parts_.take(std::int64_t{frame.tiles()} * 4);
+    ready_ = parts_.take(chunks * 4);
+    through_ = parts_.take(chunks * cuda::kTilePixels * 4);
+    end_ = parts_.take(chunks * cuda::kTilePixels * 4);
+    bin_ = take_bytes(cuda::bin_scratch_bytes(capacity.splats, capacity.slots, frame.tiles()));
+    memory_ = torch::empty({parts_.size()}, options.dtype(torch::kUInt8));
+  }
+
+  /// States begin as zeros.
+  void clear(cudaStream_t stream) const {
+    C10_CUDA_CHECK(cudaMemsetAsync(at<char>(block_state_), 0,
+                                   static_cast<std::size_t>(depth_keys_ - block_state_), stream));
+  }
+
+  void hand_to(cuda::SplatPointers& splats, cuda::BinPointers& bins,
+               cuda::ChunkPointers& chunks) const {
+    splats.block_state = at<unsigned long long>(block_state_);
+    splats.depth_keys = at<std::uint32_t>(depth_keys_);
+    bins.slot_splat = at<std::uint32_t>(slot_splat_);
+    bins.drawing = {.begun = at<std::uint32_t>(begun_),
+                    .kinds = at<std::uint32_t>(kinds_),
+                    .drawn = at<std::uint32_t>(drawn_),
+                    .ready = at<std::uint32_t>(ready_)};
+    bins.state = at<char>(bin_state_);
+    bins.scratch = at<char>(bin_);
+    chunks.through = at<float2>(through_);
+    chunks.end = at<float2>(end_);
+  }
+
+ private:
+  template <typename P>
+  P* at(std::int64_t offset) const {
+    return reinterpret_cast<P*>(memory_.data_ptr<std::uint8_t>() + offset);
+  }
+
+  Parts parts_;
+  std::int64_t block_state_, bin_state_, depth_keys_, slot_splat_, begun_, kinds_, drawn_, ready_,
+      through_, end_, bin_;
+  Tensor memory_;
+};
+
 /// Launches the whole forward pass with room for `capacity`; the counts are on their way to
 /// `memory` when it returns.
 RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
@@ -176,36 +240,32 @@ RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
   const cuda::Frame& frame = buffers.frame();
   cuda::SplatPointers splats = buffers.splats();
   cuda::BinPointers bins = buffers.bins();
-  const std::int64_t ids = std::int64_t{capacity.splats} * 4;
-  const std::int64_t states = (cuda::project_blocks(gaussians.count) + 1) * 8;
-  bins.scratch_bytes = cuda::bin_scratch_bytes(capacity.splats, capacity.slots, frame.tiles());
-  const Tensor scratch =
-      torch::empty({states + 2 * ids + 512 + static_cast<std::int64_t>(bins.scratch_bytes)},
-                   input.gaussians.means.options().dtype(torch::kUInt8));
-  auto* const bytes = scratch.data_ptr<std::uint8_t>();
-  const std::int64_t first = (states + 2 * ids + 255) / 256 * 256;
-  splats.block_state = reinterpret_cast<unsigned long long*>(bytes);
-  splats.depth_keys = reinterpret_cast<std::uint32_t*>(bytes + states);
-  splats.order = splats.depth_keys + capacity.splats;
+  cuda::ChunkPointers chunks = buffers.chunks();
+  const Scratch scratch(gaussians.count, capacity, frame, bins.chunk_slots,
+                        input.gaussians.means.options());
+  scratch.clear(stream);
+  scratch.hand_to(splats, bins, chunks);
   splats.host_counts = memory.counts();
-  bins.scratch = bytes + first;
-  C10_CUDA_CHECK(cudaMemsetAsync(bytes, 0, static_cast<std::size_t>(states), stream));
-  C10_CUDA_CHECK(cudaMemsetAsync(bytes + states, 0xff, static_cast<std::size_t>(2 * ids), stream));
-  C10_CUDA_CHECK(
-      cudaMemsetAsync(buffers.slot_weight(), 0, std::size_t{4} * capacity.slots, stream));
   const cuda::StatisticsPointers statistics = {.visible = out.visible.data_ptr<bool>(),
                                                .radii_px = out.radii_px.data_ptr<float>(),
                                                .max_weight = out.max_weight.data_ptr<float>(),
                                                .row = buffers.row().data_ptr<std::int32_t>()};
   C10_CUDA_CHECK(cuda::launch_project(gaussians, frame, splats, statistics, stream));
   memory.counted.record(stream);
+  // Sorting keeps few multiprocessors busy, and only drawing waits for colours.
+  const auto other = at::cuda::getStreamFromPool(false, stream.device_index());
+  memory.projected.record(stream);
+  memory.projected.block(other);
+  C10_CUDA_CHECK(cuda::launch_shade(gaussians, frame, splats, statistics, other));
+  memory.shaded.record(other);
   C10_CUDA_CHECK(cuda::launch_bin(frame, splats, bins, stream));
+  memory.shaded.block(stream);
   const cuda::ImagePointers image = {.background = input.background.data_ptr<float>(),
                                      .color = out.color.data_ptr<float>(),
                                      .depth = out.depth.data_ptr<float>(),
                                      .alpha = out.alpha.data_ptr<float>()};
-  C10_CUDA_CHECK(cuda::launch_blend(frame, splats, bins, image, buffers.chunks(),
-                                    buffers.slot_weight(), statistics, stream));
+  C10_CUDA_CHECK(cuda::launch_blend(frame, splats, bins, image, chunks, buffers.slot_weight(),
+                                    statistics, stream));
   return buffers;
 }
 
@@ -255,8 +315,9 @@ class CudaRasterBackend final : public RasterBackend {
       const RasterBuffers buffers = launch_forward(input, out, room, memory);
       memory.counted.synchronize();
       memory.last = *memory.counts();
-      TORCH_CHECK(memory.last.slots < (1U << 31U), "render: ", n, " Gaussians touch ",
-                  memory.last.slots, " tiles, which is too much to sort");
+      TORCH_CHECK(memory.last.splats < (1U << cuda::kSplatBits) && memory.last.slots < (1U << 30U),
+                  "render: ", memory.last.splats, " Gaussians touch ", memory.last.slots,
+                  " tiles, which is too much to sort");
       if (memory.last.splats > room.splats || memory.last.slots > room.slots) continue;
       out.state = buffers.state();
       return out;
@@ -297,14 +358,13 @@ class CudaRasterBackend final : public RasterBackend {
         .depth = grad.depth.defined() ? grad.depth.data_ptr<float>() : nullptr,
         .alpha = grad.alpha.defined() ? grad.alpha.data_ptr<float>() : nullptr};
     C10_CUDA_CHECK(cuda::launch_blend_backward(frame, buffers.splats(), buffers.bins(), image,
-                                               buffers.chunks(), buffers.slot_weight(), image_grad,
-                                               scratch, stream));
+                                               buffers.chunks(), image_grad, scratch, stream));
     RasterInputGradient out;
     const cuda::GaussianGradientPointers to =
         as_rows ? make_rows(input, buffers, out) : make_tensors(input.gaussians, out);
-    C10_CUDA_CHECK(cuda::launch_project_backward(to_pointers(input.gaussians), frame,
-                                                 buffers.splats(), buffers.slot_weight(), scratch,
-                                                 to, stream));
+    C10_CUDA_CHECK(cuda::launch_project_backward(
+        to_pointers(input.gaussians), frame, buffers.splats(), buffers.slot_weight(),
+        output.max_weight.data_ptr<float>(), scratch, to, stream));
     out.pose = sums.narrow(0, 0, cuda::kPoseScalars);
     out.background = sums.narrow(0, cuda::kPoseScalars, cuda::kBackgroundScalars).to(options);
     return out;

@@ -5,22 +5,14 @@
 
 #include "apvi/splat/sh_math.hpp"
 #include "raster.hpp"
+#include "warp.cuh"
 
 /// What the projection and its derivative both do with the parameters of a Gaussian.
 namespace apvi::splat::cuda {
 
-inline constexpr unsigned kAllLanes = 0xffffffffU;
-inline constexpr int kWarp = 32;
 /// Floats of a row of coefficients in shared memory; odd, so that threads that read their own rows
 /// do not meet in a bank.
 inline constexpr int kShStride = 3 * kMaxShRest;
-
-/// The sum of a value over the lanes, in an order that does not change; all lanes have it.
-template <typename T>
-__device__ inline T warp_sum(T value) {
-  for (int by = kWarp / 2; by > 0; by /= 2) value += __shfl_xor_sync(kAllLanes, value, by);
-  return value;
-}
 
 /// Everything about a Gaussian that both passes need.
 struct Shape {

@@ -5,6 +5,7 @@
 #include "loss.hpp"
 
 #include "apvi/splat/ssim_math.hpp"
+#include "warp.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
@@ -19,10 +20,11 @@ constexpr int kLoadY = kTileY + 2 * kRadius;
 constexpr int kThreads = 256;
 constexpr int kSums = 3;  // L1, SSIM, values that count
 
-// Half of the Gaussian of sigma 1.5 px over 11 taps, centre first, normalised to a sum of one.
-__constant__ float kTaps[kRadius + 1] = {0.2660117248617943f,   0.21300553771125366f,
-                                         0.1093606895097f,      0.03600077212843082f,
-                                         0.007598758135239184f, 0.0010283800844791099f};
+constexpr float weight_of(int tap) {
+  return static_cast<float>(kSsimWeights[tap]);
+}
+__constant__ constexpr float kTaps[kRadius + 1] = {weight_of(0), weight_of(1), weight_of(2),
+                                                   weight_of(3), weight_of(4), weight_of(5)};
 
 struct Tile {
   int x0, y0;  ///< of the first value, in values and rows
@@ -62,25 +64,12 @@ __device__ float blur_across(const float* column) {
   return sum;
 }
 
-/// Sum over the block, in an order that does not change; the result is thread 0's.
-__device__ float block_sum(float value, float* warps) {
-  for (int by = 16; by > 0; by /= 2) value += __shfl_xor_sync(0xffffffffU, value, by);
-  __syncthreads();
-  if (threadIdx.x % 32 == 0) warps[threadIdx.x / 32] = value;
-  __syncthreads();
-  float sum = 0.0f;
-  if (threadIdx.x == 0) {
-    for (int k = 0; k < kThreads / 32; ++k) sum += warps[k];
-  }
-  return sum;
-}
-
 __global__ void __launch_bounds__(kThreads)
     compare_kernel(LossImages in, float* maps, float* partials) {
   __shared__ float s[kLoadY][kLoadX];
   __shared__ float d[kLoadY][kLoadX];
   __shared__ float blurred[4][kLoadY][kTileX];
-  __shared__ float warps[kThreads / 32];
+  __shared__ float warps[kThreads / kWarp][kSums];
   const Tile tile = own_tile(in);
   const auto thread = static_cast<int>(threadIdx.x);
   for (int k = thread; k < kLoadX * kLoadY; k += kThreads) {
@@ -128,10 +117,8 @@ __global__ void __launch_bounds__(kThreads)
     maps[values + at] = weight * ssim.by_ss;
     maps[2 * values + at] = weight * ssim.by_dd;
   }
-  for (int k = 0; k < kSums; ++k) {
-    const float sum = block_sum(sums[k], warps);
-    if (thread == 0) partials[blockIdx.x * kSums + k] = sum;
-  }
+  const float sum = block_sums<kThreads>(sums, warps);
+  if (thread < kSums) partials[blockIdx.x * kSums + thread] = sum;
 }
 
 __global__ void add_up_kernel(const float* partials, int blocks, float ssim_weight, float* loss,
@@ -156,7 +143,8 @@ __global__ void add_up_kernel(const float* partials, int blocks, float ssim_weig
 }
 
 __global__ void __launch_bounds__(kThreads)
-    differentiate_kernel(LossImages in, const float* maps, const float* share, float* gradient) {
+    differentiate_kernel(LossImages in, const float* maps, const float* share, const float* by_loss,
+                         float* gradient) {
   __shared__ float loaded[kLossMaps][kLoadY][kLoadX];
   __shared__ float blurred[kLossMaps][kLoadY][kTileX];
   const Tile tile = own_tile(in);
@@ -179,8 +167,8 @@ __global__ void __launch_bounds__(kThreads)
     for (int m = 0; m < kLossMaps; ++m) blurred[m][y][x] = blur_along(&loaded[m][y][x + kHaloX]);
   }
   __syncthreads();
-  const float l1 = (1.0f - in.ssim_weight) * *share;
-  const float by_ssim = -in.ssim_weight * *share;
+  const float l1 = (1.0f - in.ssim_weight) * *share * *by_loss;
+  const float by_ssim = -in.ssim_weight * *share * *by_loss;
   for (int k = thread; k < kTileX * kTileY; k += kThreads) {
     const int x = k % kTileX;
     const int y = k / kTileX;
@@ -211,9 +199,9 @@ cudaError_t launch_loss_forward(const LossImages& in, float* maps, float* partia
 }
 
 cudaError_t launch_loss_backward(const LossImages& in, const float* maps, const float* share,
-                                 float* gradient, cudaStream_t stream) {
+                                 const float* by_loss, float* gradient, cudaStream_t stream) {
   const auto blocks = static_cast<unsigned>(loss_blocks(in.width, in.height));
-  differentiate_kernel<<<blocks, kThreads, 0, stream>>>(in, maps, share, gradient);
+  differentiate_kernel<<<blocks, kThreads, 0, stream>>>(in, maps, share, by_loss, gradient);
   return cudaGetLastError();
 }
 

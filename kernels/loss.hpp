@@ -28,8 +28,8 @@ std::int64_t loss_blocks(int width, int height);
 /// `loss` [1]; `share` [1] one over how many values count.
 cudaError_t launch_loss_forward(const LossImages& in, float* maps, float* partials, float* loss,
                                 float* share, cudaStream_t stream);
-/// `gradient` [H,W,3].
+/// `by_loss` [1] is a factor of `gradient` [H,W,3].
 cudaError_t launch_loss_backward(const LossImages& in, const float* maps, const float* share,
-                                 float* gradient, cudaStream_t stream);
+                                 const float* by_loss, float* gradient, cudaStream_t stream);
 
 }  // namespace apvi::splat::cuda

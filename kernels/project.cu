@@ -1,50 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From Gaussians to splats, in one pass over all of them. Where a block's splats go it learns from
-// the blocks before it while they run (Merrill and Garland, "Single-pass parallel prefix scan with
-// decoupled look-back", 2016).
+// From Gaussians to splats, in one pass over all of them; their colours in another, over those that
+// show, as sorting does not wait for them.
 #include <cub/block/block_scan.cuh>
 
-#include "gaussian_rows.cuh"
+#include "look_back.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
-
-using Packed = unsigned long long;
-
-// A count of splats and one of slots in one word, with what the word is in its upper bits.
-constexpr int kSlotBits = 34;
-constexpr Packed kValue = (Packed{1} << 62) - 1;
-constexpr Packed kOwn = Packed{1} << 62;     // the count of a block alone
-constexpr Packed kPrefix = Packed{1} << 63;  // with all before it
-
-__device__ Packed pack(std::uint32_t splats, std::uint32_t slots) {
-  return static_cast<Packed>(splats) << kSlotBits | slots;
-}
-__device__ std::uint32_t splats_in(Packed p) {
-  return static_cast<std::uint32_t>((p & kValue) >> kSlotBits);
-}
-__device__ std::uint32_t slots_in(Packed p) {
-  return static_cast<std::uint32_t>(p & ((Packed{1} << kSlotBits) - 1));
-}
-
-/// What the blocks before `block` have, found by its first warp, who says what this one has.
-__device__ Packed count_before(volatile Packed* states, unsigned block, Packed own) {
-  const int lane = static_cast<int>(threadIdx.x);
-  if (lane == 0) states[block] = (block == 0 ? kPrefix : kOwn) | own;
-  Packed before = 0;
-  for (int at = static_cast<int>(block) - 1 - lane; block != 0; at -= kWarp) {
-    Packed state = kPrefix;
-    do {
-      if (at >= 0) state = states[at];
-    } while (__any_sync(kAllLanes, (state & (kOwn | kPrefix)) == 0));
-    const unsigned known = __ballot_sync(kAllLanes, (state & kPrefix) != 0);
-    const int last = known != 0 ? __ffs(static_cast<int>(known)) - 1 : kWarp - 1;
-    before += warp_sum(lane <= last ? state & kValue : Packed{0});
-    if (known != 0) break;
-  }
-  if (lane == 0 && block != 0) states[block] = kPrefix | (before + own);
-  return before;
-}
 
 /// Colour of a Gaussian; its coefficients lie in `row`.
 __device__ void shade(const GaussianPointers& g, const Frame& frame, std::int64_t i,
@@ -76,14 +38,12 @@ __device__ std::uint32_t count_tiles(const Splat<float>& s, const Frame& frame) 
 struct Drawn {
   Splat<float> splat;
   std::uint32_t tiles;  ///< 0: not drawn
-  float mean[3];
 };
 
 __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, std::int64_t i) {
   Drawn out;
   out.tiles = 0;
   const Shape shape = load_shape(g, frame, i);
-  for (int k = 0; k < 3; ++k) out.mean[k] = shape.mean[k];
   float record[16];
   const bool seen =
       describe(frame.camera, shape.f, shape.opacity * shape.fade, static_cast<float>(frame.width),
@@ -106,27 +66,14 @@ __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, s
   return out;
 }
 
-/// Whether the centre lies where most Gaussians that show have theirs.
-__device__ bool likely_seen(const GaussianPointers& g, const Camera<float>& camera,
-                            std::int64_t i) {
-  float mean[3];
-  float p[3];
-  load3(g.means, i, mean);
-  rotate(camera.R, mean, p);
-  for (int k = 0; k < 3; ++k) p[k] += camera.t[k];
-  return p[2] >= camera.near_m && p[0] >= camera.x_min * p[2] && p[0] <= camera.x_max * p[2] &&
-         p[1] >= camera.y_min * p[2] && p[1] <= camera.y_max * p[2];
-}
-
 __device__ void store(const SplatPointers& out, std::uint32_t to, const Drawn& drawn,
-                      std::uint32_t gaussian, std::uint32_t slot_begin) {
+                      std::uint32_t gaussian) {
   if (to >= out.capacity) return;
   const auto* const from = reinterpret_cast<const float4*>(&drawn.splat);
   for (int k = 0; k < 4; ++k) reinterpret_cast<float4*>(out.splats + to)[k] = from[k];
   out.gaussian[to] = gaussian;
-  out.slots[to] = {slot_begin, drawn.tiles};
+  out.slots[to].count = drawn.tiles;
   out.depth_keys[to] = __float_as_uint(drawn.splat.z);  // of a positive float: sorts as it does
-  out.order[to] = to;
 }
 
 __global__ void __launch_bounds__(kProjectThreads)
@@ -134,23 +81,13 @@ __global__ void __launch_bounds__(kProjectThreads)
                    StatisticsPointers statistics, unsigned blocks) {
   using Scan = cub::BlockScan<Packed, kProjectThreads>;
   __shared__ typename Scan::TempStorage scan_storage;
-  __shared__ float coefficients[kProjectThreads * kShStride];
   __shared__ unsigned block_shared;
   __shared__ Packed before_shared;
-  if (threadIdx.x == 0) {
-    block_shared = static_cast<unsigned>(atomicAdd(out.block_state + blocks, Packed{1}));
-  }
-  __syncthreads();
-  const unsigned block = block_shared;
+  const unsigned block = take_turn(out.block_state, blocks, block_shared);
   const std::int64_t i = static_cast<std::int64_t>(block) * kProjectThreads + threadIdx.x;
   Drawn drawn;
   drawn.tiles = 0;
-  float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
-  // The coefficients of most are on their way while their footprints are found.
-  const bool likely = i < g.count && likely_seen(g, frame.camera, i);
-  fetch_sh(g, frame.sh_degree, likely, static_cast<std::uint32_t>(i), rows);
   if (i < g.count) drawn = find_footprint(g, frame, i);
-  fetch_sh(g, frame.sh_degree, drawn.tiles != 0 && !likely, static_cast<std::uint32_t>(i), rows);
   Packed at = 0;
   Packed own = 0;
   Scan(scan_storage).ExclusiveSum(pack(drawn.tiles != 0 ? 1 : 0, drawn.tiles), at, own);
@@ -162,28 +99,47 @@ __global__ void __launch_bounds__(kProjectThreads)
       *out.host_counts = *out.counts;
     }
   }
-  __pipeline_wait_prior(0);
   __syncthreads();
   at += before_shared;
   if (i >= g.count) return;
-  bool shows = drawn.tiles != 0;
-  if (shows) {
-    float color[3];
-    shade(g, frame, i, drawn.mean, rows + threadIdx.x % kWarp * kShStride, color);
-    for (int c = 0; c < 3; ++c) {
-      if (!(color[c] < 1e30f && color[c] > -1e30f)) shows = false;
-      drawn.splat.color[c] = shows ? at_least(color[c], 0.0f) : 0.0f;
-    }
-    if (!shows) {  // it has its place already, but touches no pixel
-      drawn.splat.e_0 = -INFINITY;
-      drawn.splat.radius = 0.0f;
-    }
-    store(out, splats_in(at), drawn, static_cast<std::uint32_t>(i), slots_in(at));
-  }
+  const bool shows = drawn.tiles != 0;
+  if (shows) store(out, splats_in(at), drawn, static_cast<std::uint32_t>(i));
   statistics.visible[i] = shows;
   statistics.radii_px[i] = shows ? drawn.splat.radius : 0.0f;
   statistics.max_weight[i] = 0.0f;
   statistics.row[i] = shows ? static_cast<std::int32_t>(splats_in(at)) : -1;
+}
+
+/// A splat without a colour has its place already, but touches no pixel.
+__device__ void hide(Splat<float>& splat, const StatisticsPointers& statistics, std::int64_t i) {
+  splat.e_0 = -INFINITY;
+  splat.radius = 0.0f;
+  statistics.visible[i] = false;
+  statistics.radii_px[i] = 0.0f;
+  statistics.row[i] = -1;
+}
+
+__global__ void __launch_bounds__(kProjectThreads)
+    shade_kernel(GaussianPointers g, Frame frame, SplatPointers splats,
+                 StatisticsPointers statistics) {
+  __shared__ float coefficients[kProjectThreads * kShStride];
+  float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
+  const std::uint32_t at = blockIdx.x * kProjectThreads + threadIdx.x;
+  const bool wanted = at < min(splats.counts->splats, splats.capacity);
+  const std::uint32_t i = wanted ? splats.gaussian[at] : 0;
+  fetch_sh(g, frame.sh_degree, wanted, i, rows);
+  float mean[3] = {};
+  if (wanted) load3(g.means, i, mean);
+  __pipeline_wait_prior(0);
+  __syncwarp();
+  if (!wanted) return;
+  float color[3];
+  shade(g, frame, i, mean, rows + threadIdx.x % kWarp * kShStride, color);
+  bool shows = true;
+  for (const float c : color) shows = shows && c < 1e30f && c > -1e30f;
+  Splat<float>& splat = splats.splats[at];
+  for (int c = 0; c < 3; ++c) splat.color[c] = shows ? at_least(color[c], 0.0f) : 0.0f;
+  if (!shows) hide(splat, statistics, i);
 }
 
 }  // namespace
@@ -196,6 +152,14 @@ cudaError_t launch_project(const GaussianPointers& in, const Frame& frame, const
                            const StatisticsPointers& statistics, cudaStream_t stream) {
   const auto blocks = static_cast<unsigned>(project_blocks(in.count));
   project_kernel<<<blocks, kProjectThreads, 0, stream>>>(in, frame, out, statistics, blocks);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_shade(const GaussianPointers& in, const Frame& frame,
+                         const SplatPointers& splats, const StatisticsPointers& statistics,
+                         cudaStream_t stream) {
+  const unsigned blocks = (splats.capacity + kProjectThreads - 1) / kProjectThreads;
+  shade_kernel<<<blocks, kProjectThreads, 0, stream>>>(in, frame, splats, statistics);
   return cudaGetLastError();
 }
 

@@ -126,32 +126,25 @@ __device__ void store_row(float4* to, const ProjectionGradient<float>& g, const 
   to[4] = make_float4(direction[2], 0.0f, 0.0f, 0.0f);
 }
 
-/// Sums of the block, in an order that does not change.
 __device__ void store_pose(const float (&pose)[kPoseScalars], float* partials) {
   __shared__ float warps[kProjectThreads / kWarp][kPoseScalars];
-  for (int k = 0; k < kPoseScalars; ++k) {
-    const float sum = warp_sum(pose[k]);
-    if (threadIdx.x % kWarp == 0) warps[threadIdx.x / kWarp][k] = sum;
-  }
-  __syncthreads();
-  if (threadIdx.x >= kPoseScalars) return;
-  float sum = 0.0f;
-  for (const auto& warp : warps) sum += warp[threadIdx.x];
-  partials[blockIdx.x * kPoseScalars + threadIdx.x] = sum;
+  const float sum = block_sums<kProjectThreads>(pose, warps);
+  if (threadIdx.x < kPoseScalars) partials[blockIdx.x * kPoseScalars + threadIdx.x] = sum;
 }
 
 template <bool kRows>
 __global__ void __launch_bounds__(kProjectThreads)
     project_backward_kernel(GaussianPointers in, Frame frame, SplatPointers splats,
-                            const float* slot_weight, BackwardScratch scratch,
-                            GaussianGradientPointers out) {
+                            const float* slot_weight, const float* max_weight,
+                            BackwardScratch scratch, GaussianGradientPointers out) {
   __shared__ float coefficients[kProjectThreads * kShStride];
   float* const rows = coefficients + threadIdx.x / kWarp * kWarp * kShStride;
   float* const own_row = rows + threadIdx.x % kWarp * kShStride;
   const std::uint32_t splat = blockIdx.x * kProjectThreads + threadIdx.x;
-  const bool wanted =
-      splat < min(splats.counts->splats, splats.capacity) && splats.splats[splat].radius > 0.0f;
-  const std::uint32_t gaussian = wanted ? splats.gaussian[splat] : 0;
+  const bool is_splat = splat < min(splats.counts->splats, splats.capacity);
+  const std::uint32_t gaussian = is_splat ? splats.gaussian[splat] : 0;
+  // Half of the splats lie behind others; nothing depends on those.
+  const bool wanted = is_splat && max_weight[gaussian] > 0.0f;
   fetch_sh(in, frame.sh_degree, wanted, gaussian, rows);
   const SlotRange slots = wanted ? splats.slots[splat] : SlotRange{0, 0};
   float sums[kSlotFloats];
@@ -182,7 +175,12 @@ __global__ void __launch_bounds__(kProjectThreads)
     out.mean2d[gaussian] = sqrtf(du * du + dv * dv);
     for (int k = 0; k < kPoseScalars; ++k) pose[k] = g.pose[k];
   }
-  if constexpr (!kRows) {
+  if constexpr (kRows) {
+    if (is_splat && !wanted) {
+      auto* const row = reinterpret_cast<float4*>(out.rows + std::int64_t{splat} * kRowFloats);
+      for (int k = 0; k < kRowFloats / 4; ++k) row[k] = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
+    }
+  } else {
     __syncwarp();
     store_sh(frame, in.sh_rest_count, wanted, gaussian, rows, out.sh_rest);
   }
@@ -217,12 +215,13 @@ std::int64_t pose_partial_rows(std::uint32_t capacity) {
 
 cudaError_t launch_project_backward(const GaussianPointers& in, const Frame& frame,
                                     const SplatPointers& splats, const float* slot_weight,
-                                    const BackwardScratch& scratch,
+                                    const float* max_weight, const BackwardScratch& scratch,
                                     const GaussianGradientPointers& out, cudaStream_t stream) {
   const auto blocks = static_cast<unsigned>(pose_partial_rows(splats.capacity));
   const auto kernel =
       out.rows != nullptr ? project_backward_kernel<true> : project_backward_kernel<false>;
-  kernel<<<blocks, kProjectThreads, 0, stream>>>(in, frame, splats, slot_weight, scratch, out);
+  kernel<<<blocks, kProjectThreads, 0, stream>>>(in, frame, splats, slot_weight, max_weight,
+                                                 scratch, out);
   add_up_kernel<<<kPoseScalars + kBackgroundScalars, kReduceThreads, 0, stream>>>(
       scratch, static_cast<int>(blocks), frame.tiles() * kTileWarps);
   return cudaGetLastError();

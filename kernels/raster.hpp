@@ -33,7 +33,10 @@ inline constexpr int kTilePixels = kTileSize * kTileSize;
 /// Slots of a tile that one block draws. Tiles where the scene ends far away have a hundred times
 /// as many as others; cut in chunks they do not keep the device waiting.
 inline constexpr std::uint32_t kLeastChunkSlots = 128;
-inline constexpr std::uint32_t kMostChunkSlots = 1024;
+inline constexpr std::uint32_t kMostChunkSlots = 256;
+
+/// Bits of a splat's number; those above name the blocks of a tile.
+inline constexpr int kSplatBits = 32 - kTileWarps;
 
 struct Frame {
   Camera<float> camera;
@@ -73,9 +76,8 @@ struct SplatPointers {
   std::uint32_t slot_capacity;
   Splat<float>* splats;             ///< [capacity]
   std::uint32_t* gaussian;          ///< [capacity] of which Gaussian
-  SlotRange* slots;                 ///< [capacity]
-  std::uint32_t* depth_keys;        ///< [capacity] all bits set beyond the count
-  std::uint32_t* order;             ///< [capacity] 0, 1, ...; all bits set beyond the count
+  SlotRange* slots;                 ///< [capacity] `begin` is left to the binning
+  std::uint32_t* depth_keys;        ///< [capacity]
   unsigned long long* block_state;  ///< [project_blocks + 1] zeros; the last counts the blocks
   Counts* counts;                   ///< [1]
   Counts* host_counts;              ///< the same in memory that the host reads
@@ -91,20 +93,42 @@ struct StatisticsPointers {
 cudaError_t launch_project(const GaussianPointers& in, const Frame& frame, const SplatPointers& out,
                            const StatisticsPointers& statistics, cudaStream_t stream);
 
-/// Which slots each tile draws, in order.
+/// Colours of the splats. `visible`, `radii_px` and `row` change where a colour is no number.
+cudaError_t launch_shade(const GaussianPointers& in, const Frame& frame,
+                         const SplatPointers& splats, const StatisticsPointers& statistics,
+                         cudaStream_t stream);
+
+inline constexpr int kChunkKinds = 15;
+/// How far the drawing is. Binning clears it.
+struct DrawingState {
+  std::uint32_t* begun;  ///< [1] chunks
+  std::uint32_t* kinds;  ///< [kChunkKinds] of chunks, by when they begin
+  std::uint32_t* drawn;  ///< [tiles] chunks of each
+  std::uint32_t* ready;  ///< [chunk_capacity] whether a chunk's `through` is there
+};
+/// Which slots each tile draws, in order, and in which order its chunks are drawn.
 struct BinPointers {
-  std::uint32_t* slot_splat;   ///< [slot_capacity] of which splat
-  std::uint32_t* tile_slots;   ///< [slot_capacity] by tile, within it by depth
+  std::uint32_t* slot_splat;  ///< [slot_capacity] of which splat
+  std::uint32_t* tile_slots;  ///< [slot_capacity] by tile, within it by depth
+  /// [slot_capacity] which splats a chunk draws, in a row from its first slot on, and in the upper
+  /// bits in which of the tile's blocks. Left by the drawing, which puts their slots in
+  /// `tile_slots`.
+  std::uint32_t* tile_draws;
   std::uint32_t* tile_begin;   ///< [tiles + 1]
   std::uint32_t chunk_slots;   ///< that `chunk_slots` says
-  std::uint32_t* chunk_begin;  ///< [tiles + 1] first chunk of each tile
+  std::uint32_t* chunk_begin;  ///< [tiles + 1] first chunk of each tile, which has one at least
   std::uint32_t* chunk_tile;   ///< [chunk_capacity]
-  void* scratch;               ///< `bin_scratch_bytes`
-  std::size_t scratch_bytes;
+  std::uint32_t* chunk_drawn;  ///< [chunk_capacity] how many those are
+  std::uint32_t* turns;        ///< [chunk_capacity] chunks, those of a tile in their order
+  std::uint32_t* dark;         ///< [tiles] the chunk behind which no pixel shows anything
+  DrawingState drawing;
+  void* state;    ///< `bin_state_bytes` of zeros
+  void* scratch;  ///< `bin_scratch_bytes`
 };
 /// Slots of a chunk, so that there are chunks for the whole device, and how many there can be.
 std::uint32_t chunk_slots(std::uint32_t slot_capacity);
 std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_slots, int tiles);
+std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
 cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
                        cudaStream_t stream);
@@ -118,10 +142,11 @@ struct ImagePointers {
 /// What the chunks leave of each of their pixels, two to a thread.
 struct ChunkPointers {
   float2* through;  ///< [chunks,128] how much light they let through, alone; not of a tile's last
+  float2* start;    ///< [chunks,128] light that they begin with; negative: none; not of the first
   float2* end;      ///< [chunks,128] light behind them; negative: finished in them, 0: before them
-  float4* sums;     ///< [chunks,128,2] weighted sums of colour and depth
+  float4* sums;     ///< [chunks,128,2] weighted sums of colour and depth, of all before in the end
 };
-/// `slot_weight` [slot_capacity] zeros: the largest weight of each slot. Fills in max_weight.
+/// `slot_weight` [slot_capacity]: the largest weight of each slot. Raises max_weight.
 cudaError_t launch_blend(const Frame& frame, const SplatPointers& splats, const BinPointers& bins,
                          const ImagePointers& image, const ChunkPointers& chunks,
                          float* slot_weight, const StatisticsPointers& statistics,
@@ -153,12 +178,11 @@ struct BackwardScratch {
 std::int64_t pose_partial_rows(std::uint32_t capacity);
 cudaError_t launch_blend_backward(const Frame& frame, const SplatPointers& splats,
                                   const BinPointers& bins, const ImagePointers& image,
-                                  const ChunkPointers& chunks, const float* slot_weight,
-                                  const ImageGradientPointers& grad, const BackwardScratch& scratch,
-                                  cudaStream_t stream);
+                                  const ChunkPointers& chunks, const ImageGradientPointers& grad,
+                                  const BackwardScratch& scratch, cudaStream_t stream);
 cudaError_t launch_project_backward(const GaussianPointers& in, const Frame& frame,
                                     const SplatPointers& splats, const float* slot_weight,
-                                    const BackwardScratch& scratch,
+                                    const float* max_weight, const BackwardScratch& scratch,
                                     const GaussianGradientPointers& out, cudaStream_t stream);
 
 }  // namespace apvi::splat::cuda

@@ -5,8 +5,7 @@
 
 /// What all walks over the splats of a tile share. A warp has a block of 8x8 pixels, two to a
 /// thread, and looks only at splats whose ellipse touches it. A tile's list is cut in chunks that
-/// are drawn side by side: first each says how much light it lets through, the product over those
-/// before it is the light that it starts with.
+/// are drawn side by side, see blend.cu.
 namespace apvi::splat::cuda {
 
 inline constexpr int kThreads = kTileWarps * kWarp;
@@ -23,24 +22,31 @@ struct Drawable {
   float blue, z;
 };
 
-/// Splats of a tile that wait in shared memory, and which of the tile's four blocks each touches.
+/// A splat of a tile that waits in shared memory.
+struct alignas(16) Waiting {
+  float4 a, b;
+  float2 c;
+  std::uint32_t slot;
+  unsigned blocks;  ///< which of the tile's four it touches
+};
+
 template <int kCount>
 struct Batch {
-  float4 a[kCount];
-  float4 b[kCount];
-  float2 c[kCount];
-  std::uint32_t slot[kCount];
-  unsigned blocks[kCount];
+  Waiting splats[kCount];
 
-  __device__ void put(int at, const Splat<float>& s) {
-    a[at] = make_float4(s.u, s.v, s.e_0, s.e_xx);
-    b[at] = make_float4(s.e_xy, s.e_yy, s.color[0], s.color[1]);
-    c[at] = make_float2(s.color[2], s.z);
+  __device__ void put(int at, const Splat<float>& s, std::uint32_t slot, unsigned blocks) {
+    Waiting& to = splats[at];
+    to.a = make_float4(s.u, s.v, s.e_0, s.e_xx);
+    to.b = make_float4(s.e_xy, s.e_yy, s.color[0], s.color[1]);
+    to.c = make_float2(s.color[2], s.z);
+    to.slot = slot;
+    to.blocks = blocks;
   }
+  __device__ void put_none(int at) { splats[at].blocks = 0; }
   __device__ Drawable get(int at) const {
-    const float4 x = a[at];
-    const float4 y = b[at];
-    const float2 z = c[at];
+    const float4 x = splats[at].a;
+    const float4 y = splats[at].b;
+    const float2 z = splats[at].c;
     return {x.x, x.y, x.z, x.w, y.x, y.y, y.z, y.w, z.x, z.y};
   }
 };
@@ -53,20 +59,22 @@ struct Corner {
 struct Chunk {
   bool none;  ///< there are fewer chunks than blocks
   int tile;
-  std::uint32_t id, first;  ///< this chunk and the first of the tile
-  bool last;                ///< of the tile
-  std::uint32_t begin, end;
+  std::uint32_t id;           ///< counts those of all tiles, in their order
+  std::uint32_t first, last;  ///< of the tile
+  std::uint32_t begin, end;   ///< in the list of all slots
 
-  __device__ Chunk(const Frame& frame, const BinPointers& bins, std::uint32_t slot_capacity) {
-    id = blockIdx.x;
-    none = id >= bins.chunk_begin[frame.tiles()];
+  __device__ Chunk(const Frame& frame, const BinPointers& bins, std::uint32_t slot_capacity,
+                   std::uint32_t turn) {
+    none = turn >= bins.chunk_begin[frame.tiles()];
     if (none) return;
+    id = bins.turns[turn];
     tile = static_cast<int>(bins.chunk_tile[id]);
     first = bins.chunk_begin[tile];
-    last = id + 1 == bins.chunk_begin[tile + 1];
+    last = bins.chunk_begin[tile + 1] - 1;
     begin = bins.tile_begin[tile] + (id - first) * bins.chunk_slots;
     end = min(min(bins.tile_begin[tile + 1], begin + bins.chunk_slots), slot_capacity);
   }
+  __device__ int size() const { return static_cast<int>(end - begin); }
   __device__ Corner corner(const Frame& frame) const {
     return {tile % frame.tiles_x() * kTileSize, tile / frame.tiles_x() * kTileSize};
   }
@@ -141,36 +149,23 @@ __device__ inline Reach reach_of(const Drawable& s, const Place& place) {
   return out;
 }
 
-/// What it does, and what it leaves of the light.
+/// What it does, and what it leaves of the light. That of a finished pixel is negative.
 struct Share {
   float alpha, weight;
-  bool seen, drawn;  ///< not drawn although seen: the pixel is finished
+  bool drawn;
+  bool finished;  ///< by this one
 };
 __device__ inline Share pass(const Reach& reach, int p, float& light) {
   Share out;
-  out.alpha = fminf(reach.uncut[p], static_cast<float>(kMaxAlpha));
-  out.seen = reach.touched[p] && light > 0.0f;
+  out.alpha = reach.touched[p] ? fminf(reach.uncut[p], static_cast<float>(kMaxAlpha)) : 0.0f;
+  const float weight = light * out.alpha;
   const float next = __fmaf_rn(-light, out.alpha, light);
-  out.drawn = out.seen && next > static_cast<float>(kMinTransmittance);
-  out.weight = out.drawn ? __fmul_rn(light, out.alpha) : 0.0f;
-  light = out.seen ? (out.drawn ? next : -light) : light;
+  const bool over = next <= static_cast<float>(kMinTransmittance);
+  out.drawn = reach.touched[p] && !over;
+  out.finished = over && light > 0.0f;
+  out.weight = over ? 0.0f : weight;
+  light = over ? -fabsf(light) : next;
   return out;
-}
-
-template <int kCount, bool kDrawnOnly>
-__device__ inline void fill(Batch<kCount>& batch, const Frame& frame, Corner tile,
-                            const SplatPointers& splats, const BinPointers& bins,
-                            std::uint32_t begin, std::uint32_t end, const float* slot_weight) {
-  const auto at = static_cast<int>(threadIdx.x);
-  if (at >= kCount) return;
-  batch.blocks[at] = 0;
-  if (begin + at >= end) return;
-  const std::uint32_t slot = bins.tile_slots[begin + at];
-  batch.slot[at] = slot;
-  if (kDrawnOnly && slot_weight[slot] == 0.0f) return;
-  const Splat<float> s = splats.splats[bins.slot_splat[slot]];
-  batch.put(at, s);
-  batch.blocks[at] = find_blocks(s, tile, frame);
 }
 
 /// Those of 32 splats that touch the warp's block, as bits.
@@ -178,7 +173,7 @@ template <int kCount>
 __device__ inline unsigned touching(const Batch<kCount>& batch, int base) {
   const int warp = static_cast<int>(threadIdx.x) / kWarp;
   const int lane = static_cast<int>(threadIdx.x) % kWarp;
-  return __ballot_sync(kAllLanes, (batch.blocks[base + lane] >> warp & 1U) != 0);
+  return __ballot_sync(kAllLanes, (batch.splats[base + lane].blocks >> warp & 1U) != 0);
 }
 
 /// Calls f(number of a splat, what it is, its reach) for those of a batch's splats from `base` on
@@ -199,21 +194,6 @@ __device__ inline void for_each_touching(const Batch<kCount>& batch, int base, c
     const Reach reach_b = reach_of(b, place);
     f(first, a, reach_a);
     if (two) f(second, b, reach_b);
-  }
-}
-
-/// Light that a chunk starts with; negative: finished before, or no pixel of the image.
-__device__ inline void light_before(const Chunk& chunk, const Place& place, const Frame& frame,
-                                    const ChunkPointers& chunks, float (&light)[kPixels]) {
-  for (int p = 0; p < kPixels; ++p) light[p] = place.inside(frame, p) ? 1.0f : -1.0f;
-#pragma unroll 4
-  for (std::uint32_t k = chunk.first; k < chunk.id; ++k) {
-    const float2 through = chunks.through[k * kThreads + threadIdx.x];
-    light[0] *= through.x;
-    light[1] *= through.y;
-  }
-  for (float& x : light) {
-    if (x <= static_cast<float>(kMinTransmittance)) x = -1.0f;
   }
 }
 

@@ -10,19 +10,27 @@ namespace {
 
 using torch::Tensor;
 
-void check_like(const Tensor& tensor, const char* name, const Tensor& parameter) {
+void check_like(const Tensor& tensor, const char* name, const Tensor& parameter,
+                torch::ScalarType type) {
   TORCH_CHECK(tensor.defined() && tensor.sizes() == parameter.sizes() &&
-                  tensor.scalar_type() == parameter.scalar_type() &&
-                  tensor.device() == parameter.device(),
+                  tensor.scalar_type() == type && tensor.device() == parameter.device(),
               "adam: ", name, " does not fit the parameter, which is ", parameter.toString(),
               parameter.sizes());
   TORCH_CHECK(tensor.is_contiguous(), "adam: ", name, " is not contiguous");
 }
 
+/// Both moments are in one type, the parameter's or that of `moment_type`.
+void check_moments(const AdamGroup& group) {
+  const Tensor& parameter = group.parameter;
+  const bool cut = group.first.defined() && group.first.scalar_type() == moment_type(parameter);
+  const torch::ScalarType type = cut ? moment_type(parameter) : parameter.scalar_type();
+  check_like(group.first, "the first moment", parameter, type);
+  check_like(group.second, "the second moment", parameter, type);
+}
+
 void check_group(const AdamGroup& group, const Tensor& visible) {
-  check_like(group.parameter, "the parameter", group.parameter);
-  check_like(group.first, "the first moment", group.parameter);
-  check_like(group.second, "the second moment", group.parameter);
+  check_like(group.parameter, "the parameter", group.parameter, group.parameter.scalar_type());
+  check_moments(group);
   if (!visible.defined()) return;
   TORCH_CHECK(visible.scalar_type() == torch::kBool && visible.dim() == 1 &&
                   visible.is_contiguous() && group.parameter.dim() > 0 &&
@@ -34,6 +42,11 @@ void check_group(const AdamGroup& group, const Tensor& visible) {
 
 }  // namespace
 
+torch::ScalarType moment_type(const Tensor& parameter) {
+  const torch::ScalarType type = parameter.scalar_type();
+  return parameter.is_cuda() && type == torch::kFloat32 ? torch::kBFloat16 : type;
+}
+
 void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps, const AdamOptions& options,
                const Tensor& visible) {
   TORCH_CHECK(steps > 0, "adam: the first step is number 1, not ", steps);
@@ -43,7 +56,8 @@ void adam_step(const std::vector<AdamGroup>& groups, std::int64_t steps, const A
     if (!group.gradient.defined()) continue;
     moving.push_back(group);
     moving.back().gradient = group.gradient.detach().contiguous();
-    check_like(moving.back().gradient, "the gradient", group.parameter);
+    check_like(moving.back().gradient, "the gradient", group.parameter,
+               group.parameter.scalar_type());
   }
   if (moving.empty()) return;
   adam_backend(moving.front().parameter.device()).step(moving, steps, options, visible);

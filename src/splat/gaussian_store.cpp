@@ -31,8 +31,10 @@ Gaussians live_part(const Gaussians& buffers, std::int64_t size) {
   return map(buffers, [&](const Tensor& t) { return t.narrow(0, 0, size); });
 }
 
-Gaussians zeros_like(const Gaussians& gaussians) {
-  return map(gaussians, [](const Tensor& t) { return torch::zeros_like(t); });
+Gaussians zero_moments(const Gaussians& parameters) {
+  return map(parameters, [](const Tensor& t) {
+    return torch::zeros_like(t, t.options().dtype(moment_type(t)));
+  });
 }
 
 Tensor nobodys(std::int64_t count, const torch::Device& device) {
@@ -75,11 +77,19 @@ Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefi
   return gaussians;
 }
 
+/// In the type of this device, whatever they were written from.
+Gaussians read_moments(torch::serialize::InputArchive& archive, const std::string& prefix,
+                       const Gaussians& parameters) {
+  const torch::ScalarType type = moment_type(parameters.means);
+  return map(read(archive, prefix, parameters.means.device()),
+             [&](const Tensor& t) { return t.to(type); });
+}
+
 bool same_shapes(const Gaussians& a, const Gaussians& b) {
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     if (a.tensors()[k]->sizes() != b.tensors()[k]->sizes()) return false;
   }
-  return a.means.scalar_type() == b.means.scalar_type();
+  return true;
 }
 
 }  // namespace
@@ -88,8 +98,8 @@ GaussianStore::GaussianStore(const Gaussians& gaussians) : size_(gaussians.size(
   check(gaussians);
   const torch::NoGradGuard no_grad;
   parameters_ = map(gaussians, [](const Tensor& t) { return t.detach().contiguous().clone(); });
-  first_ = zeros_like(parameters_);
-  second_ = zeros_like(parameters_);
+  first_ = zero_moments(parameters_);
+  second_ = zero_moments(parameters_);
   anchors_ = nobodys(size_, parameters_.means.device());
 }
 
@@ -223,8 +233,8 @@ GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
   archive.read("steps", steps);
   TORCH_CHECK(steps.isInt() && steps.toInt() >= 0, "gaussian store: the archive's steps are none");
   GaussianStore store(read(archive, "", device));
-  store.first_ = read(archive, "first.", device);
-  store.second_ = read(archive, "second.", device);
+  store.first_ = read_moments(archive, "first.", store.parameters_);
+  store.second_ = read_moments(archive, "second.", store.parameters_);
   TORCH_CHECK(
       same_shapes(store.first_, store.parameters_) && same_shapes(store.second_, store.parameters_),
       "gaussian store: the archive's moments do not fit its Gaussians");

@@ -32,8 +32,8 @@ struct PhotometricLoss : torch::autograd::Function<PhotometricLoss> {
                              .target = saved[1],
                              .valid = saved[2],
                              .ssim_weight = context->saved_data["ssim_weight"].toDouble()};
-    Tensor gradient = loss_backend(input.image.device()).backward(input, saved[3]);
-    return {gradient.mul_(grads[0]), Tensor(), Tensor()};
+    return {loss_backend(input.image.device()).backward(input, saved[3], grads[0].contiguous()),
+            Tensor(), Tensor()};
   }
 };
 

@@ -16,6 +16,7 @@ using apvi::test::tensors_near;
 using test::make_gaussians;
 using test::make_view;
 using test::map_tensors;
+using test::raster_input;
 using torch::Tensor;
 
 constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
@@ -30,18 +31,6 @@ class CudaTest : public testing::Test {
 class CudaRaster : public CudaTest {};
 class CudaLoss : public CudaTest {};
 class CudaAdam : public CudaTest {};
-
-RasterInput input_of(const Gaussians& gaussians, const View& view, bool antialiased = false) {
-  const auto options = gaussians.means.options();
-  return {.gaussians = gaussians,
-          .background = torch::tensor({0.2, 0.5, 0.8}, options),
-          .T_camera_world = view.T_camera_world,
-          .intrinsics = view.intrinsics,
-          .sh_degree = gaussians.sh_degree(),
-          .near_m = 0.01,
-          .low_pass_px2 = 0.3,
-          .antialiased = antialiased};
-}
 
 Tensor on_gpu(const Tensor& t) {
   return t.to(torch::kCUDA, torch::kFloat32);
@@ -95,7 +84,7 @@ void expect_same_gradients(const RasterInputGradient& got, const RasterInputGrad
 
 /// Both passes of both backends on one scene; the CPU in double.
 void expect_parity(const Gaussians& gaussians, const View& view, bool antialiased = false) {
-  const RasterInput exact = input_of(gaussians, view, antialiased);
+  const RasterInput exact = raster_input(gaussians, view, antialiased);
   const RasterInput input = on_gpu(exact);
   const RasterBackend& cpu = raster_backend(torch::kCPU);
   const RasterBackend& gpu = cuda_raster_backend();
@@ -158,14 +147,14 @@ TEST_F(CudaRaster, AgreesOnImagesOfOnePixelAndOfNoTileSize) {
 TEST_F(CudaRaster, DrawsImagesOfMoreTilesThanShortKeysCanName) {
   const Gaussians some = make_gaussians(30, torch::kFloat64, 0);
   View view = make_view(4352, 3900);  // 272 x 244 tiles
-  const RasterInput exact = input_of(some, view);
+  const RasterInput exact = raster_input(some, view);
   const RasterOutput expected = raster_backend(torch::kCPU).forward(exact);
   const RasterOutput got = cuda_raster_backend().forward(on_gpu(exact));
   expect_same_image(got.color, expected.color, 1.0, "color");
 }
 
 TEST_F(CudaRaster, GivesTheSameBitsTwice) {
-  const RasterInput input = on_gpu(input_of(make_gaussians(5000), make_view(320, 240)));
+  const RasterInput input = on_gpu(raster_input(make_gaussians(5000), make_view(320, 240)));
   const auto both = [&] {
     const RasterOutput out = cuda_raster_backend().forward(input);
     return std::pair(out, cuda_raster_backend().backward(input, out, weights_for(out), false));
@@ -184,15 +173,15 @@ TEST_F(CudaRaster, GivesTheSameBitsTwice) {
 
 TEST_F(CudaRaster, DrawsAllOfAPictureThatNeedsFarMoreRoomThanTheLast) {
   const View view = make_view(320, 240);
-  const RasterInput large = on_gpu(input_of(make_gaussians(60000), view));
-  const RasterInput small = on_gpu(input_of(make_gaussians(3), view));
+  const RasterInput large = on_gpu(raster_input(make_gaussians(60000), view));
+  const RasterInput small = on_gpu(raster_input(make_gaussians(3), view));
   const RasterOutput before = cuda_raster_backend().forward(large);
   for (int i = 0; i < 3; ++i) cuda_raster_backend().forward(small);
   EXPECT_TRUE(torch::equal(cuda_raster_backend().forward(large).color, before.color));
 }
 
 TEST_F(CudaRaster, DerivativesBeyondTheDegreeInUseAreZero) {
-  RasterInput input = on_gpu(input_of(make_gaussians(300), make_view(117, 83)));
+  RasterInput input = on_gpu(raster_input(make_gaussians(300), make_view(117, 83)));
   input.sh_degree = 1;
   const RasterOutput out = cuda_raster_backend().forward(input);
   const Tensor by_rest =
@@ -223,10 +212,12 @@ TEST_F(CudaLoss, AndItsDerivativeAreThoseOfTheCpuInDouble) {
       const LossOutput expected = cpu_loss_backend().forward(exact, true);
       const LossOutput got = cuda_loss_backend().forward(input, true);
       EXPECT_NEAR(got.loss.item<double>(), expected.loss.item<double>(), 1e-5);
-      const Tensor wanted = cpu_loss_backend().backward(exact, expected.kept);
-      const Tensor gradient = cuda_loss_backend().backward(input, got.kept);
+      const Tensor by_loss = torch::tensor(0.7, torch::kFloat64);
+      const Tensor wanted = cpu_loss_backend().backward(exact, expected.kept, by_loss);
+      const Tensor gradient = cuda_loss_backend().backward(input, got.kept, on_gpu(by_loss));
       EXPECT_LT(relative_error(gradient, wanted), 1e-3);
-      EXPECT_TRUE(torch::equal(gradient, cuda_loss_backend().backward(input, got.kept)));
+      EXPECT_TRUE(
+          torch::equal(gradient, cuda_loss_backend().backward(input, got.kept, on_gpu(by_loss))));
     }
   }
 }
@@ -238,7 +229,12 @@ TEST_F(CudaLoss, IsZeroWhereNothingCounts) {
   input.valid = torch::zeros({20, 30}, input.image.options());
   const LossOutput got = cuda_loss_backend().forward(input, true);
   EXPECT_EQ(got.loss.item<double>(), 0.0);
-  EXPECT_EQ(cuda_loss_backend().backward(input, got.kept).abs().max().item<double>(), 0.0);
+  EXPECT_EQ(cuda_loss_backend()
+                .backward(input, got.kept, torch::ones_like(got.loss))
+                .abs()
+                .max()
+                .item<double>(),
+            0.0);
 }
 
 AdamGroup adam_group(const std::vector<std::int64_t>& shape, double rate) {
@@ -291,7 +287,7 @@ TEST_F(CudaAdam, StepsFromRowsAsFromDerivativesOfEveryParameter) {
       SCOPED_TRACE(degree + 10 * used);
       Gaussians some = make_gaussians(1003, torch::kFloat64, degree);
       some.means.slice(0, 0, 200).select(1, 2).mul_(-1.0);  // behind the camera
-      RasterInput input = on_gpu(input_of(some, make_view(117, 83)));
+      RasterInput input = on_gpu(raster_input(some, make_view(117, 83)));
       input.sh_degree = used;
       const RasterBackend& raster = cuda_raster_backend();
       const RasterOutput out = raster.forward(input);
@@ -310,6 +306,54 @@ TEST_F(CudaAdam, StepsFromRowsAsFromDerivativesOfEveryParameter) {
       }
     }
   }
+}
+
+Tensor zero_moment(const Tensor& parameter, bool cut) {
+  return torch::zeros_like(parameter,
+                           parameter.options().dtype(cut ? torch::kBFloat16 : torch::kFloat32));
+}
+
+/// Mean squared distance from where it should go, after steps along noisy derivatives.
+double learn(bool cut, Tensor& parameter) {
+  torch::manual_seed(4);
+  const Tensor wanted = torch::randn({30000}, torch::kCUDA);
+  parameter = torch::zeros_like(wanted);
+  AdamGroup group = {.parameter = parameter,
+                     .gradient = {},
+                     .first = zero_moment(parameter, cut),
+                     .second = zero_moment(parameter, cut),
+                     .rate = 0.01};
+  for (int step = 1; step <= 1500; ++step) {
+    group.gradient = parameter - wanted + torch::randn_like(wanted);
+    adam_step({group}, step);
+  }
+  return (parameter - wanted).square().mean().item<double>();
+}
+
+TEST_F(CudaAdam, LearnsAsWellWithMomentsOf16Bits) {
+  Tensor parameter;
+  const double whole = learn(false, parameter);
+  const double cut = learn(true, parameter);
+  EXPECT_LT(whole, 0.05);
+  EXPECT_NEAR(cut, whole, 0.02 * whole);
+  const Tensor before = parameter;
+  learn(true, parameter);
+  EXPECT_TRUE(torch::equal(parameter, before));
+}
+
+TEST_F(CudaAdam, MomentsOf16BitsHaveTheMeanOfWholeOnes) {
+  const Tensor gradient = torch::full({100000}, 0.3, torch::kCUDA);
+  const Tensor parameter = torch::zeros_like(gradient);
+  const AdamGroup group = {.parameter = parameter,
+                           .gradient = gradient,
+                           .first = zero_moment(parameter, true),
+                           .second = zero_moment(parameter, true),
+                           .rate = 1e-3};
+  constexpr int kSteps = 700;
+  for (int step = 1; step <= kSteps; ++step) adam_step({group}, step);
+  const double second = 0.09 * (1.0 - std::pow(0.999, kSteps));
+  EXPECT_NEAR(group.first.to(torch::kFloat64).mean().item<double>(), 0.3, 1e-3);
+  EXPECT_NEAR(group.second.to(torch::kFloat64).mean().item<double>(), second, 1e-3 * second);
 }
 
 }  // namespace

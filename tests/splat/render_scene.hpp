@@ -5,6 +5,7 @@
 
 #include <cstdint>
 
+#include "apvi/splat/raster_backend.hpp"
 #include "apvi/splat/render.hpp"
 
 /// Random Gaussians in front of a camera, for the tests of the rasterizer.
@@ -50,6 +51,19 @@ inline Gaussians make_gaussians(std::int64_t count, torch::ScalarType type = tor
   };
   for (torch::Tensor* tensor : out.tensors()) *tensor = tensor->to(type).contiguous();
   return out;
+}
+
+/// What a rasterizer takes, over a coloured background.
+inline RasterInput raster_input(const Gaussians& gaussians, const View& view,
+                                bool antialiased = false) {
+  return {.gaussians = gaussians,
+          .background = torch::tensor({0.2, 0.5, 0.8}).to(gaussians.means.options()),
+          .T_camera_world = view.T_camera_world,
+          .intrinsics = view.intrinsics,
+          .sh_degree = gaussians.sh_degree(),
+          .near_m = 0.01,
+          .low_pass_px2 = 0.3,
+          .antialiased = antialiased};
 }
 
 inline Gaussians map_tensors(const Gaussians& from,

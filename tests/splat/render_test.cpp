@@ -19,6 +19,7 @@ using apvi::test::tensors_near;
 using test::make_gaussians;
 using test::make_view;
 using test::map_tensors;
+using test::raster_input;
 using torch::Tensor;
 
 Gaussians leaves_of(const Gaussians& from) {
@@ -181,17 +182,6 @@ TEST(DepthToRange, IsTheLengthOfTheRayTimesTheDepth) {
 /// Every set of inner loops that this processor can run.
 class RasterBackends : public testing::TestWithParam<const RasterBackend*> {};
 
-RasterInput input_of(const Gaussians& gaussians, const View& view) {
-  return {.gaussians = gaussians,
-          .background = torch::tensor({0.2, 0.4, 0.1}).to(gaussians.means.options()),
-          .T_camera_world = view.T_camera_world,
-          .intrinsics = view.intrinsics,
-          .sh_degree = 3,
-          .near_m = 0.01,
-          .low_pass_px2 = 0.3,
-          .antialiased = true};
-}
-
 RasterOutputGradient ones_like(const RasterOutput& out) {
   return {torch::ones_like(out.color), torch::ones_like(out.depth), torch::ones_like(out.alpha)};
 }
@@ -200,8 +190,8 @@ TEST_P(RasterBackends, FloatAgreesWithDouble) {
   const Gaussians exact = make_gaussians(700);
   const Gaussians rough = map_tensors(exact, [](const Tensor& t) { return t.to(torch::kFloat32); });
   const View view = make_view(117, 83);
-  const RasterInput in64 = input_of(exact, view);
-  const RasterInput in32 = input_of(rough, view);
+  const RasterInput in64 = raster_input(exact, view, true);
+  const RasterInput in32 = raster_input(rough, view, true);
   const RasterOutput out64 = GetParam()->forward(in64);
   const RasterOutput out32 = GetParam()->forward(in32);
   // A pixel at the rim of a splat may have it in one and not in the other: 1/255 at most.

@@ -18,8 +18,8 @@ struct AdamOptions {
   double epsilon = 1e-15;
 };
 
-/// Parameters that learn at one rate, with their moments; all of one shape, one floating type and
-/// one device, contiguous.
+/// Parameters that learn at one rate, with their moments; all of one shape, one floating type (but
+/// for moments, see `moment_type`) and one device, contiguous.
 struct AdamGroup {
   torch::Tensor parameter;
   torch::Tensor gradient;  ///< undefined: the group stays as it is, moments too
@@ -27,6 +27,11 @@ struct AdamGroup {
   torch::Tensor second;    ///< mean of its square
   double rate = 0.0;
 };
+
+/// In what moments of a parameter are best kept: bfloat16 for float32 on a GPU, where a step takes
+/// as long as memory needs to be read and written; otherwise the parameter's type, which a GPU takes
+/// too. Moments cut to 16 bits are rounded at random, so that their means are right.
+torch::ScalarType moment_type(const torch::Tensor& parameter);
 
 /// One step of every group, in place. `steps` counts this one too: it is 1 at the first. `visible`
 /// [N] bool, when defined: only those rows of the [N,...] groups change, their moments too; then a

@@ -34,8 +34,9 @@ class LossBackend {
 
   virtual std::string_view name() const = 0;
   virtual LossOutput forward(const LossInput& input, bool keep_for_backward) const = 0;
-  /// Derivative of the loss by the image [H,W,3].
-  virtual torch::Tensor backward(const LossInput& input, const torch::Tensor& kept) const = 0;
+  /// Derivative by the image [H,W,3] of what has the derivative `by_loss` [] by the loss.
+  virtual torch::Tensor backward(const LossInput& input, const torch::Tensor& kept,
+                                 const torch::Tensor& by_loss) const = 0;
 };
 
 /// cpu_fallback/loss.cpp; float32 and float64, the same bits with any number of threads.

@@ -7,6 +7,11 @@
 /// 2004).
 namespace apvi::splat {
 
+/// Half of the Gaussian of sigma 1.5 px over 11 taps, centre first, normalised to a sum of one.
+inline constexpr double kSsimWeights[] = {0.2660117248617943,   0.21300553771125366,
+                                          0.1093606895097,      0.03600077212843082,
+                                          0.007598758135239184, 0.0010283800844791099};
+
 inline constexpr double kSsimC1 = 0.01 * 0.01;
 inline constexpr double kSsimC2 = 0.03 * 0.03;
 

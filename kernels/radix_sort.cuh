@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cub/block/block_scan.cuh>
+
+#include <cstdint>
+
+#include "warp.cuh"
+
+/// Stable sort of pairs by their keys' digits, the lowest first, one pass a digit: where a block's
+/// keys go it learns from the blocks before it while they run (Adinets and Merrill, "Onesweep: a
+/// faster least significant digit radix sort for GPUs", 2022). For some hundred thousand to some
+/// million pairs, with nothing between the passes: how many there are is known on the device, the
+/// states of all passes are cleared before the first, and a block looks back at many others at
+/// once.
+namespace apvi::splat::cuda {
+
+inline constexpr int kSortThreads = 512;
+inline constexpr int kSortItems = 8;
+inline constexpr std::uint32_t kSortPairs = kSortThreads * kSortItems;  // of a block
+inline constexpr int kSortWarps = kSortThreads / kWarp;
+inline constexpr int kMostPasses = 4;
+
+/// Words that are zeros when a sort begins.
+struct SortState {
+  std::uint32_t* counts;  ///< [passes,digits] keys with each digit; then where those begin
+  std::uint32_t* turns;   ///< [passes + 1] blocks that have begun; of the count, that have ended
+  std::uint32_t* blocks;  ///< [passes,blocks,digits] keys of a block, or of it and all before
+};
+template <int kBits>
+std::uint32_t sort_state_words(std::uint32_t capacity, int passes) {
+  const std::uint32_t blocks = (capacity + kSortPairs - 1) / kSortPairs;
+  return (blocks + 1) * passes * (1U << kBits) + passes + 1;
+}
+template <int kBits>
+SortState cut_sort_state(std::uint32_t* words, int passes) {
+  std::uint32_t* const turns = words + passes * (1 << kBits);
+  return {words, turns, turns + passes + 1};
+}
+
+/// Both arrays of a pass have room for `capacity` pairs.
+template <typename Key>
+struct SortPass {
+  const Key* keys;
+  const std::uint32_t* values;  ///< null: 0, 1, ...
+  Key* sorted_keys;             ///< null: not wanted
+  std::uint32_t* sorted_values;
+  int pass;
+};
+
+template <int kBits, typename Key>
+__device__ inline std::uint32_t digit_of(Key key, int pass) {
+  return static_cast<std::uint32_t>(key) >> (pass * kBits) & ((1U << kBits) - 1);
+}
+
+/// Replaces the counts of a pass by the sums of those before; by one warp.
+template <int kBits>
+__device__ inline void sum_counts(std::uint32_t* counts) {
+  constexpr int kOwn = (1 << kBits) / kWarp;
+  const int lane = static_cast<int>(threadIdx.x) % kWarp;
+  std::uint32_t own[kOwn];
+  std::uint32_t sum = 0;
+  for (int k = 0; k < kOwn; ++k) {
+    own[k] = __ldcg(counts + lane * kOwn + k);
+    sum += own[k];
+  }
+  std::uint32_t before = sum;
+  for (int by = 1; by < kWarp; by *= 2) {
+    const std::uint32_t other = __shfl_up_sync(kAllLanes, before, by);
+    if (lane >= by) before += other;
+  }
+  before -= sum;
+  for (int k = 0; k < kOwn; ++k) {
+    counts[lane * kOwn + k] = before;
+    before += own[k];
+  }
+}
+
+/// Where the keys of each digit begin, for all passes.
+template <int kBits, typename Key, typename Count>
+__global__ void __launch_bounds__(kSortThreads)
+    count_digits_kernel(const Key* keys, Count count, int passes, SortState state) {
+  constexpr int kDigits = 1 << kBits;
+  __shared__ std::uint32_t local[kMostPasses * kDigits];
+  __shared__ bool last;
+  for (int k = static_cast<int>(threadIdx.x); k < passes * kDigits; k += kSortThreads) local[k] = 0;
+  __syncthreads();
+  const std::uint32_t n = count();
+  for (std::uint32_t i = blockIdx.x * kSortThreads + threadIdx.x; i < n;
+       i += gridDim.x * kSortThreads) {
+    const Key key = keys[i];
+    for (int pass = 0; pass < passes; ++pass) {
+      atomicAdd(local + pass * kDigits + digit_of<kBits>(key, pass), 1U);
+    }
+  }
+  __syncthreads();
+  for (int k = static_cast<int>(threadIdx.x); k < passes * kDigits; k += kSortThreads) {
+    if (local[k] != 0) atomicAdd(state.counts + k, local[k]);
+  }
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) last = atomicAdd(state.turns + passes, 1U) == gridDim.x - 1;
+  __syncthreads();
+  if (!last) return;
+  __threadfence();
+  const int pass = static_cast<int>(threadIdx.x) / kWarp;
+  if (pass < passes) sum_counts<kBits>(state.counts + pass * kDigits);
+}
+
+inline constexpr std::uint32_t kSortOwn = 1U << 30U;     // the count of a block alone
+inline constexpr std::uint32_t kSortPrefix = 1U << 31U;  // with all before it
+inline constexpr std::uint32_t kSortValue = kSortOwn - 1;
+
+/// Keys with a digit in the blocks before; `states` are those of the digit, `stride` apart.
+__device__ inline std::uint32_t look_back(volatile std::uint32_t* states, int stride,
+                                          std::uint32_t block) {
+  constexpr int kAtOnce = 16;
+  std::uint32_t before = 0;
+  for (int at = static_cast<int>(block) - 1; at >= 0; at -= kAtOnce) {
+    std::uint32_t seen[kAtOnce];
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      seen[k] = kSortPrefix;
+      if (at >= k) seen[k] = states[(at - k) * stride];
+    }
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      while ((seen[k] & (kSortOwn | kSortPrefix)) == 0) seen[k] = states[(at - k) * stride];
+      before += seen[k] & kSortValue;
+      if ((seen[k] & kSortPrefix) != 0) return before;
+    }
+  }
+  return before;
+}
+
+template <int kBits, typename Key>
+struct SortShared {
+  static constexpr int kDigits = 1 << kBits;
+  typename cub::BlockScan<std::uint32_t, kSortThreads>::TempStorage scan;
+  std::uint16_t counts[kSortWarps][kDigits];  // then: those of the warps before
+  std::uint32_t first[kDigits];               // of the block's pairs, sorted
+  std::uint32_t shift[kDigits];               // from there to where they go
+  Key keys[kSortPairs];
+  std::uint32_t values[kSortPairs];
+  std::uint32_t block;
+};
+
+/// How many keys before a thread's in its warp have the same digit, for each of its keys.
+template <int kBits, typename Key>
+__device__ inline void rank_keys(const Key (&keys)[kSortItems], const bool (&valid)[kSortItems],
+                                 int pass, std::uint16_t* counts,
+                                 std::uint32_t (&ranks)[kSortItems]) {
+  const int lane = static_cast<int>(threadIdx.x) % kWarp;
+#pragma unroll
+  for (int k = 0; k < kSortItems; ++k) {
+    const std::uint32_t digit = digit_of<kBits>(keys[k], pass);
+    const unsigned same = __match_any_sync(kAllLanes, valid[k] ? digit : 1U << kBits);
+    const int leader = __ffs(static_cast<int>(same)) - 1;
+    std::uint32_t before = 0;
+    if (lane == leader && valid[k]) {
+      before = counts[digit];
+      counts[digit] = static_cast<std::uint16_t>(before + __popc(same));
+    }
+    __syncwarp();
+    ranks[k] = __shfl_sync(kAllLanes, before, leader) + __popc(same & ((1U << lane) - 1));
+  }
+}
+
+/// Where the block's keys of each digit begin, in the block and in the result.
+template <int kBits, typename Key>
+__device__ inline void place_digits(SortShared<kBits, Key>& shared, const SortState& state,
+                                    int pass) {
+  constexpr int kDigits = 1 << kBits;
+  const auto digit = static_cast<int>(threadIdx.x);
+  const bool has_digit = digit < kDigits;
+  std::uint32_t own = 0;
+  if (has_digit) {
+    for (auto& counts : shared.counts) {
+      const std::uint32_t count = counts[digit];
+      counts[digit] = static_cast<std::uint16_t>(own);
+      own += count;
+    }
+  }
+  volatile std::uint32_t* const states =
+      state.blocks + std::size_t{static_cast<unsigned>(pass)} * gridDim.x * kDigits + digit;
+  if (has_digit)
+    states[shared.block * kDigits] = (shared.block == 0 ? kSortPrefix : kSortOwn) | own;
+  std::uint32_t first = 0;
+  cub::BlockScan<std::uint32_t, kSortThreads>(shared.scan).ExclusiveSum(own, first);
+  if (!has_digit) return;
+  const std::uint32_t before = look_back(states, kDigits, shared.block);
+  if (shared.block != 0) states[shared.block * kDigits] = kSortPrefix | (before + own);
+  shared.first[digit] = first;
+  shared.shift[digit] = state.counts[pass * kDigits + digit] + before - first;
+}
+
+template <int kBits, typename Key, typename Count>
+__global__ void __launch_bounds__(kSortThreads)
+    sort_pass_kernel(SortPass<Key> in, Count count, SortState state) {
+  __shared__ SortShared<kBits, Key> shared;
+  if (threadIdx.x == 0) shared.block = atomicAdd(state.turns + in.pass, 1U);
+  for (int k = static_cast<int>(threadIdx.x); k < kSortWarps << kBits; k += kSortThreads) {
+    shared.counts[k >> kBits][k & ((1 << kBits) - 1)] = 0;
+  }
+  __syncthreads();
+  const std::uint32_t begin = shared.block * kSortPairs;
+  const std::uint32_t n = count();
+  if (begin >= n) return;
+  const int warp = static_cast<int>(threadIdx.x) / kWarp;
+  const std::uint32_t own =
+      begin + static_cast<std::uint32_t>(warp) * kWarp * kSortItems + threadIdx.x % kWarp;
+  Key keys[kSortItems];
+  std::uint32_t values[kSortItems];
+  bool valid[kSortItems];
+#pragma unroll
+  for (int k = 0; k < kSortItems; ++k) {
+    const std::uint32_t i = own + static_cast<std::uint32_t>(k) * kWarp;
+    valid[k] = i < n;
+    keys[k] = valid[k] ? in.keys[i] : Key{};
+    values[k] = valid[k] && in.values != nullptr ? in.values[i] : i;
+  }
+  std::uint32_t ranks[kSortItems];
+  rank_keys<kBits>(keys, valid, in.pass, shared.counts[warp], ranks);
+  __syncthreads();
+  place_digits(shared, state, in.pass);
+  __syncthreads();
+#pragma unroll
+  for (int k = 0; k < kSortItems; ++k) {
+    if (!valid[k]) continue;
+    const std::uint32_t digit = digit_of<kBits>(keys[k], in.pass);
+    const std::uint32_t to = shared.first[digit] + shared.counts[warp][digit] + ranks[k];
+    shared.keys[to] = keys[k];
+    shared.values[to] = values[k];
+  }
+  __syncthreads();
+  const std::uint32_t size = min(kSortPairs, n - begin);
+  for (std::uint32_t k = threadIdx.x; k < size; k += kSortThreads) {
+    const Key key = shared.keys[k];
+    const std::uint32_t to = k + shared.shift[digit_of<kBits>(key, in.pass)];
+    if (in.sorted_keys != nullptr) in.sorted_keys[to] = key;
+    in.sorted_values[to] = shared.values[k];
+  }
+}
+
+/// Two buffers for the keys and two for the values. The first hold the pairs in the beginning, and
+/// again after an even number of passes.
+template <typename Key>
+struct SortBuffers {
+  Key* keys[2];
+  std::uint32_t* values[2];
+  bool numbered;   ///< the values are to be 0, 1, ..., whatever is there
+  bool keep_keys;  ///< the sorted keys are wanted too
+};
+
+/// `count`: callable on the device, how many pairs there are; `capacity`: no fewer than that.
+template <int kBits, typename Key, typename Count>
+cudaError_t sort_pairs(const SortBuffers<Key>& buffers, const Count& count, std::uint32_t capacity,
+                       int passes, const SortState& state, cudaStream_t stream) {
+  const unsigned blocks = (capacity + kSortPairs - 1) / kSortPairs;
+  if (blocks == 0) return cudaSuccess;
+  constexpr unsigned kMostBlocks = 264;
+  const unsigned counting = blocks < kMostBlocks ? blocks : kMostBlocks;
+  const auto count_digits = count_digits_kernel<kBits, Key, Count>;
+  const auto sort_pass = sort_pass_kernel<kBits, Key, Count>;
+  count_digits<<<counting, kSortThreads, 0, stream>>>(buffers.keys[0], count, passes, state);
+  for (int pass = 0; pass < passes; ++pass) {
+    const int from = pass % 2;
+    const SortPass<Key> step = {
+        .keys = buffers.keys[from],
+        .values = pass == 0 && buffers.numbered ? nullptr : buffers.values[from],
+        .sorted_keys = pass + 1 < passes || buffers.keep_keys ? buffers.keys[1 - from] : nullptr,
+        .sorted_values = buffers.values[1 - from],
+        .pass = pass};
+    sort_pass<<<blocks, kSortThreads, 0, stream>>>(step, count, state);
+  }
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::splat::cuda
