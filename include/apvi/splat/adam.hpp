@@ -29,8 +29,8 @@ struct AdamGroup {
 };
 
 /// In what moments of a parameter are best kept: bfloat16 for float32 on a GPU, where a step takes
-/// as long as memory needs to be read and written; otherwise the parameter's type, which a GPU takes
-/// too. Moments cut to 16 bits are rounded at random, so that their means are right.
+/// as long as memory needs to be read and written; otherwise the parameter's type, which a GPU
+/// takes too. Moments cut to 16 bits are rounded at random, so that their means are right.
 torch::ScalarType moment_type(const torch::Tensor& parameter);
 
 /// One step of every group, in place. `steps` counts this one too: it is 1 at the first. `visible`
