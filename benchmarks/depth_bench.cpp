@@ -2,7 +2,7 @@
 // How right the depth of keyframes is, with true poses, against the true depth of a simulated data
 // set, and how long it takes:
 //   depth_bench DATASET [--spacing M] [--lag N] [--every N] [--threads T] [--images DIR]
-//               [--only CASE] [--set key=value]...
+//               [--device cuda] [--only CASE] [--set key=value]...
 // A keyframe is taken every M metres; the depth asked for is that of every N-th frame with true
 // depth, out of the nine keyframes that end N keyframes later. One line a case:
 //   blocks        blocks a keyframe
@@ -54,6 +54,7 @@ struct Arguments {
   std::size_t lag = 2;
   std::size_t every = 5;
   int threads = 2;
+  torch::Device device = torch::kCPU;
   std::vector<std::string> overrides;
 };
 
@@ -72,6 +73,8 @@ Arguments parse(int argc, char** argv) {
       out.every = std::stoul(value);
     } else if (key == "--threads") {
       out.threads = std::stoi(value);
+    } else if (key == "--device") {
+      out.device = torch::Device(value);
     } else if (key == "--images") {
       out.images = value;
     } else if (key == "--only") {
@@ -347,6 +350,12 @@ void draw(const fs::path& folder, const std::string& name, const Job& job,
                     torch::cat({top, below}, 0).contiguous());
 }
 
+mapping::DepthRequest on_device(mapping::DepthRequest request, const torch::Device& device) {
+  for (mapping::DepthView& view : request.views) view.grey = view.grey.to(device);
+  if (device.is_cuda()) torch::cuda::synchronize();
+  return request;
+}
+
 void run(const Arguments& arguments) {
   torch::set_num_threads(arguments.threads);
   const std::vector<Job> jobs = Jobs(arguments).read();
@@ -356,10 +365,12 @@ void run(const Arguments& arguments) {
               "wrong", "off", "share", "area", "dense", "mean", "ms", "core ms");
   for (const Case& c : cases(arguments)) {
     Score score;
+    mapping::estimate_depth(on_device(jobs.front().request, arguments.device), c.options);  // warm
     for (const Job& job : jobs) {
+      const mapping::DepthRequest request = on_device(job.request, arguments.device);
       const Stopwatch watch;
       const std::clock_t clock = std::clock();
-      const mapping::DepthEstimate out = mapping::estimate_depth(job.request, c.options);
+      const mapping::DepthEstimate out = mapping::estimate_depth(request, c.options);
       score.seconds.push_back(watch.seconds());
       score.core_seconds.push_back(static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC);
       score.add(out, job.truth);

@@ -35,7 +35,8 @@ LOCALIZATION_LIBRARIES = set(BELOW) - {"core", "config", "splat", "mapping"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 IS_TORCH = re.compile(r"^(torch|ATen|c10)/")
 IS_LOCALIZATION_LIBRARY = re.compile(r"^(Eigen|opencv2|ceres|unsupported/Eigen)/")
-TORCH_WITH_CUDA = ("kernels/cuda_backend.cpp", "kernels/cuda_raster.cpp")
+TORCH_WITH_CUDA = ("kernels/cuda_backend.cpp", "kernels/cuda_raster.cpp",
+                   "kernels/mapping/cuda_depth.cpp")
 
 
 def reachable(module):

@@ -9,3 +9,8 @@ target_sources(apvi_mapping PRIVATE
 set_source_files_properties(${fallback}/sweep_patch.cpp PROPERTIES
   COMPILE_OPTIONS "-fno-math-errno;-fno-trapping-math;-fassociative-math;-fno-signed-zeros"
   SKIP_PRECOMPILE_HEADERS ON)
+target_compile_definitions(apvi_mapping PRIVATE APVI_WITH_CUDA=$<STREQUAL:${APVI_BACKEND},cuda>)
+if(APVI_BACKEND STREQUAL "cuda")
+  target_sources(apvi_mapping PRIVATE
+    ${PROJECT_SOURCE_DIR}/kernels/mapping/cuda_depth.cpp $<TARGET_OBJECTS:apvi_depth_kernels>)
+endif()

@@ -74,11 +74,15 @@ Tensor pick(const Tensor& values, const Tensor& index) {
 
 class Estimator {
  public:
-  Estimator(std::vector<DepthView> views, const DepthRequest& request, const DepthOptions& options)
+  /// `grey` is the reference's picture on the CPU.
+  Estimator(std::vector<DepthView> views, const Tensor& grey, const DepthRequest& request,
+            const DepthOptions& options)
       : views_(std::move(views)),
+        grey_(grey),
+        device_(views_.front().grey.device()),
         options_(options),
-        backend_(depth_backend(torch::kCPU)),
-        geometry_(sweep_geometry(views_)),
+        backend_(depth_backend(device_)),
+        geometry_(on_device(sweep_geometry(views_), device_)),
         medium_(grey_medium(request.medium)) {
     std::vector<Tensor> greys;
     for (const DepthView& view : views_) greys.push_back(view.grey);
@@ -88,15 +92,28 @@ class Estimator {
   void estimate(DepthEstimate& out) {
     std::tie(out.near_m, out.far_m) = range();
     out.views = static_cast<int>(views_.size()) - 1;
-    const Tensor w = hypotheses(out.near_m, out.far_m, options_);
-    const SweepOutput swept = sweep(out.points, levels_of(out.blocks), w, {});
+    points_ = out.points.to(device_);
+    levels_ = levels_of(out.blocks).to(device_);
+    const Tensor w = hypotheses(out.near_m, out.far_m, options_).to(device_);
+    const SweepOutput swept = sweep(points_, levels_, w, {});
     const BlockGraph graph = neighbor_graph(out.blocks, width(), height());
     const Tensor belief = beliefs(swept.cost, graph, out);
-    choose(w, belief, swept, graph, out);
-    upsample(out);
+    const Choice choice = choose(w, belief, swept, graph, out);
+    out.dense = upsampled(choice, out.blocks).to(torch::kCPU);
+    const Tensor all =
+        torch::stack({choice.depth, choice.sigma, choice.confidence}).to(torch::kCPU);
+    out.depth = all[0];
+    out.sigma = all[1];
+    out.confidence = all[2];
+    out.confident = out.confidence >= options_.confidence.least;
   }
 
  private:
+  /// What is chosen for each block, on the device.
+  struct Choice {
+    Tensor depth, sigma, confidence;
+  };
+
   int width() const { return views_.front().camera.intrinsics.width; }
   int height() const { return views_.front().camera.intrinsics.height; }
 
@@ -121,10 +138,11 @@ class Estimator {
     if (!options_.adapt_range) return all;
     QuadtreeOptions grid = options_.quadtree;
     grid.smallest_px = grid.largest_px;
-    const std::vector<Block> blocks = divide(views_.front().grey, grid);
-    const Tensor points = centers_of(blocks);
-    const Tensor levels = torch::full({points.size(0)}, kRangeLevel, torch::kInt32);
-    const Tensor w = hypotheses(all.first, all.second, options_);
+    const std::vector<Block> blocks = divide(grey_, grid);
+    const Tensor points = centers_of(blocks).to(device_);
+    const Tensor levels =
+        torch::full({points.size(0)}, kRangeLevel, torch::dtype(torch::kInt32).device(device_));
+    const Tensor w = hypotheses(all.first, all.second, options_).to(device_);
     const SweepOutput swept = sweep(points, levels, w, {});
     const Tensor label = least_of(swept.cost);
     const Tensor sure = (pick(swept.cost, label) < options_.confidence.good_cost) &
@@ -134,6 +152,7 @@ class Estimator {
                                          .gather(1, label.unsqueeze(1))
                                          .squeeze(1)
                                          .masked_select(sure)
+                                         .to(torch::kCPU)
                                          .sort());
     const std::int64_t n = found.numel();
     if (static_cast<std::size_t>(n) < kFewestForRange) return all;
@@ -146,7 +165,7 @@ class Estimator {
   /// By how much the least cost elsewhere [B,L] exceeds the one at `label`; elsewhere is farther
   /// than `reach` [B] hypotheses.
   static Tensor margin(const Tensor& cost, const Tensor& label, const Tensor& reach) {
-    const Tensor all = torch::arange(cost.size(1));
+    const Tensor all = torch::arange(cost.size(1), reach.options());
     const Tensor here = (all.unsqueeze(0) - label.unsqueeze(1)).abs() <= reach.unsqueeze(1);
     return std::get<0>(cost.masked_fill(here, kNowhere).min(1)) - pick(cost, label);
   }
@@ -154,81 +173,84 @@ class Estimator {
   /// What each block thinks of every hypothesis [B,L], its neighbours having been heard.
   Tensor beliefs(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
     if (!options_.belief.enabled) return cost;
-    const auto tensor = [](const std::vector<std::int32_t>& v) {
-      return torch::tensor(v, torch::kInt32);
-    };
+    const Tensor neighbors = indices(graph.neighbors);
     return backend_.propagate({.cost = cost,
-                               .offsets = tensor(graph.offsets),
-                               .neighbors = tensor(graph.neighbors),
-                               .reverse = tensor(graph.reverse),
-                               .weights = edge_weights(graph, out.blocks),
+                               .offsets = indices(graph.offsets),
+                               .neighbors = neighbors,
+                               .reverse = indices(graph.reverse),
+                               .weights = edge_weights(graph, neighbors, out.blocks),
                                .step = options_.belief.step,
                                .limit = options_.belief.limit,
                                .iterations = options_.belief.iterations});
   }
 
+  Tensor indices(const std::vector<std::int32_t>& values) const {
+    Tensor tensor = torch::empty({static_cast<std::int64_t>(values.size())}, torch::kInt32);
+    std::copy(values.begin(), values.end(), tensor.data_ptr<std::int32_t>());
+    return tensor.to(device_);
+  }
+
   /// Neighbours that look different may well lie at different depths.
-  Tensor edge_weights(const BlockGraph& graph, const std::vector<Block>& blocks) const {
-    const auto* const grey = views_.front().grey.data_ptr<float>();
-    std::vector<double> mean;
-    for (const Block& b : blocks) {
-      double sum = 0.0;
-      for (int y = b.y; y < b.y + b.height; ++y) {
-        for (int x = b.x; x < b.x + b.width; ++x) {
-          sum += static_cast<double>(grey[static_cast<std::ptrdiff_t>(y) * width() + x]);
-        }
-      }
-      mean.push_back(sum / (b.width * b.height));
-    }
-    Tensor weights = torch::empty({static_cast<std::int64_t>(graph.neighbors.size())});
-    auto* const weight = weights.data_ptr<float>();
+  Tensor edge_weights(const BlockGraph& graph, const Tensor& neighbors,
+                      const std::vector<Block>& blocks) const {
+    const auto* const grey = grey_.data_ptr<float>();
+    Tensor mean = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kFloat32);
+    std::vector<std::int32_t> from(graph.neighbors.size());
     for (std::size_t i = 0; i < blocks.size(); ++i) {
-      for (auto e = graph.offsets[i]; e < graph.offsets[i + 1]; ++e) {
-        const auto other = static_cast<std::size_t>(graph.neighbors[static_cast<std::size_t>(e)]);
-        const double difference = std::abs(mean[i] - mean[other]);
-        weight[e] = static_cast<float>(std::exp(-difference / options_.belief.edge_sigma));
+      const Block& b = blocks[i];
+      float sum = 0.0F;
+      for (int y = b.y; y < b.y + b.height; ++y) {
+        const float* const row = grey + static_cast<std::ptrdiff_t>(y) * width();
+        for (int x = b.x; x < b.x + b.width; ++x) sum += row[x];
       }
+      mean.data_ptr<float>()[i] = sum / static_cast<float>(b.width * b.height);
+      std::fill(from.begin() + graph.offsets[i], from.begin() + graph.offsets[i + 1],
+                static_cast<std::int32_t>(i));
     }
-    return weights;
+    mean = mean.to(device_);
+    const Tensor difference =
+        (mean.index_select(0, indices(from)) - mean.index_select(0, neighbors)).abs();
+    return (difference * (-1.0 / options_.belief.edge_sigma)).exp();
   }
 
   /// Depth between the hypotheses, its slope and how sure it is.
-  void choose(const Tensor& w, const Tensor& belief, const SweepOutput& swept,
-              const BlockGraph& graph, DepthEstimate& out) const {
+  Choice choose(const Tensor& w, const Tensor& belief, const SweepOutput& swept,
+                const BlockGraph& graph, DepthEstimate& out) const {
     const Tensor row = w.squeeze(0);
     const Tensor label = least_of(belief);
     const std::int64_t last = row.numel() - 1;
     const Tensor step = 0.5 * (row.index_select(0, (label - 1).clamp_min(0)) -
                                row.index_select(0, (label + 1).clamp_max(last)));
     Tensor best = row.index_select(0, label);
+    const Tensor first = best.to(torch::kCPU);
     BlockEvidence evidence = {.cost = pick(swept.cost, label),
-                              .margin = margin(belief, label, reach(best, step, out)),
+                              .margin = margin(belief, label, reach(best, step)),
                               .relative_sigma = {},
                               .seen = pick(swept.views, label).to(torch::kFloat32),
-                              .agreement = agreement(best, graph)};
-    out.slope = slopes(best, graph, out);
-    const Tensor levels = levels_of(out.blocks);
+                              .agreement = agreement(first, graph).to(device_)};
+    out.slope = slopes(first, graph, out);
+    const Tensor slope = out.slope.to(device_);
     double fineness = 1.0;
     for (int round = 0; round < kRefinements; ++round) {
       fineness /= kFine;
-      std::tie(best, evidence.cost) = refined(best, fineness * step, levels, out);
+      std::tie(best, evidence.cost) = refined(best, fineness * step, slope);
     }
-    const Tensor pixels = pixels_per_inverse_depth(geometry_, views_, out.points, best);
+    const Tensor pixels = pixels_per_inverse_depth(geometry_, points_, best);
     evidence.relative_sigma = options_.confidence.match_sigma_px / (pixels * best).clamp_min(1e-9);
-    out.depth = best.reciprocal();
-    out.sigma = (out.depth * evidence.relative_sigma).clamp_max(options_.far_m);
-    out.confidence = confidence_of(evidence, options_.confidence);
-    out.confident = out.confidence >= options_.confidence.least;
+    const Tensor depth = best.reciprocal();
+    return {.depth = depth,
+            .sigma = (depth * evidence.relative_sigma).clamp_max(options_.far_m),
+            .confidence = confidence_of(evidence, options_.confidence)};
   }
 
   /// The least cost around `w`, in steps that are a fraction of those before, and between them by a
   /// parabola.
-  std::pair<Tensor, Tensor> refined(const Tensor& w, const Tensor& step, const Tensor& levels,
-                                    const DepthEstimate& out) const {
-    const Tensor offsets = torch::arange(kFine, -kFine - 1, -1).to(torch::kFloat32);
+  std::pair<Tensor, Tensor> refined(const Tensor& w, const Tensor& step,
+                                    const Tensor& slope) const {
+    const Tensor offsets = torch::arange(kFine, -kFine - 1, -1, w.options());
     const Tensor tried = (w.unsqueeze(1) + step.unsqueeze(1) * offsets)
                              .clamp(1.0 / options_.far_m, 1.0 / options_.near_m);
-    const SweepOutput swept = sweep(out.points, levels, tried, out.slope);
+    const SweepOutput swept = sweep(points_, levels_, tried, slope);
     const Tensor label = least_of(swept.cost);
     const Tensor inner = label.clamp(1, 2 * kFine - 1);
     const Tensor left = pick(swept.cost, inner - 1);
@@ -243,8 +265,8 @@ class Estimator {
 
   /// Hypotheses to either side that are the same minimum still, because the steps are finer than
   /// it.
-  Tensor reach(const Tensor& w, const Tensor& step, const DepthEstimate& out) const {
-    const Tensor pixels = pixels_per_inverse_depth(geometry_, views_, out.points, w) * step;
+  Tensor reach(const Tensor& w, const Tensor& step) const {
+    const Tensor pixels = pixels_per_inverse_depth(geometry_, points_, w) * step;
     return (kSameMinimum_px / pixels.clamp_min(1e-6))
         .clamp(kSameHypothesis, 0.25 * options_.hypotheses);
   }
@@ -296,35 +318,41 @@ class Estimator {
     return result.clamp(-kSteepest, kSteepest);
   }
 
-  /// Spreads 1/depth from the blocks' centres over the image.
-  void upsample(DepthEstimate& out) const {
-    Tensor values = torch::zeros({height(), width()}, torch::kFloat32);
-    Tensor weights = torch::zeros_like(values);
-    const auto* const depth = out.depth.data_ptr<float>();
-    const auto* const confidence = out.confidence.data_ptr<float>();
-    for (std::size_t i = 0; i < out.blocks.size(); ++i) {
-      const Block& b = out.blocks[i];
-      const std::int64_t pixel =
-          static_cast<std::int64_t>(b.y + b.height / 2) * width() + b.x + b.width / 2;
-      values.data_ptr<float>()[pixel] = 1.0F / depth[i];
-      weights.data_ptr<float>()[pixel] =
-          (confidence[i] + 1e-3F) * static_cast<float>(b.width * b.height);
+  /// Spreads 1/depth from the blocks' centres over the image [H,W].
+  Tensor upsampled(const Choice& choice, const std::vector<Block>& blocks) const {
+    Tensor centers = torch::empty({2, static_cast<std::int64_t>(blocks.size())}, torch::kInt32);
+    auto* pixel = centers.data_ptr<std::int32_t>();
+    auto* area = pixel + blocks.size();
+    for (const Block& b : blocks) {
+      *pixel++ = (b.y + b.height / 2) * width() + b.x + b.width / 2;
+      *area++ = b.width * b.height;
     }
+    centers = centers.to(device_);
+    const Tensor at = centers[0].to(torch::kInt64);
+    const Tensor weights = (choice.confidence + 1e-3) * centers[1];
+    const Tensor empty = torch::zeros({2, height() * width()}, choice.depth.options());
+    const Tensor sparse =
+        empty.index_copy(1, at, torch::stack({choice.depth.reciprocal(), weights}))
+            .view({2, height(), width()});
     const Tensor smooth = backend_.smooth({.guide = views_.front().grey,
-                                           .values = values,
-                                           .weights = weights,
+                                           .values = sparse[0],
+                                           .weights = sparse[1],
                                            .options = options_.upsample});
     const Tensor known = (smooth[1] > 0) & (smooth[0] > 0);
-    out.dense =
-        torch::where(known, smooth[0].clamp_min(1e-6).reciprocal(), torch::zeros_like(smooth[0]));
+    return torch::where(known, smooth[0].clamp_min(1e-6).reciprocal(),
+                        torch::zeros_like(smooth[0]));
   }
 
   std::vector<DepthView> views_;
+  Tensor grey_;
+  torch::Device device_;
   DepthOptions options_;
   const DepthBackend& backend_;
   SweepGeometry geometry_;
   GreyMedium medium_;
   SweepPictures pictures_;
+  Tensor points_;  ///< of the blocks, on the device
+  Tensor levels_;
 };
 
 void check_options(const DepthOptions& o) {
@@ -334,17 +362,17 @@ void check_options(const DepthOptions& o) {
   TORCH_CHECK(o.views >= 1, "depth: at least one view is needed");
 }
 
-DepthVerdict first_look(const std::vector<DepthView>& views) {
+DepthVerdict first_look(const std::vector<DepthView>& views, const Tensor& grey) {
   if (views.size() < 2) return DepthVerdict::too_few_views;
-  if (views.front().grey.std().item<double>() < kLeastContrast) return DepthVerdict::no_contrast;
+  if (grey.std().item<double>() < kLeastContrast) return DepthVerdict::no_contrast;
   if (sweep_geometry(views).baseline_m < kLeastBaseline_m) return DepthVerdict::no_baseline;
   return DepthVerdict::estimated;
 }
 
 /// An estimate that knows its blocks and nothing else.
-DepthEstimate nothing_known(const DepthView& reference, const DepthOptions& options) {
+DepthEstimate nothing_known(const Tensor& grey, const DepthOptions& options) {
   DepthEstimate out;
-  out.blocks = divide(reference.grey, options.quadtree);
+  out.blocks = divide(grey, options.quadtree);
   out.points = centers_of(out.blocks);
   const Tensor none = torch::zeros({out.points.size(0)}, torch::kFloat32);
   out.depth = none.clone();
@@ -352,7 +380,7 @@ DepthEstimate nothing_known(const DepthView& reference, const DepthOptions& opti
   out.confidence = none.clone();
   out.confident = none > 0.5;
   out.slope = torch::zeros_like(out.points);
-  out.dense = torch::zeros_like(reference.grey);
+  out.dense = torch::zeros_like(grey);
   return out;
 }
 
@@ -365,12 +393,13 @@ DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& op
   const auto used = std::min(request.views.size(), static_cast<std::size_t>(options.views));
   std::vector<DepthView> views(request.views.begin(),
                                request.views.begin() + static_cast<std::ptrdiff_t>(used));
-  DepthEstimate out = nothing_known(views.front(), options);
-  out.verdict = first_look(views);
+  const Tensor grey = views.front().grey.to(torch::kCPU);
+  DepthEstimate out = nothing_known(grey, options);
+  out.verdict = first_look(views, grey);
   out.near_m = options.near_m;
   out.far_m = options.far_m;
   if (out.verdict != DepthVerdict::estimated) return out;
-  Estimator(std::move(views), request, options).estimate(out);
+  Estimator(std::move(views), grey, request, options).estimate(out);
   return out;
 }
 
@@ -378,8 +407,9 @@ Tensor to_grey(const Tensor& image) {
   TORCH_CHECK(image.dim() == 3 && image.size(2) == 3, "to_grey: the picture must be [H,W,3], not ",
               image.sizes());
   const double unit = image.scalar_type() == torch::kUInt8 ? 1.0 / 255.0 : 1.0;
-  const Tensor weights = torch::tensor({0.299, 0.587, 0.114}).to(torch::kFloat32) * unit;
-  return image.to(torch::kCPU, torch::kFloat32).matmul(weights).clamp(0.0, 1.0).contiguous();
+  const Tensor weights =
+      (torch::tensor({0.299, 0.587, 0.114}).to(torch::kFloat32) * unit).to(image.device());
+  return image.to(torch::kFloat32).matmul(weights).clamp(0.0, 1.0).contiguous();
 }
 
 }  // namespace apvi::mapping

@@ -8,6 +8,9 @@ namespace apvi::mapping {
 
 const DepthBackend& depth_backend(const torch::Device& device) {
   if (device.is_cpu()) return cpu_depth_backend();
+#if APVI_WITH_CUDA
+  if (device.is_cuda()) return cuda_depth_backend();
+#endif
   TORCH_CHECK(false, "this build estimates no depth on ", device);
 }
 

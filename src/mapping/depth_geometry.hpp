@@ -18,17 +18,18 @@ struct SweepGeometry {
   torch::Tensor projections;  ///< [V,3,4] float32
   torch::Tensor rays;         ///< [3,3] float32
   torch::Tensor centers;      ///< [V,3] float32
+  torch::Tensor sizes;        ///< [V,2] float32 width and height of the pictures [px]
   double baseline_m = 0.0;    ///< the longest
 };
 SweepGeometry sweep_geometry(const std::vector<DepthView>& views);
+SweepGeometry on_device(const SweepGeometry& geometry, const torch::Device& device);
 
 /// Inverse depths [1,L] from the nearest to the farthest.
 torch::Tensor hypotheses(double near_m, double far_m, const DepthOptions& options);
 
 /// How far a point at inverse depth w [B] moves in the other pictures when 1/depth changes by one:
 /// the root of the mean square over those that see it [px m], [B] float32.
-torch::Tensor pixels_per_inverse_depth(const SweepGeometry& geometry,
-                                       const std::vector<DepthView>& views,
-                                       const torch::Tensor& points, const torch::Tensor& w);
+torch::Tensor pixels_per_inverse_depth(const SweepGeometry& geometry, const torch::Tensor& points,
+                                       const torch::Tensor& w);
 
 }  // namespace apvi::mapping

@@ -84,6 +84,22 @@ std::vector<std::int32_t> owners(const std::vector<Block>& blocks, int width, in
   return owner;
 }
 
+/// The same edge seen from its other end.
+std::vector<std::int32_t> reverse_edges(const BlockGraph& graph) {
+  std::vector<std::int32_t> reverse(graph.neighbors.size());
+  for (std::size_t i = 0; i + 1 < graph.offsets.size(); ++i) {
+    for (auto e = graph.offsets[i]; e < graph.offsets[i + 1]; ++e) {
+      const auto other = static_cast<std::size_t>(graph.neighbors[static_cast<std::size_t>(e)]);
+      const auto begin = graph.neighbors.begin() + graph.offsets[other];
+      const auto end = graph.neighbors.begin() + graph.offsets[other + 1];
+      const auto back = std::lower_bound(begin, end, static_cast<std::int32_t>(i));
+      reverse[static_cast<std::size_t>(e)] =
+          static_cast<std::int32_t>(back - graph.neighbors.begin());
+    }
+  }
+  return reverse;
+}
+
 }  // namespace
 
 std::vector<Block> divide(const torch::Tensor& grey, const QuadtreeOptions& options) {
@@ -103,30 +119,29 @@ BlockGraph neighbor_graph(const std::vector<Block>& blocks, int width, int heigh
     return owner[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
                  static_cast<std::size_t>(x)];
   };
-  std::vector<std::pair<std::int32_t, std::int32_t>> edges;
-  for (std::size_t i = 0; i < blocks.size(); ++i) {  // what lies to the right of and below each
-    const Block& b = blocks[i];
-    const auto self = static_cast<std::int32_t>(i);
-    const auto touch = [&](std::int32_t other) {
-      if (!edges.empty() && edges.back() == std::pair{other, self}) return;
-      edges.emplace_back(self, other);
-      edges.emplace_back(other, self);
-    };
-    for (int y = b.y; b.x + b.width < width && y < b.y + b.height; ++y) touch(at(b.x + b.width, y));
-    for (int x = b.x; b.y + b.height < height && x < b.x + b.width; ++x) {
-      touch(at(x, b.y + b.height));
-    }
-  }
-  std::sort(edges.begin(), edges.end());
   BlockGraph graph;
-  graph.offsets.assign(blocks.size() + 1, 0);
-  for (const auto& [from, to] : edges) {
-    ++graph.offsets[static_cast<std::size_t>(from) + 1];
-    graph.neighbors.push_back(to);
-    const auto back = std::lower_bound(edges.begin(), edges.end(), std::pair{to, from});
-    graph.reverse.push_back(static_cast<std::int32_t>(back - edges.begin()));
+  graph.offsets = {0};
+  std::vector<std::int32_t>& all = graph.neighbors;
+  for (const Block& b : blocks) {  // from one neighbour along each side to the next
+    const auto first = static_cast<std::ptrdiff_t>(all.size());
+    for (const int x : {b.x - 1, b.x + b.width}) {
+      for (int y = b.y; x >= 0 && x < width && y < b.y + b.height;) {
+        all.push_back(at(x, y));
+        const Block& other = blocks[static_cast<std::size_t>(all.back())];
+        y = other.y + other.height;
+      }
+    }
+    for (const int y : {b.y - 1, b.y + b.height}) {
+      for (int x = b.x; y >= 0 && y < height && x < b.x + b.width;) {
+        all.push_back(at(x, y));
+        const Block& other = blocks[static_cast<std::size_t>(all.back())];
+        x = other.x + other.width;
+      }
+    }
+    std::sort(all.begin() + first, all.end());
+    graph.offsets.push_back(static_cast<std::int32_t>(all.size()));
   }
-  for (std::size_t i = 0; i < blocks.size(); ++i) graph.offsets[i + 1] += graph.offsets[i];
+  graph.reverse = reverse_edges(graph);
   return graph;
 }
 

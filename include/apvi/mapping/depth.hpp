@@ -15,7 +15,9 @@ namespace apvi::mapping {
 
 /// A picture and the camera that took it; `camera.pose_delta` is not looked at.
 struct DepthView {
-  torch::Tensor grey;  ///< [H,W] float32 in [0, 1], without distortion; see `to_grey`
+  /// [H,W] float32 in [0, 1], without distortion (see `to_grey`); on the device that is to do the
+  /// work, all on the same.
+  torch::Tensor grey;
   splat::View camera;
 };
 
@@ -53,12 +55,13 @@ struct DepthEstimate {
 /// Depth of a keyframe out of its neighbours (the paper's "lightweight quadtree-guided
 /// densification"): the blocks of a quadtree are compared with the other pictures at every
 /// hypothesis, belief propagation makes neighbours agree, each winner is refined between its
-/// hypotheses, and an edge-aware smoother spreads what is confident over the image. The same bits
-/// with any number of threads. Throws c10::Error when a picture or camera cannot be used (shape,
-/// type, NaN), naming the view.
+/// hypotheses, and an edge-aware smoother spreads what is confident over the image. On a CPU the
+/// same bits with any number of threads. Throws c10::Error when a picture or camera cannot be used
+/// (shape, type, NaN), naming the view.
 DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& options);
 
-/// Luminance (Rec. 601) [H,W] float32 in [0, 1] of a picture [H,W,3], uint8 or float.
+/// Luminance (Rec. 601) [H,W] float32 in [0, 1] of a picture [H,W,3], uint8 or float, where that
+/// lies.
 torch::Tensor to_grey(const torch::Tensor& image);
 
 }  // namespace apvi::mapping

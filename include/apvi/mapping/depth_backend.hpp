@@ -93,6 +93,8 @@ class DepthBackend {
 
 /// cpu_fallback/mapping; the same bits with any number of threads.
 const DepthBackend& cpu_depth_backend();
+/// kernels/mapping/cuda_depth.cpp; only in builds for CUDA.
+const DepthBackend& cuda_depth_backend();
 
 /// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.
 const DepthBackend& depth_backend(const torch::Device& device);

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Depth estimation's file that sees LibTorch and CUDA: it hands the memory of tensors to the
+// launchers.
+#include <ATen/cuda/CUDAContext.h>
+#include <c10/cuda/CUDAException.h>
+#include <c10/cuda/CUDAGuard.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "apvi/mapping/depth_backend.hpp"
+#include "depth.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+static_assert(cuda::kDepthLevels == kSweepLevels);
+
+constexpr std::int64_t kLeastSide = 8;  // [px] of a picture that a patch fits into
+constexpr double kUnits = 255.0 * 256.0;
+
+int as_int(std::int64_t value) {
+  return static_cast<int>(value);
+}
+
+Tensor paired(const Tensor& pixels) {
+  Tensor pairs = torch::empty(pixels.sizes(), pixels.options().dtype(torch::kInt32));
+  C10_CUDA_CHECK(cuda::launch_pair(pixels.data_ptr<float>(), as_int(pixels.size(0)),
+                                   as_int(pixels.size(1)),
+                                   reinterpret_cast<std::uint32_t*>(pairs.data_ptr<std::int32_t>()),
+                                   at::cuda::getCurrentCUDAStream()));
+  return pairs;
+}
+
+Tensor halved(const Tensor& pixels) {
+  Tensor half = torch::empty({pixels.size(0) / 2, pixels.size(1) / 2}, pixels.options());
+  C10_CUDA_CHECK(cuda::launch_halve(pixels.data_ptr<float>(), as_int(pixels.size(0)),
+                                    as_int(pixels.size(1)), half.data_ptr<float>(),
+                                    at::cuda::getCurrentCUDAStream()));
+  return half;
+}
+
+cuda::PicturePyramid to_pyramid(const Tensor* kept) {
+  cuda::PicturePyramid pyramid = {};
+  for (; pyramid.count < kSweepLevels && kept[pyramid.count].numel() > 0; ++pyramid.count) {
+    const Tensor& level = kept[pyramid.count];
+    pyramid.levels[pyramid.count] = {
+        .pairs = reinterpret_cast<const std::uint32_t*>(level.data_ptr<std::int32_t>()),
+        .width = as_int(level.size(1)),
+        .height = as_int(level.size(0))};
+  }
+  return pyramid;
+}
+
+cuda::SweepPointers to_pointers(const SweepPictures& pictures, const SweepInput& in) {
+  const std::size_t count = pictures.kept.size() / kSweepLevels;
+  TORCH_CHECK(count <= cuda::kMostViews + 1, "depth: ", count, " pictures; ", cuda::kMostViews + 1,
+              " can be compared on a GPU");
+  cuda::SweepPointers out = {.pyramids = {},
+                             .views = as_int(static_cast<std::int64_t>(count)) - 1,
+                             .points = as_int(in.points.size(0)),
+                             .labels = as_int(in.inverse_depths.size(1)),
+                             .projections = in.projections.data_ptr<float>(),
+                             .places = in.points.data_ptr<float>(),
+                             .levels = in.levels.data_ptr<std::int32_t>(),
+                             .inverse_depths = in.inverse_depths.data_ptr<float>(),
+                             .shared_depths = in.inverse_depths.size(0) == 1,
+                             .slopes = in.slopes.data_ptr<float>(),
+                             .rays = in.rays.data_ptr<float>(),
+                             .centers = in.centers.data_ptr<float>(),
+                             .absolute = in.cost == PhotometricCost::absolute,
+                             .noise = static_cast<float>(in.noise * kUnits),
+                             .beta_d = in.medium.beta_d,
+                             .beta_b = in.medium.beta_b,
+                             .b_inf = in.medium.b_inf};
+  for (std::size_t i = 0; i < count; ++i) {
+    out.pyramids[i] = to_pyramid(&pictures.kept[i * kSweepLevels]);
+  }
+  return out;
+}
+
+cuda::GraphPointers to_pointers(const BeliefInput& in) {
+  TORCH_CHECK(in.cost.size(1) <= cuda::kMostLabels, "depth: ", in.cost.size(1), " hypotheses; ",
+              cuda::kMostLabels, " can be told apart on a GPU");
+  return {.nodes = as_int(in.cost.size(0)),
+          .labels = as_int(in.cost.size(1)),
+          .cost = in.cost.data_ptr<float>(),
+          .offsets = in.offsets.data_ptr<std::int32_t>(),
+          .neighbors = in.neighbors.data_ptr<std::int32_t>(),
+          .reverse = in.reverse.data_ptr<std::int32_t>(),
+          .weights = in.weights.data_ptr<float>(),
+          .step = static_cast<float>(in.step),
+          .limit = static_cast<float>(in.limit)};
+}
+
+class CudaDepthBackend final : public DepthBackend {
+ public:
+  std::string_view name() const override { return "cuda"; }
+
+  SweepPictures prepare(const std::vector<Tensor>& greys) const override {
+    SweepPictures pictures;
+    for (const Tensor& grey : greys) {
+      const c10::cuda::CUDAGuard guard(grey.device());
+      Tensor pixels = (grey * kUnits).contiguous();
+      for (int level = 0; level < kSweepLevels; ++level) {
+        const bool fits = std::min(pixels.size(0), pixels.size(1)) >= kLeastSide;
+        pictures.kept.push_back(fits ? paired(pixels)
+                                     : torch::empty({0, 0}, pixels.options().dtype(torch::kInt32)));
+        if (fits && level + 1 < kSweepLevels) pixels = halved(pixels);
+      }
+    }
+    return pictures;
+  }
+
+  SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input) const override {
+    const c10::cuda::CUDAGuard guard(input.points.device());
+    const auto options = input.points.options();
+    const std::vector<std::int64_t> shape = {input.points.size(0), input.inverse_depths.size(1)};
+    SweepOutput out = {.cost = torch::empty(shape, options),
+                       .views = torch::empty(shape, options.dtype(torch::kUInt8))};
+    C10_CUDA_CHECK(cuda::launch_sweep(to_pointers(pictures, input), out.cost.data_ptr<float>(),
+                                      out.views.data_ptr<std::uint8_t>(),
+                                      at::cuda::getCurrentCUDAStream()));
+    return out;
+  }
+
+  Tensor propagate(const BeliefInput& input) const override {
+    const c10::cuda::CUDAGuard guard(input.cost.device());
+    const cuda::GraphPointers graph = to_pointers(input);
+    const auto stream = at::cuda::getCurrentCUDAStream();
+    Tensor now = torch::zeros({input.neighbors.size(0), input.cost.size(1)}, input.cost.options());
+    Tensor next = torch::zeros_like(now);
+    for (int i = 0; i < input.iterations; ++i) {
+      C10_CUDA_CHECK(
+          cuda::launch_messages(graph, now.data_ptr<float>(), next.data_ptr<float>(), stream));
+      std::swap(now, next);
+    }
+    Tensor belief = torch::empty_like(input.cost);
+    C10_CUDA_CHECK(cuda::launch_beliefs(graph, now.data_ptr<float>(), next.data_ptr<float>(),
+                                        belief.data_ptr<float>(), stream));
+    return belief;
+  }
+
+  Tensor smooth(const SmoothInput& input) const override {
+    const c10::cuda::CUDAGuard guard(input.guide.device());
+    const int height = as_int(input.guide.size(0));
+    const int width = as_int(input.guide.size(1));
+    Tensor out = torch::stack({input.values * input.weights, input.weights});
+    const Tensor upper = torch::empty_like(input.guide);
+    const int rounds = input.options.iterations;
+    for (int t = 1; t <= rounds; ++t) {  // Min et al., Eq. 9
+      const double share = 1.5 * std::pow(4.0, rounds - t) / (std::pow(4.0, rounds) - 1.0);
+      for (const bool rows : {true, false}) {
+        C10_CUDA_CHECK(cuda::launch_smooth_lines(input.guide.data_ptr<float>(), height, width, rows,
+                                                 static_cast<float>(share * input.options.lambda),
+                                                 static_cast<float>(input.options.sigma),
+                                                 upper.data_ptr<float>(), out.data_ptr<float>(),
+                                                 at::cuda::getCurrentCUDAStream()));
+      }
+    }
+    out[0].div_(out[1].clamp_min(1e-20));
+    return out;
+  }
+};
+
+}  // namespace
+
+const DepthBackend& cuda_depth_backend() {
+  static const CudaDepthBackend backend;
+  return backend;
+}
+
+}  // namespace apvi::mapping

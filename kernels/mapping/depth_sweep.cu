@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cfloat>
+
+#include "depth.hpp"
+
+namespace apvi::mapping::cuda {
+namespace {
+
+constexpr int kThreads = 128;
+constexpr int kMostPoints = 8;  // of a block of threads, when each has few depths
+constexpr int kSamples = 32;    // of a patch: six pixels wide and high, without its corners
+constexpr float kReach = 2.5f;  // [px] of its outermost samples from the middle
+constexpr float kUnits = 255.0f * 256.0f;
+constexpr float kLargestStep2 = 1.25f * 1.25f;      // [px²] between two hypotheses in one picture
+constexpr float kDifferenceLimit = 32.0f * 256.0f;  // of the mean absolute difference
+constexpr float kBehind = 1e-6f;
+
+struct PatchPlace {
+  float x, y;
+  float xx, xy, yx, yy;
+};
+
+/// A patch of the reference in one reduction.
+struct Patch {
+  float values[kSamples];  ///< less their mean
+  float mean;
+  float inverse_norm;
+  float dx, dy;  ///< [px] of the whole picture: how far it was moved to lie in it
+};
+
+/// Column and row of sample k, from the middle.
+__device__ float2 sample_place(int k) {
+  // Rows of 4, 6, 6, 6, 6 and 4 samples.
+  const int row = k < 4 ? 0 : k < 28 ? 1 + (k - 4) / 6 : 5;
+  const int column = k < 4 ? 1 + k : k < 28 ? (k - 4) % 6 : k - 27;
+  return {static_cast<float>(column) - kReach, static_cast<float>(row) - kReach};
+}
+
+__device__ float take_sample(const PictureLevel& level, const PatchPlace& p, float2 at) {
+  const float x = p.x + p.xx * at.x + p.xy * at.y;
+  const float y = p.y + p.yx * at.x + p.yy * at.y;
+  const int column = static_cast<int>(x);
+  const int row = static_cast<int>(y);
+  const float right = x - static_cast<float>(column);
+  const float down = y - static_cast<float>(row);
+  const std::uint32_t* const word = level.pairs + row * level.width + column;
+  const std::uint32_t a = __ldg(word);
+  const std::uint32_t b = __ldg(word + 1);
+  const auto a0 = static_cast<float>(a & 0xFFFFu);
+  const auto a1 = static_cast<float>(a >> 16u);
+  const auto b0 = static_cast<float>(b & 0xFFFFu);
+  const auto b1 = static_cast<float>(b >> 16u);
+  const float above = a0 + right * (b0 - a0);
+  const float below = a1 + right * (b1 - a1);
+  return above + down * (below - above);
+}
+
+__device__ bool inside(const PictureLevel& level, const PatchPlace& p) {
+  const float reach_x = kReach * (fabsf(p.xx) + fabsf(p.xy));
+  const float reach_y = kReach * (fabsf(p.yx) + fabsf(p.yy));
+  return p.x - reach_x >= 0.0f && p.y - reach_y >= 0.0f &&
+         p.x + reach_x < static_cast<float>(level.width - 1) &&
+         p.y + reach_y < static_cast<float>(level.height - 1);
+}
+
+__device__ float warp_sum(float value) {
+  for (int lane = 16; lane > 0; lane /= 2) value += __shfl_xor_sync(0xFFFFFFFFu, value, lane);
+  return value;
+}
+
+/// One warp, one sample a lane.
+__device__ void take_patch(const PictureLevel& level, int index, float x, float y, float noise,
+                           Patch& patch) {
+  const float scale = 1.0f / static_cast<float>(1 << index);
+  const float px = scale * x - 0.5f;
+  const float py = scale * y - 0.5f;
+  constexpr float kEdge = kReach + 0.01f;
+  const float moved_x = fminf(fmaxf(px, kEdge), static_cast<float>(level.width - 1) - kEdge);
+  const float moved_y = fminf(fmaxf(py, kEdge), static_cast<float>(level.height - 1) - kEdge);
+  const int lane = static_cast<int>(threadIdx.x) % kSamples;
+  const float sample =
+      take_sample(level, {moved_x, moved_y, 1.0f, 0.0f, 0.0f, 1.0f}, sample_place(lane));
+  const float mean = warp_sum(sample) / kSamples;
+  const float value = sample - mean;
+  const float squares = warp_sum(value * value);
+  patch.values[lane] = value;
+  if (lane != 0) return;
+  patch.mean = mean;
+  patch.inverse_norm = 1.0f / sqrtf(squares + kSamples * noise * noise);
+  patch.dx = (moved_x - px) / scale;
+  patch.dy = (moved_y - py) / scale;
+}
+
+/// One point's way through one other picture.
+struct Path {
+  float fixed[3], moving[3], by_x[3], by_y[3];
+
+  __device__ Path(const float* P, float x, float y) {
+    for (int i = 0; i < 3; ++i, P += 4) {
+      fixed[i] = P[0] * x + P[1] * y + P[2];
+      moving[i] = P[3];
+      by_x[i] = P[0];
+      by_y[i] = P[1];
+    }
+  }
+  __device__ float depth_factor(float w) const { return fixed[2] + w * moving[2]; }
+
+  __device__ float2 pixel(float w) const {
+    const float inverse_z = 1.0f / depth_factor(w);
+    return {(fixed[0] + w * moving[0]) * inverse_z, (fixed[1] + w * moving[1]) * inverse_z};
+  }
+
+  __device__ PatchPlace at(float w, float2 slope) const {
+    const float inverse_z = 1.0f / depth_factor(w);
+    const float2 place = pixel(w);
+    const auto derivative = [&](const float* by, float along, int i, float p) {
+      const float top = by[i] + w * along * moving[i];
+      const float bottom = by[2] + w * along * moving[2];
+      return (top - p * bottom) * inverse_z;
+    };
+    return {place.x,
+            place.y,
+            derivative(by_x, slope.x, 0, place.x),
+            derivative(by_y, slope.y, 0, place.x),
+            derivative(by_x, slope.x, 1, place.y),
+            derivative(by_y, slope.y, 1, place.y)};
+  }
+};
+
+__device__ float correlation_cost(const Patch& patch, const PictureLevel& level,
+                                  const PatchPlace& place, float noise) {
+  float sum = 0.0f;
+  float squares = 0.0f;
+  float products = 0.0f;
+#pragma unroll
+  for (int k = 0; k < kSamples; ++k) {
+    const float value = take_sample(level, place, sample_place(k)) - patch.mean;
+    sum += value;
+    squares += value * value;
+    products += value * patch.values[k];
+  }
+  const float spread = fmaxf(squares - sum * sum / kSamples, 0.0f);
+  const float correlation =
+      products * patch.inverse_norm / sqrtf(spread + kSamples * noise * noise);
+  return correlation > 0.0f ? 1.0f - correlation : 1.0f;
+}
+
+__device__ float difference_cost(const Patch& patch, const PictureLevel& level,
+                                 const PatchPlace& place, float gain, float offset) {
+  const float mean = gain * patch.mean + offset;
+  float sum = 0.0f;
+#pragma unroll
+  for (int k = 0; k < kSamples; ++k) {
+    sum += fabsf(take_sample(level, place, sample_place(k)) - mean - gain * patch.values[k]);
+  }
+  return sum / kSamples;
+}
+
+/// What another camera sees of an intensity of the reference: gain * it + offset.
+__device__ float2 through_water(const SweepPointers& in, float2 point, int view, float w) {
+  if (in.beta_d == 0.0 && in.beta_b == 0.0) return {1.0f, 0.0f};
+  double here = 0.0;
+  double there = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    const double ray = static_cast<double>(in.rays[3 * i] * point.x + in.rays[3 * i + 1] * point.y +
+                                           in.rays[3 * i + 2]) /
+                       static_cast<double>(w);
+    const double from_there = ray - static_cast<double>(in.centers[3 * view + i]);
+    here += ray * ray;
+    there += from_there * from_there;
+  }
+  here = sqrt(here);
+  there = sqrt(there);
+  const double gain = exp(in.beta_d * (here - there));
+  const double scattered_here = in.b_inf * (1.0 - exp(-in.beta_b * here));
+  const double scattered_there = in.b_inf * (1.0 - exp(-in.beta_b * there));
+  return {static_cast<float>(gain),
+          static_cast<float>(scattered_there - gain * scattered_here) * kUnits};
+}
+
+/// What one hypothesis costs, summed over the pictures that see it.
+struct Tally {
+  float cost = 0.0f;
+  int seen = 0;
+};
+
+struct Hypothesis {
+  float2 point;
+  float2 slope;
+  int finest;  ///< reduction to look at least
+  float w;     ///< 1/depth
+  float next;  ///< of the neighbour
+};
+
+__device__ void add_view(const SweepPointers& in, const Hypothesis& h, int view,
+                         const Patch* patches, Tally& tally) {
+  const Path path(in.projections + 12 * view, h.point.x, h.point.y);
+  if (path.depth_factor(h.w) < kBehind || path.depth_factor(h.next) < kBehind) return;
+  PatchPlace place = path.at(h.w, h.slope);
+  const float2 neighbor = path.pixel(h.next);
+  const float step_x = neighbor.x - place.x;
+  const float step_y = neighbor.y - place.y;
+  const float step = step_x * step_x + step_y * step_y;
+  const PicturePyramid& pyramid = in.pyramids[view + 1];
+  const int coarsest = min(pyramid.count, in.pyramids[0].count) - 1;
+  int level = min(h.finest, coarsest);
+  while (level < coarsest && step > kLargestStep2 * static_cast<float>(1 << (2 * level))) ++level;
+  const Patch& patch = patches[level];
+  const float scale = 1.0f / static_cast<float>(1 << level);
+  place.x = scale * (place.x + place.xx * patch.dx + place.xy * patch.dy) - 0.5f;
+  place.y = scale * (place.y + place.yx * patch.dx + place.yy * patch.dy) - 0.5f;
+  const PictureLevel& pixels = pyramid.levels[level];
+  if (!inside(pixels, place)) return;
+  ++tally.seen;
+  if (!in.absolute) {
+    tally.cost += correlation_cost(patch, pixels, place, in.noise);
+    return;
+  }
+  const float2 water = through_water(in, h.point, view, h.w);
+  tally.cost +=
+      fminf(1.0f, difference_cost(patch, pixels, place, water.x, water.y) / kDifferenceLimit);
+}
+
+__device__ Hypothesis hypothesis_of(const SweepPointers& in, int point, int label) {
+  const float* const w = in.inverse_depths + (in.shared_depths ? 0 : point * in.labels);
+  const int next = label + 1 < in.labels ? label + 1 : max(label - 1, 0);
+  return {.point = {in.places[2 * point], in.places[2 * point + 1]},
+          .slope = {in.slopes[2 * point], in.slopes[2 * point + 1]},
+          .finest = in.levels[point],
+          .w = w[label],
+          .next = w[next]};
+}
+
+/// A block has some points; its threads share out their hypotheses. A depth that no picture sees
+/// is as good as the mean of the point's others, in `neutral_kernel`.
+__global__ void sweep_kernel(const __grid_constant__ SweepPointers in, int per_block, float* cost,
+                             std::uint8_t* seen) {
+  __shared__ Patch patches[kMostPoints][kDepthLevels];
+  const int first = static_cast<int>(blockIdx.x) * per_block;
+  const int points = min(per_block, in.points - first);
+  const int warp = static_cast<int>(threadIdx.x) / kSamples;
+  for (int k = warp; k < points * kDepthLevels; k += kThreads / kSamples) {
+    const int level = k % kDepthLevels;
+    const int point = first + k / kDepthLevels;
+    if (level >= in.pyramids[0].count) continue;
+    take_patch(in.pyramids[0].levels[level], level, in.places[2 * point], in.places[2 * point + 1],
+               in.noise, patches[k / kDepthLevels][level]);
+  }
+  __syncthreads();
+  for (int k = static_cast<int>(threadIdx.x); k < points * in.labels; k += kThreads) {
+    const int own = k / in.labels;
+    const Hypothesis h = hypothesis_of(in, first + own, k - own * in.labels);
+    Tally tally;
+    for (int view = 0; view < in.views; ++view) add_view(in, h, view, patches[own], tally);
+    const std::int64_t i = static_cast<std::int64_t>(first) * in.labels + k;
+    cost[i] = tally.seen > 0 ? tally.cost / static_cast<float>(tally.seen) : 0.0f;
+    seen[i] = static_cast<std::uint8_t>(tally.seen);
+  }
+}
+
+/// One warp a point.
+__global__ void neutral_kernel(int points, int labels, float* cost, const std::uint8_t* seen) {
+  const int point = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x) / kSamples;
+  if (point >= points) return;
+  const int lane = static_cast<int>(threadIdx.x) % kSamples;
+  const std::int64_t row = static_cast<std::int64_t>(point) * labels;
+  float sum = 0.0f;
+  float known = 0.0f;
+  for (int l = lane; l < labels; l += kSamples) {
+    if (seen[row + l] == 0) continue;
+    sum += cost[row + l];
+    known += 1.0f;
+  }
+  sum = warp_sum(sum);
+  known = warp_sum(known);
+  const float neutral = known > 0.0f ? sum / known : 1.0f;
+  for (int l = lane; l < labels; l += kSamples) {
+    if (seen[row + l] == 0) cost[row + l] = neutral;
+  }
+}
+
+}  // namespace
+
+cudaError_t launch_sweep(const SweepPointers& in, float* cost, std::uint8_t* seen,
+                         cudaStream_t stream) {
+  if (in.points == 0 || in.labels == 0) return cudaSuccess;
+  const int per_block = max(1, min(kMostPoints, kThreads / in.labels));
+  const auto blocks = static_cast<unsigned>((in.points + per_block - 1) / per_block);
+  sweep_kernel<<<blocks, kThreads, 0, stream>>>(in, per_block, cost, seen);
+  constexpr int kRows = kThreads / kSamples;
+  neutral_kernel<<<static_cast<unsigned>((in.points + kRows - 1) / kRows), kThreads, 0, stream>>>(
+      in.points, in.labels, cost, seen);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::mapping::cuda

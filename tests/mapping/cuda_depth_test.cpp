@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Depth on a GPU against depth on the CPU, which has oracles of its own.
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <vector>
+
+#include "apvi/mapping/depth.hpp"
+#include "apvi/mapping/depth_backend.hpp"
+#include "depth_scene.hpp"
+#include "support/torch_reference.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using apvi::test::tensors_near;
+using test::Plane;
+using torch::Tensor;
+
+constexpr Plane kSlope = {{0.2, -0.3, 1.0}, 2.0};
+constexpr int kBlockSide = 8;
+
+class CudaDepth : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!torch::cuda::is_available()) GTEST_SKIP() << "no GPU that LibTorch can use";
+  }
+};
+
+std::vector<Tensor> greys_of(const DepthRequest& request, const torch::Device& device) {
+  std::vector<Tensor> greys;
+  for (const DepthView& view : request.views) greys.push_back(view.grey.to(device));
+  return greys;
+}
+
+DepthRequest on_gpu(DepthRequest request) {
+  for (DepthView& view : request.views) view.grey = view.grey.to(torch::kCUDA);
+  return request;
+}
+
+/// Sweeps of a grid of points over the pictures of `request`, on `device`.
+SweepInput sweep_input(const DepthRequest& request, const torch::Device& device) {
+  const auto calibration = [](const splat::Intrinsics& k) {
+    return torch::tensor({k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0}, torch::kFloat64)
+        .reshape({3, 3});
+  };
+  const Tensor T_world_reference = torch::inverse(request.views.front().camera.T_camera_world);
+  const Tensor K_inverse = torch::inverse(calibration(request.views.front().camera.intrinsics));
+  std::vector<Tensor> projections;
+  std::vector<Tensor> centers;
+  for (std::size_t i = 1; i < request.views.size(); ++i) {
+    const Tensor T = request.views[i].camera.T_camera_world.mm(T_world_reference);
+    const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
+    const Tensor t = T.slice(0, 0, 3).slice(1, 3, 4);
+    const Tensor K = calibration(request.views[i].camera.intrinsics);
+    projections.push_back(torch::cat({K.mm(R).mm(K_inverse), K.mm(t)}, 1));
+    centers.push_back(-R.t().mm(t).squeeze(1));
+  }
+  const splat::Intrinsics& k = request.views.front().camera.intrinsics;
+  std::vector<float> points;
+  for (int y = 0; y < k.height; y += kBlockSide) {
+    for (int x = 0; x < k.width; x += kBlockSide) {
+      points.push_back(static_cast<float>(x) + 4.0F);
+      points.push_back(static_cast<float>(y) + 4.0F);
+    }
+  }
+  const Tensor places = torch::tensor(points).reshape({-1, 2}).to(device);
+  const std::int64_t n = places.size(0);
+  const auto single = [&device](const std::vector<Tensor>& parts) {
+    return torch::stack(parts).to(device, torch::kFloat32).contiguous();
+  };
+  return {.projections = single(projections),
+          .points = places,
+          .levels = (torch::arange(n, torch::kInt32) % 3).to(device, torch::kInt32),
+          .inverse_depths = torch::linspace(2.0, 0.1, 100).unsqueeze(0).to(device),
+          .slopes = 0.002 * torch::ones({n, 2}).to(device),
+          .rays = K_inverse.to(device, torch::kFloat32).contiguous(),
+          .centers = single(centers),
+          .cost = PhotometricCost::zncc,
+          .noise = 1.0 / 255.0,
+          .medium = {}};
+}
+
+SweepOutput swept(const DepthBackend& backend, const DepthRequest& request,
+                  const torch::Device& device, const SweepInput& input) {
+  const SweepOutput out = backend.sweep(backend.prepare(greys_of(request, device)), input);
+  return {.cost = out.cost.to(torch::kCPU), .views = out.views.to(torch::kCPU)};
+}
+
+/// Part of the elements that differ by more than `tolerance`.
+double share_off(const Tensor& a, const Tensor& b, double tolerance) {
+  return ((a - b).abs() > tolerance).to(torch::kFloat32).mean().item<double>();
+}
+
+void expect_alike(const DepthRequest& request, const SweepInput& on_cpu, const SweepInput& there) {
+  const SweepOutput a = swept(cpu_depth_backend(), request, torch::kCPU, on_cpu);
+  const SweepOutput b = swept(depth_backend(torch::kCUDA), request, torch::kCUDA, there);
+  // Where a patch touches the edge, or a step is as long as a reduction allows, rounding decides.
+  EXPECT_LT(share_off(a.views.to(torch::kFloat32), b.views.to(torch::kFloat32), 0.5), 1e-3);
+  EXPECT_LT(share_off(a.cost, b.cost, 1e-3), 2e-3);
+  EXPECT_GT(a.cost.std().item<double>(), 0.05);
+}
+
+TEST_F(CudaDepth, SweepsAsTheCpuDoes) {
+  const DepthRequest request = test::walk_along(kSlope);
+  expect_alike(request, sweep_input(request, torch::kCPU), sweep_input(request, torch::kCUDA));
+}
+
+TEST_F(CudaDepth, SweepsFewDepthsOfEachPointAsTheCpuDoes) {
+  const DepthRequest request = test::walk_along(kSlope);
+  SweepInput a = sweep_input(request, torch::kCPU);
+  SweepInput b = sweep_input(request, torch::kCUDA);
+  const Tensor own = (0.5 + 0.001 * torch::arange(a.points.size(0)).unsqueeze(1)) *
+                     torch::linspace(1.1, 0.9, 9).unsqueeze(0);
+  a.inverse_depths = own.to(torch::kFloat32).contiguous();
+  b.inverse_depths = a.inverse_depths.to(torch::kCUDA);
+  expect_alike(request, a, b);
+}
+
+TEST_F(CudaDepth, ComparesThroughWaterAsTheCpuDoes) {
+  const DepthRequest request = test::walk_along(kSlope);
+  SweepInput a = sweep_input(request, torch::kCPU);
+  SweepInput b = sweep_input(request, torch::kCUDA);
+  for (SweepInput* input : {&a, &b}) {
+    input->cost = PhotometricCost::absolute;
+    input->medium = {.beta_d = 0.3, .beta_b = 0.25, .b_inf = 0.4};
+  }
+  expect_alike(request, a, b);
+}
+
+/// Nodes of a grid of blocks with costs drawn at random.
+BeliefInput belief_input(std::int64_t labels) {
+  torch::manual_seed(4);
+  const Tensor grey = torch::rand({96, 128});
+  const std::vector<Block> blocks = divide(grey, {.threshold = 0.45});
+  const BlockGraph graph = neighbor_graph(blocks, 128, 96);
+  const auto edges = static_cast<std::int64_t>(graph.neighbors.size());
+  Tensor weights = torch::empty({edges});
+  for (std::int64_t e = 0; e < edges; ++e) {  // alike from both ends
+    const auto back = graph.reverse[static_cast<std::size_t>(e)];
+    weights[e] = 0.2 + 0.1 * static_cast<double>(std::min<std::int64_t>(e, back) % 7);
+  }
+  return {.cost = torch::rand({static_cast<std::int64_t>(blocks.size()), labels}),
+          .offsets = torch::tensor(graph.offsets, torch::kInt32),
+          .neighbors = torch::tensor(graph.neighbors, torch::kInt32),
+          .reverse = torch::tensor(graph.reverse, torch::kInt32),
+          .weights = weights,
+          .step = 0.02,
+          .limit = 0.3,
+          .iterations = 7};
+}
+
+TEST_F(CudaDepth, PropagatesBeliefsAsTheCpuDoesWithAnyNumberOfHypotheses) {
+  for (const std::int64_t labels : {9, 32, 61, 128, 130, 256, 700}) {
+    BeliefInput input = belief_input(labels);
+    const Tensor expected = cpu_depth_backend().propagate(input);
+    for (Tensor* t :
+         {&input.cost, &input.offsets, &input.neighbors, &input.reverse, &input.weights}) {
+      *t = t->to(torch::kCUDA);
+    }
+    const Tensor got = depth_backend(torch::kCUDA).propagate(input).to(torch::kCPU);
+    EXPECT_TRUE(tensors_near(got, expected, 2e-4)) << labels << " hypotheses";
+  }
+}
+
+TEST_F(CudaDepth, SmoothsAsTheCpuDoes) {
+  torch::manual_seed(8);
+  for (const auto& [height, width] : {std::pair{48, 64}, {1, 70}, {33, 1}, {120, 161}}) {
+    SmoothInput input = {.guide = torch::rand({height, width}),
+                         .values = torch::rand({height, width}),
+                         .weights = (torch::rand({height, width}) < 0.3).to(torch::kFloat32),
+                         .options = {}};
+    const Tensor expected = cpu_depth_backend().smooth(input);
+    for (Tensor* t : {&input.guide, &input.values, &input.weights}) *t = t->to(torch::kCUDA);
+    const Tensor got = depth_backend(torch::kCUDA).smooth(input).to(torch::kCPU);
+    EXPECT_LT((got[1] - expected[1]).abs().max().item<double>(), 2e-4);
+    const Tensor known = expected[1] > 1e-3;
+    EXPECT_LT((got[0] - expected[0]).abs().masked_select(known).max().item<double>(), 2e-3);
+  }
+}
+
+TEST_F(CudaDepth, EstimatesWhatTheCpuEstimates) {
+  const DepthRequest request = test::walk_along(kSlope);
+  const DepthEstimate a = estimate_depth(request, {});
+  const DepthEstimate b = estimate_depth(on_gpu(request), {});
+  ASSERT_EQ(b.verdict, DepthVerdict::estimated);
+  ASSERT_EQ(a.blocks.size(), b.blocks.size());
+  EXPECT_TRUE(b.depth.device().is_cpu() && b.dense.device().is_cpu());
+  EXPECT_NEAR(a.near_m, b.near_m, 0.02 * a.near_m);
+  EXPECT_LT(share_off(a.depth.log(), b.depth.log(), 0.01), 0.03);
+  EXPECT_LT(share_off(a.confident.to(torch::kFloat32), b.confident.to(torch::kFloat32), 0.5), 0.03);
+  EXPECT_LT(share_off(a.dense.log(), b.dense.log(), 0.01), 0.03);
+  const Tensor truth = test::depth_of(kSlope, request.views.front().camera);
+  EXPECT_LT(test::block_errors(b, truth).median().item<float>(), 0.01F);
+}
+
+TEST_F(CudaDepth, IsTheSameFromRunToRun) {
+  const DepthRequest request = on_gpu(test::walk_along(kSlope));
+  const DepthEstimate a = estimate_depth(request, {});
+  const DepthEstimate b = estimate_depth(request, {});
+  EXPECT_TRUE(torch::equal(a.depth, b.depth));
+  EXPECT_TRUE(torch::equal(a.dense, b.dense));
+}
+
+}  // namespace
+}  // namespace apvi::mapping
