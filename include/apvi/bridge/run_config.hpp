@@ -139,8 +139,7 @@ struct MappingConfig {
       "how the map grows");
     v("medium", medium, "whether the water's colour and attenuation are estimated too");
     v("max_gaussians", densify.max_gaussians, Range{0, 100000000},
-      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 800,000 on a GPU, "
-      "where with pictures of 640 x 480 it then stays within 3 GiB");
+      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 400,000 on a GPU");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "more of them at the end, without growth and at falling rates");
