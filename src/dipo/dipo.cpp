@@ -273,11 +273,17 @@ bool Dipo::take_in(const DvlSample& ping) {
   return true;
 }
 
+double Dipo::swell_m() const {
+  const double noise = rig_.pressure ? rig_.pressure->noise_m
+                       : rig_.depth  ? rig_.depth->noise_m
+                                     : 0.0;
+  return std::sqrt(std::max(0.0, std::pow(swell_.sigma_m(), 2) - noise * noise));
+}
+
 bool Dipo::take_in(const DepthReading& reading) {
   if (reading.stamp > timeline_.newest()) return false;
   const double sign = rig_.depth_sign();
-  const double swell =
-      std::max(0.0, std::pow(swell_.sigma_m(), 2) - reading.noise_m * reading.noise_m);
+  const double swell = std::pow(swell_m(), 2);
   const double variance = reading.noise_m * reading.noise_m + swell;
   Timeline::Model depth_model = [=](const Eskf& at, const Kinematics&) {
     return depth(at.state(), reading.p_body_sensor, sign, reading.depth_m, variance);

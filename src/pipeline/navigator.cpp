@@ -2,6 +2,7 @@
 #include "apvi/pipeline/navigator.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "apvi/core/log.hpp"
@@ -146,11 +147,15 @@ void Navigator::take(const SensorEvent& event) {
     while (raw_pings_.size() > kMostPings) raw_pings_.erase(raw_pings_.begin());
   }
   if (const auto* p = std::get_if<PressureSample>(&event); p && rig_.pressure) {
-    fresh_depths_.push_back(
-        {p->stamp, rig_.pressure->depth(p->pressure_pa), rig_.pressure->noise_m});
+    fresh_depths_.push_back({p->stamp, rig_.pressure->depth(p->pressure_pa),
+                             std::hypot(rig_.pressure->noise_m, swell_m())});
   } else if (const auto* d = std::get_if<DepthSample>(&event); d && rig_.depth) {
-    fresh_depths_.push_back({d->stamp, d->depth_m, rig_.depth->noise_m});
+    fresh_depths_.push_back({d->stamp, d->depth_m, std::hypot(rig_.depth->noise_m, swell_m())});
   }
+}
+
+double Navigator::swell_m() const {
+  return localization_ ? localization_->dipo().swell_m() : 0.0;
 }
 
 void Navigator::note_pings(const std::vector<LocalizationOutput>& outputs) {

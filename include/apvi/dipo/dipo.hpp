@@ -59,6 +59,8 @@ class Dipo {
   /// The estimate at a stamp inside the history, everything known by now taken in.
   std::optional<Estimate> at(Stamp stamp) const;
   Stamp newest() const { return timeline_.newest(); }
+  /// What waves add to readings of depth just now [m]: a standard deviation, for seconds the same.
+  double swell_m() const;
 
   /// Reports since the last call.
   std::vector<Report> take_dvl_reports() { return std::exchange(dvl_reports_, {}); }

@@ -39,6 +39,7 @@ class Navigator {
   void take(const SensorEvent& event);
   void note_image(Stamp stamp);
   void bridge_silence(Stamp now);
+  double swell_m() const;  ///< of the depth readings [m]
   void note_pings(const std::vector<LocalizationOutput>& outputs);
   bool is_ready(const FrameJob& job, Stamp now) const;
   void complete(FrameJob& job);
