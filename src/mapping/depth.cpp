@@ -330,7 +330,8 @@ class Estimator {
     centers = centers.to(device_);
     const Tensor at = centers[0].to(torch::kInt64);
     const Tensor weights = (choice.confidence + 1e-3) * centers[1];
-    const Tensor empty = torch::zeros({2, height() * width()}, choice.depth.options());
+    const Tensor empty =
+        torch::zeros({2, std::int64_t{height()} * width()}, choice.depth.options());
     const Tensor sparse =
         empty.index_copy(1, at, torch::stack({choice.depth.reciprocal(), weights}))
             .view({2, height(), width()});
