@@ -24,7 +24,7 @@ constexpr std::size_t kShortQueue = 4;
 
 // While frames wait in real time, of the time the mapper works.
 constexpr double kTrainingShare = 0.5;
-constexpr double kDepthShare = 0.3;  // at most
+constexpr double kDepthShare = 0.3;   // at most
 constexpr double kLastSteps_s = 1.0;  // for the frames that wait when the recording ends
 
 Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
