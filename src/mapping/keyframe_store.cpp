@@ -63,7 +63,7 @@ void KeyframeStore::drop_image(std::size_t i) {
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
-  const Tensor numbers = keyframes_.at(i).image.to(device).to(torch::kFloat32) / 255.0;
+  Tensor numbers = keyframes_.at(i).image.to(device).to(torch::kFloat32) / 255.0;
   if (factor == 1) return numbers;
   const Tensor planes = numbers.permute({2, 0, 1}).unsqueeze(0);
   return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();

@@ -41,7 +41,7 @@ SparsePoints points_of(const splat::Gaussians& world, std::int64_t first_id) {
 void learn_from(Mapper& mapper, const splat::Gaussians& world, int number) {
   MapperInput input;
   input.keyframe = test::photograph(world, camera_at(0.1 * number, 0.0), number);
-  input.points = points_of(world, 1000 * number);
+  input.points = points_of(world, 1000 * std::int64_t{number});
   mapper.add(input);
   for (int k = 0; k < 5; ++k) mapper.step();
 }
@@ -132,12 +132,13 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
         .fx = 100.0, .fy = 100.0, .cx = 64.0, .cy = 48.0, .width = 128, .height = 96};
     input.keyframe.T_camera_world = camera_at(0.001 * i - 1.5, 0.0);
     input.keyframe.image = torch::randint(0, 256, {96, 128, 3}, torch::kUInt8);
-    if (!input.keyframe.held_out) input.points = points_of(world, 60 * i);
+    if (!input.keyframe.held_out) input.points = points_of(world, 60 * std::int64_t{i});
     mapper.add(input);
     if (i % 10 == 0 && mapper.ready()) mapper.step();
     if (i == kKeyframes / 3) warm = resident_mib();
   }
-  const double pictures = (kKeyframes - kKeyframes / 3) * kPictureMib;
+  const int after_warming = kKeyframes - kKeyframes / 3;
+  const double pictures = after_warming * kPictureMib;
   ASSERT_GT(pictures, 60.0);
   EXPECT_LT(resident_mib() - warm, 0.2 * pictures);
   EXPECT_LE(mapper.size(), 400);

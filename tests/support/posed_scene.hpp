@@ -61,7 +61,8 @@ inline mapping::KeyframeStore photographs(const splat::Gaussians& world) {
   mapping::KeyframeStore store;
   for (std::int64_t i = 0; i < 9; ++i) {
     const double x = 0.4 * static_cast<double>(i % 3 - 1);
-    const double y = 0.3 * static_cast<double>(i / 3 - 1);
+    const std::int64_t row = i / 3;
+    const double y = 0.3 * static_cast<double>(row - 1);
     store.add(photograph(world, camera_at(x, y), i, i == 4));
   }
   return store;

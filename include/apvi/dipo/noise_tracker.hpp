@@ -67,8 +67,8 @@ class SwellTracker {
  private:
   struct Reading {
     Stamp stamp;
-    double difference_m;  // measured less swum
-    double descent;       // [m/s]
+    double difference_m = 0.0;  // measured less swum
+    double descent = 0.0;       // [m/s]
   };
   void measure();
 
