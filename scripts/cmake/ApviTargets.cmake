@@ -59,10 +59,18 @@ function(apvi_add_module name)
   endif()
 endfunction()
 
-# apvi_precompile_torch(<target>): torch/torch.h costs 13 s in every file that includes it, once so.
+# apvi_precompile_torch(<target>): torch/torch.h costs 13 s in every file that includes it, once so. The
+# precompiled header has 630 MB, so all targets share one; for that programs too are compiled with -fPIC.
 function(apvi_precompile_torch target)
-  target_precompile_headers(${target} PRIVATE <torch/torch.h>)
-  target_compile_options(${target} PRIVATE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)  # for ccache
+  if(NOT TARGET apvi_torch_header)
+    add_library(apvi_torch_header OBJECT ${PROJECT_SOURCE_DIR}/scripts/cmake/torch_header.cpp)
+    target_link_libraries(apvi_torch_header PRIVATE apvi_options apvi_torch)
+    target_precompile_headers(apvi_torch_header PRIVATE <torch/torch.h>)
+    target_compile_options(apvi_torch_header PRIVATE
+      $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)  # for ccache
+  endif()
+  target_precompile_headers(${target} REUSE_FROM apvi_torch_header)
+  target_compile_options(${target} PRIVATE -fPIC $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)
 endfunction()
 
 # Labels of tests: quick (the whole set takes a minute on two cores), slow, e2e, cuda (needs a GPU),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/fusion/discriminator.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -66,6 +67,20 @@ Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config) {
     return {Level::medium, Reason::rotation_differs, turned, config.max_rotation_deg};
   }
   return {};
+}
+
+MediumConfig widened_by_doubt(const MediumConfig& config, const Matrix6& then, const Matrix6& now) {
+  const Vector6 change = (now - then).diagonal();
+  // Sums over the axes, which do not depend on how the body has turned since.
+  const auto doubt = [&](double change_of_variance) {
+    return config.dipo_sigmas * std::sqrt(std::abs(change_of_variance));
+  };
+  MediumConfig wide = config;
+  wide.max_position_m = std::max(config.max_position_m, doubt(change.tail<3>().sum()));
+  wide.max_height_m = std::max(config.max_height_m, doubt(change(5)));
+  wide.max_rotation_deg =
+      std::max(config.max_rotation_deg, doubt(change.head<3>().sum()) / kRadiansPerDegree);
+  return wide;
 }
 
 Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) {

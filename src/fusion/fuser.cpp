@@ -137,15 +137,17 @@ Verdict Fuser::judge_agreement(const FusionInput& input, const Stability& dipo) 
   const MediumConfig& config = config_.discriminator.medium;
   if (!input.dipo || (config.needs_stable_dipo && !dipo.stable())) return {};
   SE3 T_vio = input.vio->T_world_body;
+  MediumConfig limits = config;
   if (!agreed_.empty()) {
     // After an outage longer than the window what counts is where both were last believed.
     const Stamp oldest = input.stamp - Duration::from_seconds(config.window_s);
     const auto within =
         std::ranges::find_if(agreed_, [&](const Pair& pair) { return pair.stamp >= oldest; });
     const Pair& then = within == agreed_.end() ? agreed_.back() : *within;
-    T_vio = then.T_dipo * (then.T_vio.inverse() * T_vio);
+    T_vio = then.dipo.T_world_body * (then.T_vio.inverse() * T_vio);
+    limits = widened_by_doubt(config, then.dipo.covariance, input.dipo->covariance);
   }
-  return medium(input.dipo->T_world_body, T_vio, config);
+  return medium(input.dipo->T_world_body, T_vio, limits);
 }
 
 void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
@@ -173,8 +175,7 @@ void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
 
 bool Fuser::vio_carries(const FusionInput& input, const FusionResult& result) const {
   if (config_.mode != Mode::consistent || !input.vio_includes_dipo || !input.vio) return false;
-  const bool runs = result.freeze.phase == Phase::running || result.freeze.phase == Phase::frozen;
-  return runs && result.verdict.level != Level::medium;
+  return result.freeze.phase != Phase::dropped && result.verdict.level != Level::medium;
 }
 
 Fuser::Target Fuser::target(const FusionInput& input, const WellConditioned* used,
@@ -234,7 +235,7 @@ void Fuser::remember(const FusionInput& input, bool used) {
   // A window with DIPO's sensors in it goes on by itself; any other one is believed when it passes.
   const bool remembered = input.dipo && (used || (input.vio && input.vio_includes_dipo));
   if (!remembered || window_s == 0.0) return;
-  agreed_.push_back({input.stamp, input.dipo->T_world_body, input.vio->T_world_body});
+  agreed_.push_back({input.stamp, *input.dipo, input.vio->T_world_body});
   const Stamp oldest = input.stamp - Duration::from_seconds(window_s);
   while (agreed_.front().stamp < oldest) agreed_.pop_front();
 }

@@ -119,6 +119,24 @@ TEST(Medium, TenDegreesOfTurnAreTooManyAboutAnyAxis) {
   EXPECT_EQ(medium(SE3{}, SE3{}, config).reason, Reason::rotation_differs);
 }
 
+TEST(Medium, WhatDipoItselfDoesNotKnowWidensTheLimits) {
+  MediumConfig config;
+  config.dipo_sigmas = 3.0;
+  const Matrix6 then = Vector6(1.0, 2.0, 3.0, 4.0, 5.0, 6.0).asDiagonal();
+  Matrix6 now = then;
+  EXPECT_EQ(widened_by_doubt(config, then, now).max_rotation_deg, 10.0);
+  now.diagonal().head<3>() += Eigen::Vector3d::Constant(0.03);    // sigma 0.3 rad, lost
+  now.diagonal().tail<3>() -= Eigen::Vector3d(0.02, 0.03, 0.04);  // 0.3 m, learnt
+  for (const auto& [a, b] : {std::pair(then, now), std::pair(now, then)}) {
+    const MediumConfig wide = widened_by_doubt(config, a, b);
+    EXPECT_NEAR(wide.max_rotation_deg, 0.9 / kRadiansPerDegree, 1e-9);
+    EXPECT_NEAR(wide.max_position_m, 0.9, 1e-9);
+    EXPECT_NEAR(wide.max_height_m, 0.6, 1e-9);
+  }
+  config.dipo_sigmas = 0.0;
+  EXPECT_EQ(widened_by_doubt(config, then, now).max_position_m, 0.3);
+}
+
 TEST(Medium, WhatIsNotANumberNeverPasses) {
   EXPECT_FALSE(medium(SE3{}, at(NAN, 0.0, 0.0), {}).accepted());
 }

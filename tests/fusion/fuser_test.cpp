@@ -22,6 +22,7 @@ Config as_printed() {
   Config config;
   config.mode = Mode::paper;
   config.discriminator.medium.needs_stable_dipo = false;
+  config.discriminator.medium.dipo_sigmas = 0.0;
   config.hysteresis = {.good_frames = 0, .bad_frames = 0, .return_factor = 1.0};
   config.slew.time_constant_s = 0.0;
   config.discriminator.fine = {.min_rotation = 0.0, .min_position = 0.0};
@@ -369,6 +370,31 @@ TEST(Fuser, ADipoThatIsSilentForAMomentCostsNoWindow) {
   EXPECT_EQ(scene.step().freeze.action, Action::none);
   scene.input.dipo = dipo;
   EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
+}
+
+TEST(Fuser, VioIsNotBlamedForDisagreeingWithADipoThatHasLostItsWay) {
+  for (const double sigmas : {0.0, 3.0}) {
+    Config config = as_printed();
+    config.discriminator.medium.window_s = 2.0;
+    config.discriminator.medium.dipo_sigmas = sigmas;
+    Scene scene(config);
+    for (int i = 0; i < 10; ++i) scene.step();
+    scene.input.dipo->covariance.diagonal().tail<3>().array() += 0.02;  // sigma 0.25 m
+    scene.vio_at(0.5);
+    EXPECT_EQ(scene.step().verdict.accepted(), sigmas > 0.0);
+    scene.vio_at(0.8);
+    EXPECT_FALSE(scene.step().verdict.accepted());
+  }
+}
+
+TEST(Fuser, AWindowWithADvlInItCarriesFromItsFirstFrame) {
+  Scene scene(by_default());
+  scene.input.vio_includes_dipo = true;
+  scene.input.statistics = dark();  // no corner is old enough to be stable
+  scene.vio_at(0.1);
+  const FusionResult result = scene.step();
+  EXPECT_EQ(result.freeze.phase, Phase::starting);
+  EXPECT_THAT(result.pose->T_world_body, PoseNear(scene.input.vio->T_world_body, 1e-15));
 }
 
 TEST(Fuser, AWindowWithADvlInItIsBelievedAgainWhenItsMotionIsRightAgain) {

@@ -29,6 +29,7 @@ struct MediumConfig {
   double max_rotation_deg = 10.0;
   double window_s = 10.0;
   bool needs_stable_dipo = true;
+  double dipo_sigmas = 3.0;
 
   template <typename V>
   void visit(V& v) {
@@ -41,6 +42,9 @@ struct MediumConfig {
       "window leans on DIPO's position as it is (the paper) [s]");
     v("needs_stable_dipo", needs_stable_dipo,
       "do not blame VIO for disagreeing with a DIPO that is unstable itself (the paper: false)");
+    v("dipo_sigmas", dipo_sigmas, Range{0.0, 100.0},
+      "a difference that DIPO's own uncertainty over window_s explains does not count: so many "
+      "sigmas of it; 0: every difference counts (the paper)");
   }
 };
 

@@ -63,6 +63,11 @@ Verdict coarse(const vio::FrameStatistics& statistics, const CoarseConfig& confi
 /// exceeds.
 Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config);
 
+/// The limits of step 2 where DIPO is less sure of its own motion than they are tight: both
+/// covariances are DIPO's, at the two ends of the motion that is compared. What it learnt in
+/// between moved it as much as what it lost, so the size of the change of its variance counts.
+MediumConfig widened_by_doubt(const MediumConfig& config, const Matrix6& then, const Matrix6& now);
+
 /// Step 3, Fine: no eigenvalue of either block below its threshold (Eq. 6).
 Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds);
 

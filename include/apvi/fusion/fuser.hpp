@@ -65,7 +65,7 @@ class Fuser {
  private:
   struct Pair {
     Stamp stamp;
-    SE3 T_dipo;
+    PoseEstimate dipo;
     SE3 T_vio;
   };
   struct Judgement {

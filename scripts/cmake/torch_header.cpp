@@ -1,0 +1,2 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Nothing: the target of this file owns the precompiled header of LibTorch that the others share.
