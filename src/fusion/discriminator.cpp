@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/fusion/discriminator.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,6 +26,18 @@ constexpr std::array<std::string_view, 13> kReasons{"none",
                                                     "rotation_degenerate",
                                                     "position_degenerate"};
 static_assert(kReasons.size() == static_cast<std::size_t>(Reason::position_degenerate) + 1);
+
+// In the world, so that those of two attitudes can be compared [rad²].
+Eigen::Matrix3d rotation_covariance(const PoseEstimate& estimate) {
+  const Eigen::Matrix3d R = estimate.T_world_body.rotation.toRotationMatrix();
+  return R * estimate.covariance.topLeftCorner<3, 3>() * R.transpose();
+}
+
+// Of a change of variance: more along one axis does not make up for less along another.
+double size_of(const Eigen::Matrix3d& change) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(change, Eigen::EigenvaluesOnly);
+  return axes.eigenvalues().cwiseAbs().sum();
+}
 
 }  // namespace
 
@@ -69,17 +82,24 @@ Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config) {
   return {};
 }
 
-MediumConfig widened_by_doubt(const MediumConfig& config, const Matrix6& then, const Matrix6& now) {
-  const Vector6 change = (now - then).diagonal();
-  // Sums over the axes, which do not depend on how the body has turned since.
-  const auto doubt = [&](double change_of_variance) {
-    return config.dipo_sigmas * std::sqrt(std::abs(change_of_variance));
-  };
+void Wander::add(const PoseEstimate& before, const PoseEstimate& after) {
+  const Eigen::Matrix3d moved = (after.covariance - before.covariance).bottomRightCorner<3, 3>();
+  rotation += size_of(rotation_covariance(after) - rotation_covariance(before));
+  position += size_of(moved);
+  height += std::abs(moved(2, 2));
+}
+
+Wander Wander::since(const Wander& then) const {
+  return {rotation - then.rotation, position - then.position, height - then.height};
+}
+
+MediumConfig widened(const MediumConfig& config, const Wander& dipo) {
+  const double sigmas = config.dipo_sigmas;
   MediumConfig wide = config;
-  wide.max_position_m = std::max(config.max_position_m, doubt(change.tail<3>().sum()));
-  wide.max_height_m = std::max(config.max_height_m, doubt(change(5)));
+  wide.max_position_m = std::max(config.max_position_m, sigmas * std::sqrt(dipo.position));
+  wide.max_height_m = std::max(config.max_height_m, sigmas * std::sqrt(dipo.height));
   wide.max_rotation_deg =
-      std::max(config.max_rotation_deg, doubt(change.head<3>().sum()) / kRadiansPerDegree);
+      std::max(config.max_rotation_deg, sigmas * std::sqrt(dipo.rotation) / kRadiansPerDegree);
   return wide;
 }
 

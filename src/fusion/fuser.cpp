@@ -77,6 +77,8 @@ FusionResult Fuser::update(const FusionInput& given) {
   FusionResult result;
   result.dipo = stability_.check(input.stamp, input.dipo);
   if (input.dipo && !is_finite(*input.dipo)) input.dipo.reset();
+  if (input.dipo && last_dipo_) dipo_wander_.add(*last_dipo_, *input.dipo);
+  if (input.dipo) last_dipo_ = input.dipo;
   const Judgement judgement = judge(input, result.dipo);
   result.verdict = judgement.verdict;
   result.eigenvalues = judgement.eigenvalues;
@@ -144,8 +146,8 @@ Verdict Fuser::judge_agreement(const FusionInput& input, const Stability& dipo) 
     const auto within =
         std::ranges::find_if(agreed_, [&](const Pair& pair) { return pair.stamp >= oldest; });
     const Pair& then = within == agreed_.end() ? agreed_.back() : *within;
-    T_vio = then.dipo.T_world_body * (then.T_vio.inverse() * T_vio);
-    limits = widened_by_doubt(config, then.dipo.covariance, input.dipo->covariance);
+    T_vio = then.T_dipo * (then.T_vio.inverse() * T_vio);
+    limits = widened(config, dipo_wander_.since(then.dipo_wander));
   }
   return medium(input.dipo->T_world_body, T_vio, limits);
 }
@@ -235,7 +237,7 @@ void Fuser::remember(const FusionInput& input, bool used) {
   // A window with DIPO's sensors in it goes on by itself; any other one is believed when it passes.
   const bool remembered = input.dipo && (used || (input.vio && input.vio_includes_dipo));
   if (!remembered || window_s == 0.0) return;
-  agreed_.push_back({input.stamp, *input.dipo, input.vio->T_world_body});
+  agreed_.push_back({input.stamp, input.dipo->T_world_body, input.vio->T_world_body, dipo_wander_});
   const Stamp oldest = input.stamp - Duration::from_seconds(window_s);
   while (agreed_.front().stamp < oldest) agreed_.pop_front();
 }

@@ -119,22 +119,40 @@ TEST(Medium, TenDegreesOfTurnAreTooManyAboutAnyAxis) {
   EXPECT_EQ(medium(SE3{}, SE3{}, config).reason, Reason::rotation_differs);
 }
 
-TEST(Medium, WhatDipoItselfDoesNotKnowWidensTheLimits) {
+TEST(Medium, WhatDipoLosesAndWhatItLearnsBothWidenTheLimits) {
   MediumConfig config;
   config.dipo_sigmas = 3.0;
-  const Matrix6 then = Vector6(1.0, 2.0, 3.0, 4.0, 5.0, 6.0).asDiagonal();
-  Matrix6 now = then;
-  EXPECT_EQ(widened_by_doubt(config, then, now).max_rotation_deg, 10.0);
-  now.diagonal().head<3>() += Eigen::Vector3d::Constant(0.03);    // sigma 0.3 rad, lost
-  now.diagonal().tail<3>() -= Eigen::Vector3d(0.02, 0.03, 0.04);  // 0.3 m, learnt
-  for (const auto& [a, b] : {std::pair(then, now), std::pair(now, then)}) {
-    const MediumConfig wide = widened_by_doubt(config, a, b);
-    EXPECT_NEAR(wide.max_rotation_deg, 0.9 / kRadiansPerDegree, 1e-9);
+  PoseEstimate before;
+  before.T_world_body.rotation = so3::exp(Eigen::Vector3d(0.3, -1.2, 0.7));
+  PoseEstimate after = before;
+  after.covariance.diagonal() += Vector6(0.03, -0.03, 0.03, -0.02, 0.03, 0.04);
+  Wander wander;
+  EXPECT_EQ(widened(config, wander).max_rotation_deg, 10.0);
+  wander.add(before, after);
+  const Wander first = wander;
+  wander.add(after, before);  // back where it was, which does not undo anything
+  for (const Wander& half : {first, wander.since(first)}) {
+    const MediumConfig wide = widened(config, half);
+    EXPECT_NEAR(wide.max_rotation_deg, 0.9 / kRadiansPerDegree, 1e-9);  // three times 0.3 rad
     EXPECT_NEAR(wide.max_position_m, 0.9, 1e-9);
     EXPECT_NEAR(wide.max_height_m, 0.6, 1e-9);
   }
+  EXPECT_NEAR(widened(config, wander).max_position_m, 0.9 * std::sqrt(2.0), 1e-9);
   config.dipo_sigmas = 0.0;
-  EXPECT_EQ(widened_by_doubt(config, then, now).max_position_m, 0.3);
+  EXPECT_EQ(widened(config, wander).max_position_m, 0.3);
+}
+
+TEST(Medium, ABodyThatOnlyTurnsHasNotWandered) {
+  PoseEstimate before;
+  before.covariance.diagonal().head<3>() = Eigen::Vector3d(1e-4, 1e-4, 1.0);  // heading unknown
+  PoseEstimate after = before;
+  after.T_world_body.rotation = so3::exp(Eigen::Vector3d(1.5, 0.0, 0.0));
+  const Eigen::Matrix3d R = after.T_world_body.rotation.toRotationMatrix();
+  after.covariance.topLeftCorner<3, 3>() =
+      R.transpose() * before.covariance.topLeftCorner<3, 3>() * R;
+  Wander wander;
+  wander.add(before, after);
+  EXPECT_NEAR(wander.rotation, 0.0, 1e-12);
 }
 
 TEST(Medium, WhatIsNotANumberNeverPasses) {

@@ -63,10 +63,19 @@ Verdict coarse(const vio::FrameStatistics& statistics, const CoarseConfig& confi
 /// exceeds.
 Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config);
 
-/// The limits of step 2 where DIPO is less sure of its own motion than they are tight: both
-/// covariances are DIPO's, at the two ends of the motion that is compared. What it learnt in
-/// between moved it as much as what it lost, so the size of the change of its variance counts.
-MediumConfig widened_by_doubt(const MediumConfig& config, const Matrix6& then, const Matrix6& now);
+/// Variance by which DIPO's pose may have wandered: what it lost by dead reckoning and what
+/// measurements took back moved it alike, so both add up. Over a span: the difference of two sums.
+struct Wander {
+  double rotation = 0.0;  ///< [rad²]
+  double position = 0.0;  ///< [m²]
+  double height = 0.0;    ///< [m²]
+
+  void add(const PoseEstimate& before, const PoseEstimate& after);
+  Wander since(const Wander& then) const;
+};
+
+/// The limits of step 2 where DIPO is less sure of its own motion than they are tight.
+MediumConfig widened(const MediumConfig& config, const Wander& dipo);
 
 /// Step 3, Fine: no eigenvalue of either block below its threshold (Eq. 6).
 Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds);

@@ -65,8 +65,9 @@ class Fuser {
  private:
   struct Pair {
     Stamp stamp;
-    PoseEstimate dipo;
+    SE3 T_dipo;
     SE3 T_vio;
+    Wander dipo_wander;
   };
   struct Judgement {
     Verdict verdict;
@@ -99,6 +100,8 @@ class Fuser {
   RelativeFilter relative_;
   Slew slew_;
   std::optional<FusionInput> last_;
+  std::optional<PoseEstimate> last_dipo_;
+  Wander dipo_wander_;  // since the start
   Target last_target_;
   std::deque<Pair> agreed_;  // what DIPO's motion is compared with: frames of the window of step 2
 };
