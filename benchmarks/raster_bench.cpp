@@ -11,7 +11,6 @@
 #include <torch/torch.h>
 #if APVI_WITH_CUDA
 #include <ATen/cuda/CUDAEvent.h>
-#include <c10/cuda/CUDACachingAllocator.h>
 #endif
 
 #include <algorithm>
@@ -25,6 +24,7 @@
 
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/splat/adam.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_backend.hpp"
 #include "apvi/splat/ply.hpp"
@@ -157,20 +157,13 @@ class Meter {
 
   /// From now on, the peak is that of what comes.
   void forget_peak() {
-#if APVI_WITH_CUDA
-    if (device_.is_cuda()) return c10::cuda::CUDACachingAllocator::resetPeakStats(0);
-#endif
+    if (device_.is_cuda()) return forget_peak_memory();
     before_mib_ = status_mib("VmRSS:");
     std::ofstream("/proc/self/clear_refs") << "5";
   }
   /// Peak [MiB]: on a GPU of everything, on the CPU beyond what was there before.
   double peak_mib() const {
-#if APVI_WITH_CUDA
-    if (device_.is_cuda()) {
-      const auto stats = c10::cuda::CUDACachingAllocator::getDeviceStats(0);
-      return static_cast<double>(stats.allocated_bytes[0].peak) / (1 << 20);
-    }
-#endif
+    if (device_.is_cuda()) return device_memory()->peak_mib;
     return status_mib("VmHWM:") - before_mib_;
   }
 

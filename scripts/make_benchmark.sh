@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Simulates the benchmark set: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth.
+# Simulates the benchmark set: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth, and for the
+# ablation of mapping 20 s of two of them in 320 x 240 px: seabed_easy_small, seabed_hard_small.
 #
 #   scripts/make_benchmark.sh [FOLDER] [--seeds N] [option of `apvi sim`]...
 #
@@ -33,6 +34,11 @@ for place in seabed ship dam; do
   done
 done
 "$apvi" sim "${scenes[@]}" -o "$folder" "$@"
+
+small=(--set duration_s=20 --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]')
+for name in seabed_easy seabed_hard; do
+  "$apvi" sim "configs/scenes/$name.yaml" -o "$folder/${name}_small" "${small[@]}" "$@"
+done
 
 # The camera of the first stands beside the sensors of the others.
 for ((seed = 2; seed <= seeds; ++seed)); do

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apvi/core/error.hpp"
@@ -20,7 +21,7 @@ namespace fs = std::filesystem;
 using eval::SweepRow;
 
 struct Arguments {
-  fs::path sweep;
+  std::vector<fs::path> files;
   fs::path folder;
   int jobs = 0;
   std::string launcher = "local";
@@ -50,30 +51,70 @@ std::vector<SweepTask> make_tasks(const config::Sweep& sweep, const fs::path& fo
   return tasks;
 }
 
-void run_sweep(Arguments a) {
-  if (a.launcher != "slurm" && !a.sbatch.empty()) {
-    fail_input("--sbatch: is for --launcher slurm; add that, or leave it out");
+/// A sweep file and where its results go.
+struct Sweep {
+  config::Sweep cases;
+  fs::path folder;
+};
+
+// All of them are read before the first begins.
+std::vector<Sweep> load(const Arguments& a) {
+  std::vector<Sweep> sweeps;
+  for (const fs::path& file : a.files) {
+    fs::path folder = a.folder.empty() ? fs::path("runs") / file.stem() : a.folder;
+    if (!a.folder.empty() && a.files.size() > 1) folder /= file.stem();
+    for (const Sweep& other : sweeps) {
+      if (other.folder != folder) continue;
+      fail_input("{}: two sweeps of this name would share {}: run them one by one with -o",
+                 file.string(), folder.string());
+    }
+    sweeps.push_back({config::load_sweep(file), std::move(folder)});
   }
-  const config::Sweep sweep = config::load_sweep(a.sweep);
-  if (a.folder.empty()) a.folder = fs::path("runs") / a.sweep.stem();
-  std::vector<SweepTask> tasks = make_tasks(sweep, a.folder);
+  return sweeps;
+}
+
+/// How many cases, and what became of them.
+struct Outcome {
+  std::size_t cases = 0;
+  std::size_t done = 0;
+  std::size_t failed = 0;
+  bool interrupted = false;
+};
+
+Outcome run_one(const Sweep& sweep, const Arguments& a, const InterruptGuard& guard) {
+  std::vector<SweepTask> tasks = make_tasks(sweep.cases, sweep.folder);
   log::info("{} cases, {} finished already", tasks.size(), count(tasks, SweepRow::State::done));
   const SweepLaunch launch{
-      .tasks = tasks, .folder = a.folder, .jobs = a.jobs, .sbatch = a.sbatch, .changed = [&] {
-        write_summary(tasks, sweep.file.columns, a.folder);
+      .tasks = tasks, .folder = sweep.folder, .jobs = a.jobs, .sbatch = a.sbatch, .changed = [&] {
+        write_summary(tasks, sweep.cases.file.columns, sweep.folder);
       }};
-  const InterruptGuard guard;
   const bool complete =
       a.launcher == "slurm" ? run_on_slurm(launch, guard) : run_here(launch, guard);
   launch.changed();
-  std::fputs(read_text(a.folder / "summary.md").c_str(), stdout);
-  log::info("results in {}", a.folder.string());
-  if (!complete) {
-    fail_run("interrupted with {} of {} cases finished; the same command goes on from there",
-             count(tasks, SweepRow::State::done), tasks.size());
+  std::fputs(read_text(sweep.folder / "summary.md").c_str(), stdout);
+  log::info("results in {}", sweep.folder.string());
+  return {tasks.size(), count(tasks, SweepRow::State::done), count(tasks, SweepRow::State::failed),
+          !complete};
+}
+
+void run_sweeps(const Arguments& a) {
+  if (a.launcher != "slurm" && !a.sbatch.empty()) {
+    fail_input("--sbatch: is for --launcher slurm; add that, or leave it out");
   }
-  const std::size_t failed = count(tasks, SweepRow::State::failed);
-  if (failed > 0) fail_run("{} of {} cases failed", failed, tasks.size());
+  const std::vector<Sweep> sweeps = load(a);
+  const InterruptGuard guard;
+  Outcome all;
+  for (const Sweep& sweep : sweeps) {
+    if (sweeps.size() > 1) log::info("{}:", sweep.folder.string());
+    const Outcome one = run_one(sweep, a, guard);
+    all = {all.cases + one.cases, all.done + one.done, all.failed + one.failed, one.interrupted};
+    if (all.interrupted) break;
+  }
+  if (all.interrupted) {
+    fail_run("interrupted with {} of {} cases finished; the same command goes on from there",
+             all.done, all.cases);
+  }
+  if (all.failed > 0) fail_run("{} of {} cases failed", all.failed, all.cases);
 }
 
 }  // namespace
@@ -82,9 +123,14 @@ void add_sweep(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "sweep", "many runs over configurations and seeds, in one table; goes on where it stopped");
-  command->add_option("SWEEP", a->sweep, "sweep file, for example configs/ablations/sensors.yaml")
+  command
+      ->add_option("SWEEP", a->files,
+                   "sweep file, for example configs/ablations/sensors.yaml; of several one runs "
+                   "after the other")
       ->required();
-  command->add_option("-o,--output", a->folder, "folder for all of it (default: runs/SWEEP)");
+  command->add_option("-o,--output", a->folder,
+                      "folder for all of it (default: runs/SWEEP); of several files each has a "
+                      "folder of its name in it");
   command
       ->add_option("-j,--jobs", a->jobs,
                    "cases at the same time (default: 1; with Slurm as many as it has room for)")
@@ -100,7 +146,7 @@ void add_sweep(CLI::App& app) {
                    "option handed to sbatch, like --sbatch=--time=2:00:00; any number of them")
       ->type_name("OPTION")
       ->allow_extra_args(false);
-  command->callback([a] { run_sweep(*a); });
+  command->callback([a] { run_sweeps(*a); });
 }
 
 }  // namespace apvi::apps

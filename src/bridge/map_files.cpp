@@ -14,6 +14,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/core/memory.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/version.hpp"
 
@@ -101,6 +102,7 @@ void write_map_metrics(const std::filesystem::path& file, const MapFigures& figu
   speed["iterations_per_s"] =
       static_cast<double>(figures.iterations) / std::max(1e-9, figures.training_s);
   speed["rss_peak_mib"] = peak_memory_mib();
+  if (const auto memory = splat::device_memory()) speed["gpu_peak_mib"] = memory->peak_mib;
   if (speed.contains("sequence_s")) {
     speed["realtime_factor"] = speed["sequence_s"].get<double>() / std::max(1e-9, figures.wall_s);
   }

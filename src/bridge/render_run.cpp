@@ -18,7 +18,7 @@
 #include "apvi/io/tum.hpp"
 #include "apvi/mapping/rendering.hpp"
 #include "apvi/sensors/rig.hpp"
-#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
 
 namespace apvi::bridge {

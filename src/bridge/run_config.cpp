@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "apvi/core/error.hpp"
-#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/device.hpp"
 
 namespace apvi::bridge {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "apvi/splat/losses.hpp"
-#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "recolor.hpp"
 

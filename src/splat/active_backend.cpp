@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The one place that knows which backends this build has.
 #include <torch/torch.h>
+#if APVI_WITH_CUDA
+#include <c10/cuda/CUDACachingAllocator.h>
+#endif
 
 #include "apvi/splat/adam_backend.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/loss_backend.hpp"
 #include "apvi/splat/medium_backend.hpp"
 #include "apvi/splat/raster_backend.hpp"
@@ -44,5 +48,24 @@ const AdamBackend& adam_backend(const torch::Device& device) {
 torch::Device active_device() {
   return APVI_WITH_CUDA ? torch::kCUDA : torch::kCPU;
 }
+
+#if APVI_WITH_CUDA
+std::optional<DeviceMemory> device_memory() {
+  const auto bytes = c10::cuda::CUDACachingAllocator::getDeviceStats(0).allocated_bytes[0];
+  constexpr double kMib = 1024.0 * 1024.0;
+  return DeviceMemory{static_cast<double>(bytes.current) / kMib,
+                      static_cast<double>(bytes.peak) / kMib};
+}
+
+void forget_peak_memory() {
+  c10::cuda::CUDACachingAllocator::resetPeakStats(0);
+}
+#else
+std::optional<DeviceMemory> device_memory() {
+  return std::nullopt;
+}
+
+void forget_peak_memory() {}
+#endif
 
 }  // namespace apvi::splat

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "apvi/core/error.hpp"
-#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/device.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi::bridge {

@@ -106,6 +106,23 @@ TEST_F(SweepCommand, AFailedCaseIsARowWithItsReasonAndIsTriedAgain) {
   EXPECT_EQ(sweep(text).status, 0);
 }
 
+TEST_F(SweepCommand, SeveralFilesRunOneAfterTheOtherEachInAFolderOfItsName) {
+  const std::string first = dir_.write("first.yaml", kFour).string();
+  const std::string second = dir_.write("second.yaml", "base: base.yaml\n").string();
+  const auto both = [&] {
+    return test::run_program(APVI_PROGRAM, {"sweep", first, second, "-o", out_.string()});
+  };
+  const ProgramResult result = both();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_TRUE(fs::exists(out_ / "first/both/seed-1/metrics.json"));
+  EXPECT_TRUE(fs::exists(out_ / "second/summary.md"));
+  EXPECT_THAT(both().err, HasSubstr("1 cases, 1 finished already"));
+  dir_.write("second.yaml", "base: base.yaml\nset: {dipo.gravitation: 9.81}\n");
+  fs::remove_all(out_);
+  EXPECT_EQ(both().status, 2);
+  EXPECT_FALSE(fs::exists(out_));
+}
+
 TEST_F(SweepCommand, AMistakeInTheLastCaseIsSaidBeforeTheFirstBegins) {
   const ProgramResult result =
       sweep("base: base.yaml\ncases: {good: {}, bad: {dipo.gravitation: 9.81}}\n");

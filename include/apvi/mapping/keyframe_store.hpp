@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/view.hpp"
 
 namespace apvi::mapping {

@@ -41,7 +41,5 @@ const MediumBackend& cuda_medium_backend();
 
 /// The backend for tensors on `device`. Throws c10::Error for one this build has no backend for.
 const MediumBackend& medium_backend(const torch::Device& device);
-/// Where this build keeps its tensors: the GPU when it was made with APVI_BACKEND=cuda.
-torch::Device active_device();
 
 }  // namespace apvi::splat
