@@ -13,6 +13,11 @@ namespace {
 // The first solve has farther to go than those that follow.
 constexpr int kStartIterations = 20;
 
+// A start that was refused so often comes when the vehicle accelerates, not with the next frame; an
+// attempt takes longer than a frame.
+constexpr int kEagerAttempts = 40;
+constexpr int kFramesAnAttempt = 3;
+
 // The newest state comes to lie at the place; what gravity says stays.
 void put_at(const SE3& place, std::vector<imu::NavState>& states) {
   const SE3 T = level_alignment(place, states.back().pose());
@@ -35,6 +40,7 @@ Result Estimator::start_with_aid(const TrackedFrame& tracked, const Aid& aid) {
 
 Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<SE3>& place) {
   Result result{.stamp = tracked.stamp};
+  if (waiting_.empty()) start_attempts_ = 0;
   waiting_.push_back(tracked);
   const Duration span = Duration::from_seconds(config_.start.max_wait_s);
   std::erase_if(waiting_, [&](const TrackedFrame& f) { return f.stamp < tracked.stamp - span; });
@@ -48,10 +54,15 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
     result.detail = "inertial data without gaps";
     return result;
   }
+  if (++start_attempts_ > kEagerAttempts && start_attempts_ % kFramesAnAttempt != 0) {
+    result.detail = refusal_;
+    return result;
+  }
   InitResult found = initialize(frames, rig_.cameras.front().T_body_camera, noise_, config_.gravity,
                                 config_.initializer);
   if (found.status != InitStatus::success) {
-    result.detail = fmt::format("{} ({})", to_string(found.status), found.detail);
+    refusal_ = fmt::format("{} ({})", to_string(found.status), found.detail);
+    result.detail = refusal_;
     return result;
   }
   if (place) put_at(*place, found.states);

@@ -35,8 +35,10 @@ constexpr double kOutlier_px = 4.0;
 constexpr double kGaugeSigma = 1e-4;  // of the first keyframe's yaw [rad] and position [m]
 
 // The sum of squares has to rise by so much when everything is held so many times as large; where
-// it does not, everything becomes that large, so many times at the most.
+// it does not, everything becomes that large, so many times at the most. Far too small a start can
+// lie in a valley of its own, with a rise before the next: so much larger it is let go again.
 constexpr double kLarger = 2.0;
+constexpr double kFarLarger = 8.0;
 constexpr double kMinRise = 25.0;
 constexpr int kMostEnlargements = 4;
 constexpr double kHeldSigma = 1e-3;      // relative
@@ -85,6 +87,7 @@ class StartGraph {
     std::optional<double> cost = solve(kFromNearby);
     out.scale_sigma = scale_sigma();
     if (cost && out.scale_sigma < kWorthEnlarging) {
+      leave_small_valley(cost);
       out.size_is_felt = grow_to_size(cost);
       out.scale_sigma = scale_sigma();
     }
@@ -261,7 +264,7 @@ class StartGraph {
     for (int k = 0; k < kMostEnlargements && cost; ++k) {
       const std::vector<FrameState> states = states_;
       const std::vector<double> inverse_depth = inverse_depth_;
-      const std::optional<double> larger = solve_enlarged();
+      const std::optional<double> larger = solve_enlarged(kLarger);
       if (!larger || 2.0 * (*larger - *cost) > kMinRise) {
         std::copy(states.begin(), states.end(), states_.begin());
         std::copy(inverse_depth.begin(), inverse_depth.end(), inverse_depth_.begin());
@@ -272,17 +275,32 @@ class StartGraph {
     return false;
   }
 
-  std::optional<double> solve_enlarged() {
+  void leave_small_valley(std::optional<double>& cost) {
+    const std::vector<FrameState> states = states_;
+    const std::vector<double> inverse_depth = inverse_depth_;
+    const double size = way_to(farthest()).norm();
+    std::optional<double> other = solve_enlarged(kFarLarger);
+    if (other) other = solve(kFromAfar);
+    const bool larger = way_to(farthest()).norm() > kLarger * size;
+    if (other && larger && 2.0 * (*other - *cost) < kMinRise) {
+      cost = other;
+      return;
+    }
+    std::copy(states.begin(), states.end(), states_.begin());
+    std::copy(inverse_depth.begin(), inverse_depth.end(), inverse_depth_.begin());
+  }
+
+  std::optional<double> solve_enlarged(double times) {
     const std::size_t end = farthest();
     if (end == 0) return std::nullopt;
-    const DistanceFactor held(kLarger * way_to(end).norm());
+    const DistanceFactor held(times * way_to(end).norm());
     const Vector3d origin = to_se3(states_.front().pose.data()).translation;
     for (FrameState& state : states_) {
       Eigen::Map<Vector3d> position(state.pose.data());
-      position = origin + kLarger * (position - origin);
-      Eigen::Map<Vector3d>(state.motion.data()) *= kLarger;
+      position = origin + times * (position - origin);
+      Eigen::Map<Vector3d>(state.motion.data()) *= times;
     }
-    for (double& inverse_depth : inverse_depth_) inverse_depth /= kLarger;
+    for (double& inverse_depth : inverse_depth_) inverse_depth /= times;
     terms_.push_back({&held, {pose(0), pose(end)}, false});
     const std::optional<double> cost = solve(kFromAfar);
     terms_.pop_back();

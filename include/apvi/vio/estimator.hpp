@@ -115,6 +115,8 @@ class Estimator {
   std::deque<DvlMeasurement> pings_;
   std::deque<DepthMeasurement> depths_;
   std::vector<TrackedFrame> waiting_;  // frames before the start
+  int start_attempts_ = 0;
+  std::string refusal_;  // of the last attempt
   Window window_;
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
