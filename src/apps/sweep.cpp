@@ -51,13 +51,14 @@ std::vector<SweepTask> make_tasks(const config::Sweep& sweep, const fs::path& fo
   return tasks;
 }
 
-/// A sweep file and where its results go.
+/// A sweep file's cases and where their results go.
 struct Sweep {
-  config::Sweep cases;
+  std::vector<std::string> columns;
+  std::vector<SweepTask> tasks;
   fs::path folder;
 };
 
-// All of them are read before the first begins.
+// All cases of all files are read before the first begins.
 std::vector<Sweep> load(const Arguments& a) {
   std::vector<Sweep> sweeps;
   for (const fs::path& file : a.files) {
@@ -68,53 +69,54 @@ std::vector<Sweep> load(const Arguments& a) {
       fail_input("{}: two sweeps of this name would share {}: run them one by one with -o",
                  file.string(), folder.string());
     }
-    sweeps.push_back({config::load_sweep(file), std::move(folder)});
+    const config::Sweep sweep = config::load_sweep(file);
+    sweeps.push_back({sweep.file.columns, make_tasks(sweep, folder), folder});
   }
   return sweeps;
 }
 
-/// How many cases, and what became of them.
+/// How many cases of a sweep came to what.
 struct Outcome {
-  std::size_t cases = 0;
   std::size_t done = 0;
   std::size_t failed = 0;
   bool interrupted = false;
 };
 
-Outcome run_one(const Sweep& sweep, const Arguments& a, const InterruptGuard& guard) {
-  std::vector<SweepTask> tasks = make_tasks(sweep.cases, sweep.folder);
+Outcome run_one(Sweep& sweep, const Arguments& a, const InterruptGuard& guard) {
+  std::vector<SweepTask>& tasks = sweep.tasks;
   log::info("{} cases, {} finished already", tasks.size(), count(tasks, SweepRow::State::done));
   const SweepLaunch launch{
       .tasks = tasks, .folder = sweep.folder, .jobs = a.jobs, .sbatch = a.sbatch, .changed = [&] {
-        write_summary(tasks, sweep.cases.file.columns, sweep.folder);
+        write_summary(tasks, sweep.columns, sweep.folder);
       }};
   const bool complete =
       a.launcher == "slurm" ? run_on_slurm(launch, guard) : run_here(launch, guard);
   launch.changed();
   std::fputs(read_text(sweep.folder / "summary.md").c_str(), stdout);
   log::info("results in {}", sweep.folder.string());
-  return {tasks.size(), count(tasks, SweepRow::State::done), count(tasks, SweepRow::State::failed),
-          !complete};
+  return {count(tasks, SweepRow::State::done), count(tasks, SweepRow::State::failed), !complete};
 }
 
 void run_sweeps(const Arguments& a) {
   if (a.launcher != "slurm" && !a.sbatch.empty()) {
     fail_input("--sbatch: is for --launcher slurm; add that, or leave it out");
   }
-  const std::vector<Sweep> sweeps = load(a);
+  std::vector<Sweep> sweeps = load(a);
   const InterruptGuard guard;
+  std::size_t cases = 0;
+  for (const Sweep& sweep : sweeps) cases += sweep.tasks.size();
   Outcome all;
-  for (const Sweep& sweep : sweeps) {
+  for (Sweep& sweep : sweeps) {
     if (sweeps.size() > 1) log::info("{}:", sweep.folder.string());
     const Outcome one = run_one(sweep, a, guard);
-    all = {all.cases + one.cases, all.done + one.done, all.failed + one.failed, one.interrupted};
+    all = {all.done + one.done, all.failed + one.failed, one.interrupted};
     if (all.interrupted) break;
   }
   if (all.interrupted) {
     fail_run("interrupted with {} of {} cases finished; the same command goes on from there",
-             all.done, all.cases);
+             all.done, cases);
   }
-  if (all.failed > 0) fail_run("{} of {} cases failed", all.failed, all.cases);
+  if (all.failed > 0) fail_run("{} of {} cases failed", all.failed, cases);
 }
 
 }  // namespace

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <string>
 
-#include "apvi/splat/losses.hpp"
 #include "apvi/splat/device.hpp"
+#include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "recolor.hpp"
 

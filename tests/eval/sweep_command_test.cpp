@@ -120,7 +120,7 @@ TEST_F(SweepCommand, SeveralFilesRunOneAfterTheOtherEachInAFolderOfItsName) {
   dir_.write("second.yaml", "base: base.yaml\nset: {dipo.gravitation: 9.81}\n");
   fs::remove_all(out_);
   EXPECT_EQ(both().status, 2);
-  EXPECT_FALSE(fs::exists(out_));
+  EXPECT_FALSE(fs::exists(out_ / "first/both"));
 }
 
 TEST_F(SweepCommand, AMistakeInTheLastCaseIsSaidBeforeTheFirstBegins) {
