@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Simulates the benchmark set: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth, and for the
-# ablation of mapping 20 s of two of them in 320 x 240 px: seabed_easy_small, seabed_hard_small.
+# ablation of mapping 20 s of two of them in 320 x 240 px, without outages: seabed_easy_small, seabed_hard_small.
 #
 #   scripts/make_benchmark.sh [FOLDER] [--seeds N] [option of `apvi sim`]...
 #
@@ -35,7 +35,7 @@ for place in seabed ship dam; do
 done
 "$apvi" sim "${scenes[@]}" -o "$folder" "$@"
 
-small=(--set duration_s=20 --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]')
+small=(--set duration_s=20 --set 'events=[]' --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]')
 for name in seabed_easy seabed_hard; do
   "$apvi" sim "configs/scenes/$name.yaml" -o "$folder/${name}_small" "${small[@]}" "$@"
 done
