@@ -35,7 +35,8 @@ for place in seabed ship dam; do
 done
 "$apvi" sim "${scenes[@]}" -o "$folder" "$@"
 
-small=(--set duration_s=20 --set 'events=[]' --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]')
+small=(--set duration_s=20 --set 'events=[]' --set 'rig.cam0.resolution=[320, 240]'
+       --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]')
 for name in seabed_easy seabed_hard; do
   "$apvi" sim "configs/scenes/$name.yaml" -o "$folder/${name}_small" "${small[@]}" "$@"
 done

@@ -32,7 +32,6 @@ OTHERS = {
     "speed.iterations_per_s": ("Optimisation steps per second", "1/s", 1),
     "speed.rss_peak_mib": ("Peak memory", "MiB", 1),
     "speed.gpu_peak_mib": ("Peak memory of the GPU", "MiB", 1),
-    "speed.gpu_peak_mib": ("Peak memory of the GPU", "MiB", 1),
     "counts.imu_gaps": ("Gaps in the inertial data", "", None),
     "counts.zero_velocity_updates": ("Zero-velocity updates", "", None),
     "vio.init_time_s": ("VIO: time to initialize", "s", 2),

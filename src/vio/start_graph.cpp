@@ -243,6 +243,17 @@ class StartGraph {
     out.inertial_rms = std::sqrt(inertial_sum / (9.0 * static_cast<double>(inertial_.size())));
   }
 
+  struct Solution {
+    std::vector<FrameState> states;
+    std::vector<double> inverse_depth;
+  };
+  Solution solution() const { return {states_, inverse_depth_}; }
+  // In place: terms hold addresses.
+  void restore(const Solution& solution) {
+    std::copy(solution.states.begin(), solution.states.end(), states_.begin());
+    std::copy(solution.inverse_depth.begin(), solution.inverse_depth.end(), inverse_depth_.begin());
+  }
+
   Vector3d way_to(std::size_t keyframe) const {
     return to_se3(states_[keyframe].pose.data()).translation -
            to_se3(states_.front().pose.data()).translation;
@@ -262,12 +273,10 @@ class StartGraph {
   // larger size is contradicted.
   bool grow_to_size(std::optional<double>& cost) {
     for (int k = 0; k < kMostEnlargements && cost; ++k) {
-      const std::vector<FrameState> states = states_;
-      const std::vector<double> inverse_depth = inverse_depth_;
+      const Solution before = solution();
       const std::optional<double> larger = solve_enlarged(kLarger);
       if (!larger || 2.0 * (*larger - *cost) > kMinRise) {
-        std::copy(states.begin(), states.end(), states_.begin());
-        std::copy(inverse_depth.begin(), inverse_depth.end(), inverse_depth_.begin());
+        restore(before);
         return larger.has_value();
       }
       cost = solve(kFromAfar);
@@ -275,19 +284,18 @@ class StartGraph {
     return false;
   }
 
+  // Where a far larger start, let go, fits no worse and does not shrink back, it is the start.
   void leave_small_valley(std::optional<double>& cost) {
-    const std::vector<FrameState> states = states_;
-    const std::vector<double> inverse_depth = inverse_depth_;
+    const Solution before = solution();
     const double size = way_to(farthest()).norm();
-    std::optional<double> other = solve_enlarged(kFarLarger);
-    if (other) other = solve(kFromAfar);
-    const bool larger = way_to(farthest()).norm() > kLarger * size;
-    if (other && larger && 2.0 * (*other - *cost) < kMinRise) {
-      cost = other;
-      return;
+    std::optional<double> larger = solve_enlarged(kFarLarger);
+    if (larger) larger = solve(kFromAfar);
+    const bool has_stayed = way_to(farthest()).norm() > kLarger * size;
+    if (larger && has_stayed && 2.0 * (*larger - *cost) < kMinRise) {
+      cost = larger;
+    } else {
+      restore(before);
     }
-    std::copy(states.begin(), states.end(), states_.begin());
-    std::copy(inverse_depth.begin(), inverse_depth.end(), inverse_depth_.begin());
   }
 
   std::optional<double> solve_enlarged(double times) {
