@@ -10,9 +10,10 @@ from .run_data import seconds
 EIGENVALUES = {"rotation_eigenvalue_": ("rotation [1/rad²]", "min_rotation"),
                "position_eigenvalue_": ("position [1/m²]", "min_position")}
 STAGES = {  # (in words, colour, columns of timing.csv that are added)
+    "reading the picture": (style.REFERENCE, ("decode",)),
     "front end": (style.BLUE, ("track",)),
     "back end": (style.ORANGE, ("solve", "information", "marginalize")),
-    "whole frame": (style.TEAL, ("track", "solve", "information", "marginalize", "localize")),
+    "front end and all behind it": (style.TEAL, ("track", "localize")),
 }
 
 

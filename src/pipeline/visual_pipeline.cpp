@@ -71,7 +71,6 @@ void VisualPipeline::stop() {
 }
 
 VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool look) {
-  const Stopwatch watch;
   if (skipped_turn_ && job.R_before_now) {
     job.R_before_now = (*skipped_turn_ * *job.R_before_now).normalized();
   }
@@ -81,9 +80,12 @@ VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool look) {
     return {.job = std::move(job), .frame = std::nullopt, .image = {}};
   }
   skipped_turn_.reset();
+  Stopwatch watch;
   std::vector<cv::Mat> images;
   for (const ImageFrame& image : job.images) images.push_back(decoded(image));
   Tracked tracked{.job = std::move(job), .frame = std::nullopt, .image = {}};
+  tracked.decode_s = watch.seconds();
+  watch.reset();
   if (map_ != nullptr && !images.empty()) tracked.image = images.front();
   tracked.frame = tracker_.process(images, tracked.job.stamp, tracked.job.R_before_now);
   tracked.track_s = watch.seconds();
@@ -92,6 +94,7 @@ VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool look) {
 
 void VisualPipeline::localize(const Tracked& tracked) {
   FrameOutput output = localizer_.process(tracked.job, tracked.frame);
+  output.timing.decode_s = tracked.decode_s;
   output.timing.track_s = tracked.track_s;
   sink_(output);
   if (map_ == nullptr) return;

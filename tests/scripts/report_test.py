@@ -93,8 +93,8 @@ def frame_lines():
 
 
 def timing_lines():
-    return "#timestamp [ns],track [s],solve [s],information [s],marginalize [s],localize [s],dropped\n" + \
-        "".join(f"{START_NS + i * 100_000_000},0.00{1 + i % 4},0.002,0.0001,0.0002,0.0001,0\n"
+    return "#timestamp [ns],decode [s],track [s],solve [s],information [s],marginalize [s],localize [s],dropped\n" + \
+        "".join(f"{START_NS + i * 100_000_000},0.001,0.00{1 + i % 4},0.002,0.0001,0.0002,0.0001,0\n"
                 for i in range(590))
 
 

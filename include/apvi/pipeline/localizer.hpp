@@ -13,8 +13,9 @@ namespace apvi::pipeline {
 
 /// Seconds that the stages took for one frame.
 struct FrameTiming {
-  double wait_s = 0.0;   ///< from the frame's arrival to its output; real time only
-  double track_s = 0.0;  ///< front end, decoding included
+  double wait_s = 0.0;    ///< from the frame's arrival to its output; real time only
+  double decode_s = 0.0;  ///< of the pictures, which a live camera has not
+  double track_s = 0.0;   ///< front end
   double solve_s = 0.0;
   double information_s = 0.0;
   double marginalize_s = 0.0;

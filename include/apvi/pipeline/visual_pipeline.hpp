@@ -45,6 +45,7 @@ class VisualPipeline {
     FrameJob job;
     std::optional<vio::TrackedFrame> frame;
     cv::Mat image;  ///< of camera 0, for the map
+    double decode_s = 0.0;
     double track_s = 0.0;
   };
 
