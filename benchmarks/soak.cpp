@@ -23,8 +23,9 @@ namespace {
 constexpr Duration kReport{300'000'000'000};
 constexpr double kDarkEvery_s = 600.0;
 constexpr double kDark_s = 30.0;
-constexpr double kCell = 0.8;  // a point in each [m]
-constexpr int kReach = 7;      // cells around the camera
+constexpr double kUnrest = 0.15;  // so that tracks last
+constexpr double kCell = 0.8;     // a point in each [m]
+constexpr int kReach = 7;         // cells around the camera
 constexpr double kNearest = 0.8;
 constexpr double kFarthest = 5.0;
 
@@ -92,7 +93,7 @@ struct Count {
 class Soak {
  public:
   Soak(double minutes, double camera_hz)
-      : voyage_({.imu = 100.0, .dvl = 8.0, .pressure = 10.0}, 60.0 * minutes),
+      : voyage_({.imu = 100.0, .dvl = 8.0, .pressure = 10.0}, 60.0 * minutes, 1, kUnrest),
         period_(Duration::from_seconds(1.0 / camera_hz)),
         next_image_(voyage_.start() + period_) {}
 
@@ -101,6 +102,9 @@ class Soak {
     rig.cameras.push_back(make_camera());
     pipeline::RunConfig config;
     config.run.mode = pipeline::RunMode::replay;
+    // The points give some fifty corners: enough here, where everything is to run most of the time.
+    config.fusion.discriminator.coarse.min_features = 20;
+    config.fusion.discriminator.fine.action = fusion::DegeneracyAction::ignore;
     pipeline::System system(config, rig, pipeline::find_sensors(config, rig, true),
                             {.frame = [this](const pipeline::FrameOutput& o) {
                               ++count_.out;

@@ -27,11 +27,11 @@ Rig make_rig(const Rates& rates) {
 
 }  // namespace
 
-Voyage::Voyage(const Rates& rates, double duration_s, std::uint64_t seed)
+Voyage::Voyage(const Rates& rates, double duration_s, std::uint64_t seed, double unrest)
     : rates_(rates),
       rig_(make_rig(rates)),
       random_(seed),
-      spline_(test::wavy_spline(seed, duration_s + 1.0)),
+      spline_(test::wavy_spline(seed, duration_s + 1.0, unrest)),
       end_(spline_.start() + Duration::from_seconds(duration_s)),
       next_imu_(spline_.start()),
       next_dvl_(spline_.start() + kDvlLatency),

@@ -23,7 +23,8 @@ struct Rates {
 /// A50's are.
 class Voyage {
  public:
-  Voyage(const Rates& rates, double duration_s, std::uint64_t seed = 1);
+  /// `unrest`: how wildly it turns, 1 like a ROV that is thrown about.
+  Voyage(const Rates& rates, double duration_s, std::uint64_t seed = 1, double unrest = 1.0);
 
   const Rig& rig() const { return rig_; }
   Stamp start() const { return spline_.start(); }
