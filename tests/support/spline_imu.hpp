@@ -21,8 +21,8 @@ inline Eigen::Vector3d normal_vector(Random& random, double sigma) {
   return {random.normal(0.0, sigma), random.normal(0.0, sigma), random.normal(0.0, sigma)};
 }
 
-/// A vehicle that swims on at about half a metre per second and turns, rolls and pitches at will, the
-/// less the smaller `unrest` is.
+/// A vehicle that swims on at about half a metre per second and turns, rolls and pitches at will,
+/// the less the smaller `unrest` is.
 inline Se3Spline wavy_spline(std::uint64_t seed, double duration_s, double unrest = 1.0) {
   Random random(seed);
   std::vector<SE3> control;
