@@ -4,7 +4,8 @@
 //
 //   map_soak [MINUTES] [KEYFRAMES_PER_S] [WIDTH]     prints a line every minute of the dive
 //
-// The mapper has its defaults; as many steps follow each keyframe as `run.mode: replay` gives it.
+// The mapper has its defaults, quadtree and water; as many steps follow each keyframe as `run.mode:
+// replay` gives it.
 #include <fmt/format.h>
 #include <torch/torch.h>
 
@@ -137,7 +138,9 @@ class MapSoak {
 
  private:
   static bridge::RunConfig config() {
-    return bridge::load_run_config(APVI_SOURCE_DIR "/configs/default.yaml", {});
+    return bridge::load_run_config(
+        APVI_SOURCE_DIR "/configs/default.yaml",
+        {"mapping.enabled=true", "mapping.densification=quadtree", "mapping.medium=true"});
   }
   static mapping::MapperOptions options() { return bridge::mapper_options(config()); }
 
