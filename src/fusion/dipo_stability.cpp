@@ -26,9 +26,7 @@ double worst_sigma(const Eigen::Matrix<double, N, N>& covariance) {
 
 // About the axes that lie level in the world.
 double tilt_sigma(const PoseEstimate& dipo) {
-  const Eigen::Matrix3d R = dipo.T_world_body.rotation.toRotationMatrix();
-  const Eigen::Matrix3d block = symmetric(dipo.covariance).topLeftCorner<3, 3>();
-  return worst_sigma<2>((R * block * R.transpose()).topLeftCorner<2, 2>());
+  return worst_sigma<2>(world_rotation_covariance(dipo).topLeftCorner<2, 2>());
 }
 
 // Of two in the middle the larger. A ping that was turned down as an outlier says nothing of DIPO.

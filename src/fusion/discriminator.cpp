@@ -27,12 +27,6 @@ constexpr std::array<std::string_view, 13> kReasons{"none",
                                                     "position_degenerate"};
 static_assert(kReasons.size() == static_cast<std::size_t>(Reason::position_degenerate) + 1);
 
-// In the world, so that those of two attitudes can be compared [rad²].
-Eigen::Matrix3d rotation_covariance(const PoseEstimate& estimate) {
-  const Eigen::Matrix3d R = estimate.T_world_body.rotation.toRotationMatrix();
-  return R * estimate.covariance.topLeftCorner<3, 3>() * R.transpose();
-}
-
 // Of a change of variance: more along one axis does not make up for less along another.
 double size_of(const Eigen::Matrix3d& change) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(change, Eigen::EigenvaluesOnly);
@@ -84,7 +78,7 @@ Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config) {
 
 void Wander::add(const PoseEstimate& before, const PoseEstimate& after) {
   const Eigen::Matrix3d moved = (after.covariance - before.covariance).bottomRightCorner<3, 3>();
-  rotation += size_of(rotation_covariance(after) - rotation_covariance(before));
+  rotation += size_of(world_rotation_covariance(after) - world_rotation_covariance(before));
   position += size_of(moved);
   height += std::abs(moved(2, 2));
 }

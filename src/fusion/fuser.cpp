@@ -77,8 +77,10 @@ FusionResult Fuser::update(const FusionInput& given) {
   FusionResult result;
   result.dipo = stability_.check(input.stamp, input.dipo);
   if (input.dipo && !is_finite(*input.dipo)) input.dipo.reset();
-  if (input.dipo && last_dipo_) dipo_wander_.add(*last_dipo_, *input.dipo);
-  if (input.dipo) last_dipo_ = input.dipo;
+  if (input.dipo) {
+    if (last_dipo_) dipo_wander_.add(*last_dipo_, *input.dipo);
+    last_dipo_ = input.dipo;
+  }
   const Judgement judgement = judge(input, result.dipo);
   result.verdict = judgement.verdict;
   result.eigenvalues = judgement.eigenvalues;

@@ -16,6 +16,12 @@ Vector6 boxminus(const SE3& a, const SE3& b) {
   return delta;
 }
 
+Eigen::Matrix3d world_rotation_covariance(const PoseEstimate& estimate) {
+  const Eigen::Matrix3d R = estimate.T_world_body.rotation.toRotationMatrix();
+  const Eigen::Matrix3d block = symmetric(estimate.covariance).topLeftCorner<3, 3>();
+  return R * block * R.transpose();
+}
+
 PoseEstimate pose_of(const dipo::Estimate& estimate) {
   static_assert(imu::kTheta == 0 && imu::kPosition == 3);
   const imu::NavState& nav = estimate.state.nav;

@@ -32,6 +32,9 @@ inline Matrix6 symmetric(const Matrix6& m) {
   return 0.5 * (m + m.transpose());
 }
 
+/// Covariance of the attitude's error about the axes of the world [rad²].
+Eigen::Matrix3d world_rotation_covariance(const PoseEstimate& estimate);
+
 /// The pose of DIPO's state, and its part of the covariance.
 PoseEstimate pose_of(const dipo::Estimate& estimate);
 
