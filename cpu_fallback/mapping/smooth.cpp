@@ -87,10 +87,8 @@ Tensor smooth(const SmoothInput& input) {
   const Affinity affinity(input.options.sigma);
   const auto* const guide = input.guide.data_ptr<float>();
   const std::array<float*, kPlanes> planes = {out[0].data_ptr<float>(), out[1].data_ptr<float>()};
-  const int rounds = input.options.iterations;
-  for (int t = 1; t <= rounds; ++t) {  // Min et al., Eq. 9: less and less, against streaks
-    const double share = 1.5 * std::pow(4.0, rounds - t) / (std::pow(4.0, rounds) - 1.0);
-    const auto lambda = static_cast<float>(share * input.options.lambda);
+  for (int round = 1; round <= input.options.iterations; ++round) {
+    const float lambda = input.lambda(round);
     const Lines rows = {.length = width, .along = 1, .across = width};
     const Lines columns = {.length = height, .along = width, .across = 1};
     for (const auto& [lines, count] : {std::pair{rows, height}, {columns, width}}) {

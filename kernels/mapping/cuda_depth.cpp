@@ -7,7 +7,6 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "apvi/mapping/depth_backend.hpp"
@@ -151,15 +150,12 @@ class CudaDepthBackend final : public DepthBackend {
     const int width = as_int(input.guide.size(1));
     Tensor out = torch::stack({input.values * input.weights, input.weights});
     const Tensor upper = torch::empty_like(input.guide);
-    const int rounds = input.options.iterations;
-    for (int t = 1; t <= rounds; ++t) {  // Min et al., Eq. 9
-      const double share = 1.5 * std::pow(4.0, rounds - t) / (std::pow(4.0, rounds) - 1.0);
+    for (int round = 1; round <= input.options.iterations; ++round) {
       for (const bool rows : {true, false}) {
-        C10_CUDA_CHECK(cuda::launch_smooth_lines(input.guide.data_ptr<float>(), height, width, rows,
-                                                 static_cast<float>(share * input.options.lambda),
-                                                 static_cast<float>(input.options.sigma),
-                                                 upper.data_ptr<float>(), out.data_ptr<float>(),
-                                                 at::cuda::getCurrentCUDAStream()));
+        C10_CUDA_CHECK(cuda::launch_smooth_lines(
+            input.guide.data_ptr<float>(), height, width, rows, input.lambda(round),
+            static_cast<float>(input.options.sigma), upper.data_ptr<float>(), out.data_ptr<float>(),
+            at::cuda::getCurrentCUDAStream()));
       }
     }
     out[0].div_(out[1].clamp_min(1e-20));

@@ -4,7 +4,15 @@
 
 #include <torch/torch.h>
 
+#include <cmath>
+
 namespace apvi::mapping {
+
+float SmoothInput::lambda(int round) const {
+  const int rounds = options.iterations;
+  const double share = 1.5 * std::pow(4.0, rounds - round) / (std::pow(4.0, rounds) - 1.0);
+  return static_cast<float>(share * options.lambda);
+}
 
 const DepthBackend& depth_backend(const torch::Device& device) {
   if (device.is_cpu()) return cpu_depth_backend();

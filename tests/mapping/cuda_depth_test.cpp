@@ -8,6 +8,7 @@
 #include "apvi/mapping/depth.hpp"
 #include "apvi/mapping/depth_backend.hpp"
 #include "depth_scene.hpp"
+#include "mapping/depth_geometry.hpp"
 #include "support/torch_reference.hpp"
 
 namespace apvi::mapping {
@@ -40,22 +41,7 @@ DepthRequest on_gpu(DepthRequest request) {
 
 /// Sweeps of a grid of points over the pictures of `request`, on `device`.
 SweepInput sweep_input(const DepthRequest& request, const torch::Device& device) {
-  const auto calibration = [](const splat::Intrinsics& k) {
-    return torch::tensor({k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0}, torch::kFloat64)
-        .reshape({3, 3});
-  };
-  const Tensor T_world_reference = torch::inverse(request.views.front().camera.T_camera_world);
-  const Tensor K_inverse = torch::inverse(calibration(request.views.front().camera.intrinsics));
-  std::vector<Tensor> projections;
-  std::vector<Tensor> centers;
-  for (std::size_t i = 1; i < request.views.size(); ++i) {
-    const Tensor T = request.views[i].camera.T_camera_world.mm(T_world_reference);
-    const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
-    const Tensor t = T.slice(0, 0, 3).slice(1, 3, 4);
-    const Tensor K = calibration(request.views[i].camera.intrinsics);
-    projections.push_back(torch::cat({K.mm(R).mm(K_inverse), K.mm(t)}, 1));
-    centers.push_back(-R.t().mm(t).squeeze(1));
-  }
+  const SweepGeometry geometry = on_device(sweep_geometry(request.views), device);
   const splat::Intrinsics& k = request.views.front().camera.intrinsics;
   std::vector<float> points;
   for (int y = 0; y < k.height; y += kBlockSide) {
@@ -66,16 +52,13 @@ SweepInput sweep_input(const DepthRequest& request, const torch::Device& device)
   }
   const Tensor places = torch::tensor(points).reshape({-1, 2}).to(device);
   const std::int64_t n = places.size(0);
-  const auto single = [&device](const std::vector<Tensor>& parts) {
-    return torch::stack(parts).to(device, torch::kFloat32).contiguous();
-  };
-  return {.projections = single(projections),
+  return {.projections = geometry.projections,
           .points = places,
           .levels = (torch::arange(n, torch::kInt32) % 3).to(device, torch::kInt32),
           .inverse_depths = torch::linspace(2.0, 0.1, 100).unsqueeze(0).to(device),
           .slopes = 0.002 * torch::ones({n, 2}).to(device),
-          .rays = K_inverse.to(device, torch::kFloat32).contiguous(),
-          .centers = single(centers),
+          .rays = geometry.rays,
+          .centers = geometry.centers,
           .cost = PhotometricCost::zncc,
           .noise = 1.0 / 255.0,
           .medium = {}};

@@ -64,6 +64,10 @@ struct SmoothInput {
   torch::Tensor values;   ///< [H,W] float32
   torch::Tensor weights;  ///< [H,W] float32, 0 where the value is not known
   UpsampleOptions options;
+
+  /// How strongly round 1 to `options.iterations` smooths: less and less, against streaks (Min et
+  /// al., Eq. 9).
+  float lambda(int round) const;
 };
 
 /// The seam between CPU and CUDA of all that costs time in depth estimation.
