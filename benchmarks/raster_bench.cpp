@@ -3,8 +3,9 @@
 // step of training (rendering, L1 and D-SSIM, derivatives, Adam over all parameters). One line of
 // JSON a program run:
 //   raster_bench MAP.ply [--copies N] [--size WxH] [--degree D] [--threads T] [--repeats R]
-//                [--device cpu|cuda]
-// draws the map N x N times, 4 m apart, from where the reference image of the garden was taken. On
+//                [--device cpu|cuda] [--order file|morton]
+// draws the map N x N times, 4 m apart, from where the reference image of the garden was taken;
+// with `--order morton` after putting Gaussians in a row that are neighbours. On
 // a GPU the times are between two of its events, one call at a time; `_streamed` are those of calls
 // in a row, divided by their number, as in training. Beside them the floors: the bytes that must be
 // moved over what a copy moves.
@@ -27,6 +28,7 @@
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/morton.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/splat/raster_backend.hpp"
 #include "apvi/splat/render.hpp"
@@ -49,6 +51,7 @@ struct Arguments {
   int threads = static_cast<int>(std::thread::hardware_concurrency());  // LibTorch's is often 1
   int repeats = 15;
   torch::Device device = active_device();
+  bool morton = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -72,6 +75,8 @@ Arguments parse(int argc, char** argv) {
       out.repeats = std::stoi(value);
     } else if (key == "--device") {
       out.device = torch::Device(value);
+    } else if (key == "--order" && (value == "file" || value == "morton")) {
+      out.morton = value == "morton";
     } else {
       throw std::runtime_error("unknown option " + key);
     }
@@ -99,7 +104,12 @@ Gaussians make_map(const Arguments& arguments) {
   for (std::size_t k = 0; k < 6; ++k) {
     std::vector<Tensor> parts;
     for (const Gaussians& copy : all) parts.push_back(*copy.tensors()[k]);
-    *out.tensors()[k] = torch::cat(parts).to(arguments.device).requires_grad_(true);
+    *out.tensors()[k] = torch::cat(parts).to(arguments.device);
+  }
+  const Tensor order = morton_order(out.means);
+  for (Tensor* tensor : out.tensors()) {
+    if (arguments.morton) *tensor = tensor->index_select(0, order);
+    tensor->requires_grad_(true);
   }
   return out;
 }

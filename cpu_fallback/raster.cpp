@@ -170,14 +170,19 @@ RasterOutput forward(const RasterKernels<T>& kernels, const RasterInput& input) 
   RasterOutput out = {.color = recycled_empty({height, width, 3}, options),
                       .depth = recycled_empty({height, width}, options),
                       .alpha = recycled_empty({height, width}, options),
-                      .visible = recycled_empty({n}, torch::kBool),
-                      .radii_px = recycled_empty({n}, options),
-                      .max_weight = recycled_empty({n}, options),
-                      .state = state.pack()};
+                      .visible = {},
+                      .radii_px = {},
+                      .max_weight = {},
+                      .state = {}};
   const BlendArgs<T> args = blend_args(input, out, state);
   for_each_task(TileGrid{args.width, args.height}.count(),
                 [&](std::int64_t tile) { kernels.blend(args, static_cast<int>(tile)); });
+  if (input.images_only) return out;
+  out.visible = recycled_empty({n}, torch::kBool);
+  out.radii_px = recycled_empty({n}, options);
+  out.max_weight = recycled_empty({n}, options);
   fill_statistics(state, n, out);
+  out.state = state.pack();
   return out;
 }
 

@@ -94,6 +94,10 @@ void DensityStatistics::keep(const Tensor& which) {
   for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->index({which});
 }
 
+void DensityStatistics::reorder(const Tensor& order) {
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->index_select(0, order);
+}
+
 void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
   archive.write("gradient_sum", gradient_sum_, true);
   archive.write("views", views_, true);

@@ -10,6 +10,7 @@
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
+#include "apvi/splat/morton.hpp"
 #include "recolor.hpp"
 
 namespace apvi::mapping {
@@ -19,6 +20,7 @@ using torch::Tensor;
 
 constexpr double kGainShare = 0.3;  // of a gain's error that one step takes away
 constexpr int kGainReduction = 4;   // of the picture that a new view's gain is found with
+constexpr std::int64_t kReorderSteps = 1000;
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
 
@@ -139,7 +141,15 @@ DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64
   const DensifyResult result =
       mapping::densify(store_, statistics_, options_.densify, extent, limit, seed);
   forget_statistics();
+  // Whether it is time can be told from what checkpoints hold.
+  if (store_.steps() % kReorderSteps < options_.densify.interval) reorder();
   return result;
+}
+
+void MapLearner::reorder() {
+  const Tensor order = splat::morton_order(store_.view().means);
+  store_.reorder(order);
+  statistics_.reorder(order);
 }
 
 void MapLearner::insert(const splat::Gaussians& gaussians, const Tensor& anchors) {

@@ -147,8 +147,20 @@ void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
 
 void GaussianStore::prune(const Tensor& remove) {
   check_mask(remove, "what to remove", size_);
+  take(remove.logical_not().nonzero().squeeze(1));
+}
+
+void GaussianStore::reorder(const Tensor& order) {
+  TORCH_CHECK(order.defined() && order.scalar_type() == torch::kInt64 &&
+                  order.sizes() == at::IntArrayRef({size_}),
+              "gaussian store: an order must be int64 [", size_, "]");
+  take(order);
+}
+
+// Only those in `rows` stay, in that order.
+void GaussianStore::take(const Tensor& rows) {
   const torch::NoGradGuard no_grad;
-  const Tensor keep = remove.logical_not().nonzero().squeeze(1).to(parameters_.means.device());
+  const Tensor keep = rows.to(parameters_.means.device());
   const std::int64_t count = keep.size(0);
   for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
     for (Tensor* tensor : buffers->tensors()) {

@@ -15,8 +15,8 @@ using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-constexpr int kMaxSide = 1 << 15;  // [px]
-constexpr std::size_t kInputs = 8;
+constexpr int kMaxSide = 1 << 15;   // [px]
+constexpr std::size_t kInputs = 8;  // that are differentiated
 
 Tensor cross_matrix(const Tensor& v) {
   Tensor out = torch::zeros({3, 3}, v.options());
@@ -154,6 +154,21 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
   }
 };
 
+/// The images alone, past autograd.
+RenderOutput draw(const Gaussians& g, const Tensor& pose_delta, const Tensor& background,
+                  const RenderPass& pass) {
+  RasterInput input = to_input({g.means, g.log_scales, g.quaternions, g.logit_opacities, g.sh_dc,
+                                g.sh_rest, pose_delta, background},
+                               pass.view, pass.options);
+  input.images_only = true;
+  const RasterOutput out = raster_backend(g.means.device()).forward(input);
+  return {.color = out.color,
+          .depth = out.depth,
+          .alpha = out.alpha,
+          .statistics = {},
+          .rows = nullptr};
+}
+
 /// Of a small matrix; LibTorch's operators would take longer than some renderings.
 bool all_finite(const Tensor& matrix) {
   const auto m = matrix.accessor<double, 2>();
@@ -213,6 +228,7 @@ RenderOutput render(const Gaussians& gaussians, const View& view, const RenderOp
                                 : torch::zeros({3}, gaussians.means.options().requires_grad(false));
   // Autograd takes no undefined tensors.
   const Tensor delta = view.pose_delta.defined() ? view.pose_delta : torch::empty({0});
+  if (!torch::GradMode::is_enabled()) return draw(gaussians, delta, background, *pass);
   const variable_list images = Rasterize::apply(
       gaussians.means, gaussians.log_scales, gaussians.quaternions, gaussians.logit_opacities,
       gaussians.sh_dc, gaussians.sh_rest, delta, background, pass);

@@ -9,12 +9,15 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 
 #include "apvi/core/error.hpp"
 #include "apvi/mapping/mapper.hpp"
+#include "apvi/splat/morton.hpp"
 #include "apvi/splat/ply.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
+#include "support/torch_reference.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -142,6 +145,51 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
   ASSERT_GT(pictures, 60.0);
   EXPECT_LT(resident_mib() - warm, 0.2 * pictures);
   EXPECT_LE(mapper.size(), 400);
+}
+
+TEST(MapLearner, LearnsOnFromAnotherOrderAsItWouldHave) {
+  const KeyframeStore keyframes = test::photographs(test::wall_of_gaussians());
+  splat::Gaussians world = test::wall_of_gaussians();
+  torch::manual_seed(4);
+  world.means = world.means + 0.02 * torch::randn_like(world.means);
+  MapLearner moved(world, {}, keyframes.size());
+  MapLearner whole(world, {}, keyframes.size());
+  const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
+  for (const std::size_t view : {std::size_t{1}, std::size_t{2}}) {
+    moved.step(keyframes, view, settings);
+    whole.step(keyframes, view, settings);
+  }
+  moved.reorder();
+  const Tensor order = splat::morton_order(whole.map().means);
+  ASSERT_FALSE(torch::equal(order, torch::arange(order.size(0))));
+  EXPECT_TRUE(torch::equal(moved.map().means, whole.map().means.index_select(0, order)));
+  for (MapLearner* learner : {&moved, &whole}) learner->step(keyframes, 3, settings);
+  EXPECT_TRUE(
+      test::tensors_near(moved.map().means, whole.map().means.index_select(0, order), 1e-5));
+}
+
+TEST(MapLearner, PutsNeighboursTogetherNowAndThenAndResumesThere) {
+  const KeyframeStore keyframes = test::photographs(test::wall_of_gaussians());
+  TrainerOptions options;
+  options.densify.interval = 1000;  // as often as the map grows
+  MapLearner learner(test::wall_of_gaussians(), options, keyframes.size());
+  const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
+  learner.step(keyframes, 1, settings);
+  torch::serialize::OutputArchive out;
+  learner.save(out);
+  std::stringstream stream;
+  out.save_to(stream);
+  torch::serialize::InputArchive in;
+  in.load_from(stream);
+  MapLearner again(test::wall_of_gaussians(), options, keyframes.size());
+  again.load(in);
+  for (MapLearner* one : {&learner, &again}) {
+    one->densify(1.0, one->size(), 0);
+    const Tensor order = splat::morton_order(one->map().means);
+    EXPECT_TRUE(torch::equal(order, torch::arange(one->size())));
+    one->step(keyframes, 2, settings);
+  }
+  EXPECT_TRUE(torch::equal(learner.map().means, again.map().means));
 }
 
 TEST(MapLearner, NewWaterLeavesThePicturesAsTheyWere) {

@@ -163,6 +163,28 @@ TEST(GaussianStore, NewGaussiansComeWithoutMomentumAndLeaveThatOfOthersAlone) {
   expect_equal(rows(grown.view(), torch::arange(17) >= 10), more);
 }
 
+TEST(GaussianStore, ReorderingMovesAllThatBelongsToAGaussian) {
+  const Gaussians start = make_gaussians(12);
+  GaussianStore moved(Gaussians::empty(1, torch::dtype(torch::kFloat32)));
+  moved.insert(start, torch::arange(12));
+  GaussianStore whole(start);
+  for (GaussianStore* store : {&moved, &whole}) {
+    give_gradients(store->view());
+    store->step({});
+  }
+  const Tensor order = torch::randperm(12, torch::kInt64);
+  moved.reorder(order);
+  EXPECT_TRUE(torch::equal(moved.anchors(), order));
+  for (GaussianStore* store : {&moved, &whole}) {
+    Tensor loss = torch::zeros({});
+    for (const Tensor* t : store->view().tensors()) loss = loss + (0.0 * *t).sum();
+    loss.backward();
+    store->step({});
+  }
+  expect_equal(moved.view(), rows(whole.view(), order));
+  EXPECT_THROW(moved.reorder(torch::arange(11)), c10::Error);
+}
+
 TEST(GaussianStore, ForgetsTheMomentumItIsToldTo) {
   GaussianStore store(make_gaussians(6));
   give_gradients(store.view());

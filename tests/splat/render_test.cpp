@@ -160,6 +160,20 @@ TEST(Render, WithoutGradientsItRecordsNothing) {
   EXPECT_FALSE(drawn.color.requires_grad());
 }
 
+TEST(Render, WhereNothingIsRecordedItMakesTheSameImagesAlone) {
+  const Gaussians leaves = map_tensors(make_gaussians(300, torch::kFloat32),
+                                       [](const Tensor& t) { return t.requires_grad_(true); });
+  const RenderOutput whole = render(leaves, make_view(117, 83), {});
+  const torch::NoGradGuard no_grad;
+  const RenderOutput images = render(leaves, make_view(117, 83), {.background = {}, .rows = true});
+  EXPECT_TRUE(torch::equal(images.color, whole.color));
+  EXPECT_TRUE(torch::equal(images.depth, whole.depth));
+  EXPECT_TRUE(torch::equal(images.alpha, whole.alpha));
+  EXPECT_FALSE(images.color.requires_grad());
+  EXPECT_FALSE(images.statistics.visible.defined() || images.statistics.max_weight.defined());
+  EXPECT_TRUE(whole.statistics.max_weight.defined());
+}
+
 TEST(Render, PosePerturbationIsFromTheLeft) {
   const Gaussians gaussians = make_gaussians(40);
   View perturbed = make_view();

@@ -28,6 +28,8 @@ class DensityStatistics {
   void extend(std::int64_t count);
   /// Keeps those where `which` [size()] (bool) is set.
   void keep(const torch::Tensor& which);
+  /// Puts what is known of Gaussian order[i] [size()] (int64) at place i.
+  void reorder(const torch::Tensor& order);
   /// Mean pull at the projected centre over the views that saw it, [N]; 0 where none did.
   torch::Tensor mean_gradient() const { return gradient_sum_ / views_.clamp_min(1.0); }
   /// Number of views that saw it [N], and its largest blend weight there [N].

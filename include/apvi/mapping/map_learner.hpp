@@ -54,6 +54,9 @@ class MapLearner {
   void insert(const splat::Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Takes out those where `remove` [size()] (bool) is set.
   void remove(const torch::Tensor& remove);
+  /// Puts Gaussians next to each other in memory that are neighbours in space (see
+  /// splat::morton_order), which is drawn faster on a GPU. `densify` does so now and then.
+  void reorder();
   /// Moves the Gaussians of one anchor.
   void move(std::int64_t anchor, const splat::Similarity& motion);
   /// From now on the map is seen through this water, which is held near (see

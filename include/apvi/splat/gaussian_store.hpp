@@ -62,6 +62,10 @@ class GaussianStore {
   /// Removes those where `remove` [size()] (bool) is set. The others keep their order and momentum.
   void prune(const torch::Tensor& remove);
 
+  /// Puts Gaussian order[i] at place i, with all that belongs to it. Throws c10::Error where
+  /// `order` [size()] (int64) does not fit.
+  void reorder(const torch::Tensor& order);
+
   /// One step of Adam with the gradients that a backward pass left in `view()`; takes them away.
   /// `visible` as in `adam_step`.
   void step(const GaussianRates& rates, const AdamOptions& options = {},
@@ -87,6 +91,7 @@ class GaussianStore {
 
  private:
   void reserve(std::int64_t count);
+  void take(const torch::Tensor& rows);
   std::vector<AdamGroup> groups(const GaussianRates& rates) const;
 
   std::int64_t size_ = 0;

@@ -22,6 +22,9 @@ struct RasterInput {
   double near_m = 0.0;
   double low_pass_px2 = 0.0;
   bool antialiased = false;
+  /// Nothing but the images is wanted: no statistics of the Gaussians, nothing to walk back with.
+  /// The images have the same bits either way.
+  bool images_only = false;
 };
 
 /// What the forward pass leaves for the backward pass, in a form that only its backend knows. Freed
@@ -32,7 +35,7 @@ struct RasterOutput {
   torch::Tensor color;       ///< [H,W,3]
   torch::Tensor depth;       ///< [H,W] expected depth [m], 0 where alpha is 0
   torch::Tensor alpha;       ///< [H,W]
-  torch::Tensor visible;     ///< [N] bool
+  torch::Tensor visible;     ///< [N] bool; this and the next three undefined with `images_only`
   torch::Tensor radii_px;    ///< [N]
   torch::Tensor max_weight;  ///< [N]
   RasterState state;
@@ -67,7 +70,8 @@ class RasterBackend {
   virtual RasterOutput forward(const RasterInput& input) const = 0;
   /// Whether it can give the derivatives by the Gaussians as rows.
   virtual bool has_rows() const { return false; }
-  /// `output` as `forward` gave it for this very input. `as_rows` only where `has_rows`.
+  /// `output` as `forward` gave it for this very input, without `images_only`. `as_rows` only where
+  /// `has_rows`.
   virtual RasterInputGradient backward(const RasterInput& input, const RasterOutput& output,
                                        const RasterOutputGradient& grad, bool as_rows) const = 0;
 };

@@ -23,7 +23,8 @@ struct RenderOptions {
   bool rows = false;
 };
 
-/// What densification and pruning want to know of each Gaussian.
+/// What densification and pruning want to know of each Gaussian. Undefined tensors where autograd
+/// records nothing (torch::NoGradGuard): there only the images are made, in less time.
 struct RenderStatistics {
   torch::Tensor visible;     ///< [N] bool: touched at least one pixel's tile
   torch::Tensor radii_px;    ///< [N] half of the larger axis of the footprint at the cut-off [px]
