@@ -154,6 +154,17 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
   }
 };
 
+/// Zeros [3] of the type and on the device of a tensor; made once, as a kernel of its own takes
+/// longer to launch than to run.
+const Tensor& black(const Tensor& like) {
+  static thread_local Tensor kept;
+  if (!kept.defined() || kept.device() != like.device() ||
+      kept.scalar_type() != like.scalar_type()) {
+    kept = torch::zeros({3}, like.options().requires_grad(false));
+  }
+  return kept;
+}
+
 /// The images alone, past autograd.
 RenderOutput draw(const Gaussians& g, const Tensor& pose_delta, const Tensor& background,
                   const RenderPass& pass) {
@@ -223,9 +234,8 @@ RenderOutput render(const Gaussians& gaussians, const View& view, const RenderOp
   if (options.rows && raster_backend(gaussians.means.device()).has_rows()) {
     pass->rows = std::make_shared<GaussianRows>();
   }
-  const Tensor background = options.background.defined()
-                                ? options.background
-                                : torch::zeros({3}, gaussians.means.options().requires_grad(false));
+  const Tensor background =
+      options.background.defined() ? options.background : black(gaussians.means);
   // Autograd takes no undefined tensors.
   const Tensor delta = view.pose_delta.defined() ? view.pose_delta : torch::empty({0});
   if (!torch::GradMode::is_enabled()) return draw(gaussians, delta, background, *pass);
