@@ -14,9 +14,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-constexpr int kDepthBits = 8;  // of a digit
-constexpr int kDepthPasses = 4;
-constexpr int kTileBits = 6;
+constexpr int kTileBits = 6;  // of a digit
 
 struct SplatCount {
   const Counts* counts;
@@ -70,13 +68,13 @@ struct State {
   SortState by_depth, by_tile;
   std::size_t bytes;
 
-  State(void* start, std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
+  State(void* start, std::uint32_t capacity, std::uint32_t slot_capacity, const Frame& frame) {
     Cutter cutter(start);
-    const int passes = tile_passes(tiles);
+    const int by_depths = depth_passes(frame.camera.near_m);
+    const int passes = tile_passes(frame.tiles());
     list = cutter.take<Packed>(blocks_for(capacity) + 1);
     by_depth = cut_sort_state<kDepthBits>(
-        cutter.take<std::uint32_t>(sort_state_words<kDepthBits>(capacity, kDepthPasses)),
-        kDepthPasses);
+        cutter.take<std::uint32_t>(sort_state_words<kDepthBits>(capacity, by_depths)), by_depths);
     by_tile = cut_sort_state<kTileBits>(
         cutter.take<std::uint32_t>(sort_state_words<kTileBits>(slot_capacity, passes)), passes);
     bytes = cutter.used();
@@ -87,7 +85,7 @@ struct State {
 template <typename Key>
 struct Scratch {
   std::uint32_t* depth_keys;  // [capacity]
-  std::uint32_t* orders[2];   // [capacity] of which the first becomes the splats by depth
+  std::uint32_t* orders[2];   // [capacity] of which one becomes the splats by depth
   Key* keys[2];               // [slot_capacity] tiles of the slots
   std::uint32_t* slots;       // [slot_capacity]
   std::size_t bytes;
@@ -109,17 +107,14 @@ struct List {
   std::uint32_t* splats;
 };
 
-/// Writes the slots of one splat in one band of tiles; returns how many.
+/// Writes the slots of one splat in one band of tiles.
 template <typename Key>
-__device__ int list_band(const Splat<float>& s, std::uint32_t splat, PixelSpan rows, int band,
-                         const Frame& frame, std::uint32_t to, const List<Key>& out) {
-  const PixelSpan columns = tiles_in_band(s, rows, band, frame.width);
-  int count = 0;
-  for (int x = columns.first; x <= columns.last; ++x, ++count) {
-    out.tiles[to + count] = static_cast<Key>(band * frame.tiles_x() + x);
-    out.splats[to + count] = splat;
+__device__ void list_band(PixelSpan columns, std::uint32_t splat, int band, const Frame& frame,
+                          std::uint32_t to, const List<Key>& out) {
+  for (int x = columns.first; x <= columns.last; ++x, ++to) {
+    out.tiles[to] = static_cast<Key>(band * frame.tiles_x() + x);
+    out.splats[to] = splat;
   }
-  return count;
 }
 
 /// The same for all bands, by a whole warp: splats near the camera cover the image.
@@ -141,31 +136,37 @@ __device__ void list_by_warp(const SplatPointers& splats, std::uint32_t splat, c
       if (lane >= by) before += other;
     }
     const int all = __shfl_sync(kAllLanes, before, kWarp - 1);
-    if (band <= last) list_band(s, splat, rows, band, frame, to + before - own, out);
+    list_band(columns, splat, band, frame, to + before - own, out);
     to += all;
   }
 }
 
-constexpr std::uint32_t kManySlots = 16;
-
 /// Writes the slots of the splats of a warp, each from its place on.
 template <typename Key>
 __device__ void list_splats(const Frame& frame, const SplatPointers& splats, std::uint32_t splat,
-                            std::uint32_t slots, std::uint32_t to, const List<Key>& out) {
-  if (slots != 0 && slots <= kManySlots) {
-    const Splat<float> s = splats.splats[splat];
-    const PixelSpan rows = rows_of(s, frame.height);
-    std::uint32_t done = 0;
-    for (int band = rows.first / kTileSize; band * kTileSize <= rows.last; ++band) {
-      done += list_band(s, splat, rows, band, frame, to + done, out);
+                            const SlotRange& packed, std::uint32_t to, const List<Key>& out) {
+  const bool few = (packed.begin & kFewTiles) != 0;
+  if (few) {
+    const FewTiles tiles = FewTiles::unpack(packed);
+    const int corner = tiles.y * frame.tiles_x() + tiles.x;
+    std::uint32_t at = to;
+    for (unsigned left = tiles.mask; left != 0; left &= left - 1, ++at) {
+      const int bit = __ffs(static_cast<int>(left)) - 1;
+      out.tiles[at] =
+          static_cast<Key>(corner + bit / kTileSquare * frame.tiles_x() + bit % kTileSquare);
+      out.splats[at] = splat;
     }
   }
-  for (unsigned left = __ballot_sync(kAllLanes, slots > kManySlots); left != 0; left &= left - 1) {
+  for (unsigned left = __ballot_sync(kAllLanes, !few && packed.count != 0); left != 0;
+       left &= left - 1) {
     const int from = __ffs(static_cast<int>(left)) - 1;
     list_by_warp(splats, __shfl_sync(kAllLanes, splat, from), frame,
                  __shfl_sync(kAllLanes, to, from), out);
   }
 }
+
+/// Slots of a block that wait in shared memory, from where they go out in a row.
+constexpr std::uint32_t kListRoom = 2048;
 
 /// Lists the slots by depth of their splats, and numbers them in that order.
 template <typename Key>
@@ -176,23 +177,33 @@ __global__ void __launch_bounds__(kThreads)
   __shared__ typename Scan::TempStorage storage;
   __shared__ unsigned turn_shared;
   __shared__ std::uint32_t before_shared;
+  __shared__ Key tiles_shared[kListRoom];
+  __shared__ std::uint32_t splats_shared[kListRoom];
   const unsigned block = take_turn(states, gridDim.x, turn_shared);
   const std::uint32_t rank = block * kThreads + threadIdx.x;
   if (count() == 0) return;
   const bool is_splat = rank < splats.counts->splats;
   const std::uint32_t splat = is_splat ? order[rank] : 0;
-  const std::uint32_t slots = is_splat ? splats.slots[splat].count : 0;
-  std::uint32_t to = 0;
+  const SlotRange packed = is_splat ? splats.slots[splat] : SlotRange{0, 0};
+  const bool few = (packed.begin & kFewTiles) != 0;
+  const std::uint32_t slots = few ? packed.count & 0xffffU : packed.count;
+  std::uint32_t at = 0;
   std::uint32_t all = 0;
-  Scan(storage).ExclusiveSum(slots, to, all);
+  Scan(storage).ExclusiveSum(slots, at, all);
   if (threadIdx.x < kWarp) {
     const Packed before = count_before(states, block, all);
     if (threadIdx.x == 0) before_shared = slots_in(before);
   }
+  const bool waits = all <= kListRoom;
+  if (waits) list_splats<Key>(frame, splats, splat, packed, at, {tiles_shared, splats_shared});
   __syncthreads();
-  to += before_shared;
-  if (is_splat) splats.slots[splat].begin = to;
-  list_splats(frame, splats, splat, slots, to, out);
+  const std::uint32_t to = before_shared;
+  if (is_splat) splats.slots[splat] = {to + at, slots};
+  if (!waits) return list_splats<Key>(frame, splats, splat, packed, to + at, out);
+  for (std::uint32_t k = threadIdx.x; k < all; k += kThreads) {
+    out.tiles[to + k] = tiles_shared[k];
+    out.splats[to + k] = splats_shared[k];
+  }
 }
 
 /// Where each tile begins.
@@ -294,14 +305,15 @@ __global__ void __launch_bounds__(kThreads) place_chunks_kernel(int tiles, BinPo
 template <typename Key>
 cudaError_t bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
                 cudaStream_t stream) {
-  const State state(out.state, splats.capacity, splats.slot_capacity, frame.tiles());
+  const State state(out.state, splats.capacity, splats.slot_capacity, frame);
   const Scratch<Key> scratch(out.scratch, splats.capacity, splats.slot_capacity);
+  const int by_depths = depth_passes(frame.camera.near_m);
   cudaError_t error = sort_pairs<kDepthBits>(
       SortBuffers<std::uint32_t>{.keys = {splats.depth_keys, scratch.depth_keys},
                                  .values = {scratch.orders[0], scratch.orders[1]},
                                  .numbered = true,
                                  .keep_keys = false},
-      SplatCount{splats.counts, splats.capacity}, splats.capacity, kDepthPasses, state.by_depth,
+      SplatCount{splats.counts, splats.capacity}, splats.capacity, by_depths, state.by_depth,
       stream);
   if (error != cudaSuccess) return error;
   // After as many passes as the tiles' numbers have digits, the slots are where they are wanted.
@@ -309,12 +321,12 @@ cudaError_t bin(const Frame& frame, const SplatPointers& splats, const BinPointe
   const SlotCount count = {splats.counts, splats.capacity, splats.slot_capacity};
   SortBuffers<Key> slots = {.keys = {scratch.keys[0], scratch.keys[1]},
                             .values = {out.tile_slots, scratch.slots},
-                            .numbered = true,
+                            .numbered = out.slot_splat != nullptr,
                             .keep_keys = true};
   if (passes % 2 != 0) std::swap(slots.values[0], slots.values[1]);
   list_kernel<<<blocks_for(splats.capacity), kThreads, 0, stream>>>(
-      frame, splats, count, scratch.orders[0], state.list,
-      List<Key>{slots.keys[0], out.slot_splat});
+      frame, splats, count, scratch.orders[by_depths % 2], state.list,
+      List<Key>{slots.keys[0], slots.numbered ? out.slot_splat : slots.values[0]});
   error = sort_pairs<kTileBits>(slots, count, splats.slot_capacity, passes, state.by_tile, stream);
   if (error != cudaSuccess) return error;
   find_tiles_kernel<<<blocks_for(std::uint64_t{splats.slot_capacity} + 1), kThreads, 0, stream>>>(
@@ -338,8 +350,9 @@ std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_sl
   return slot_capacity / chunk_slots + static_cast<std::uint32_t>(tiles);
 }
 
-std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {
-  return State(nullptr, capacity, slot_capacity, tiles).bytes;
+std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity,
+                            const Frame& frame) {
+  return State(nullptr, capacity, slot_capacity, frame).bytes;
 }
 
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles) {

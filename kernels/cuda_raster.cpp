@@ -73,20 +73,27 @@ cuda::Frame to_frame(const RasterInput& input) {
           .antialiased = input.antialiased};
 }
 
-/// What is kept for the backward pass: memory for so many splats and slots.
+/// What is kept for the backward pass: memory for so many splats and slots. With `images_only`
+/// there is less of it.
 class RasterBuffers {
  public:
-  RasterBuffers(const cuda::Counts& capacity, const cuda::Frame& frame, const Gaussians& gaussians)
-      : capacity_(capacity), frame_(frame), layout_(capacity, frame.tiles()) {
-    const auto options = gaussians.means.options();
+  RasterBuffers(const cuda::Counts& capacity, const cuda::Frame& frame, const RasterInput& input)
+      : capacity_(capacity),
+        frame_(frame),
+        images_only_(input.images_only),
+        layout_(capacity, frame.tiles(), images_only_) {
+    const auto options = input.gaussians.means.options();
     memory_ = torch::empty({layout_.parts.size()}, options.dtype(torch::kUInt8));
-    row_ = torch::empty({gaussians.size()}, options.dtype(torch::kInt32));
+    if (!images_only_) {
+      row_ = torch::empty({input.gaussians.size()}, options.dtype(torch::kInt32));
+    }
   }
   RasterBuffers(const RasterState& state, const cuda::Frame& frame)
       : capacity_{static_cast<std::uint32_t>(state[1].data_ptr<std::int64_t>()[0]),
                   static_cast<std::uint32_t>(state[1].data_ptr<std::int64_t>()[1])},
         frame_(frame),
-        layout_(capacity_, frame.tiles()),
+        images_only_(false),
+        layout_(capacity_, frame.tiles(), images_only_),
         memory_(state[0]),
         row_(state[2]) {}
 
@@ -112,12 +119,12 @@ class RasterBuffers {
   cuda::BinPointers bins() const {
     return {.slot_splat = nullptr,
             .tile_slots = at<std::uint32_t>(layout_.tile_slots),
-            .tile_draws = at<std::uint32_t>(layout_.tile_draws),
+            .tile_draws = kept<std::uint32_t>(layout_.tile_draws),
             .tile_begin = at<std::uint32_t>(layout_.tile_begin),
             .chunk_slots = cuda::chunk_slots(capacity_.slots),
             .chunk_begin = at<std::uint32_t>(layout_.chunk_begin),
             .chunk_tile = at<std::uint32_t>(layout_.chunk_tile),
-            .chunk_drawn = at<std::uint32_t>(layout_.chunk_drawn),
+            .chunk_drawn = kept<std::uint32_t>(layout_.chunk_drawn),
             .turns = at<std::uint32_t>(layout_.turns),
             .dark = at<std::uint32_t>(layout_.dark),
             .drawing = {},
@@ -126,11 +133,11 @@ class RasterBuffers {
   }
   cuda::ChunkPointers chunks() const {
     return {.through = nullptr,
-            .start = at<float2>(layout_.start),
+            .start = kept<float2>(layout_.start),
             .end = nullptr,
             .sums = at<float4>(layout_.sums)};
   }
-  float* slot_weight() const { return at<float>(layout_.slot_weight); }
+  float* slot_weight() const { return kept<float>(layout_.slot_weight); }
   const cuda::Frame& frame() const { return frame_; }
   const cuda::Counts& capacity() const { return capacity_; }
 
@@ -140,21 +147,21 @@ class RasterBuffers {
     std::int64_t splats, gaussian, slots, counts, tile_slots, tile_draws, tile_begin, slot_weight;
     std::int64_t chunk_begin, chunk_tile, chunk_drawn, turns, dark, start, sums;
 
-    Layout(const cuda::Counts& n, int tiles)
+    Layout(const cuda::Counts& n, int tiles, bool images_only)
         : splats(parts.take(std::int64_t{n.splats} * 64)),
           gaussian(parts.take(std::int64_t{n.splats} * 4)),
           slots(parts.take(std::int64_t{n.splats} * 8)),
           counts(parts.take(8)),
           tile_slots(parts.take(std::int64_t{n.slots} * 4)),
-          tile_draws(parts.take(std::int64_t{n.slots} * 4)),
+          tile_draws(parts.take(images_only ? 0 : std::int64_t{n.slots} * 4)),
           tile_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
-          slot_weight(parts.take(std::int64_t{n.slots} * 4)),
+          slot_weight(parts.take(images_only ? 0 : std::int64_t{n.slots} * 4)),
           chunk_begin(parts.take((std::int64_t{tiles} + 1) * 4)),
           chunk_tile(parts.take(chunks(n, tiles) * 4)),
-          chunk_drawn(parts.take(chunks(n, tiles) * 4)),
+          chunk_drawn(parts.take(images_only ? 0 : chunks(n, tiles) * 4)),
           turns(parts.take(chunks(n, tiles) * 4)),
           dark(parts.take(std::int64_t{tiles} * 4)),
-          start(parts.take(chunks(n, tiles) * cuda::kTilePixels * 4)),
+          start(parts.take(images_only ? 0 : chunks(n, tiles) * cuda::kTilePixels * 4)),
           sums(parts.take(chunks(n, tiles) * cuda::kTilePixels * 16)) {}
 
     static std::int64_t chunks(const cuda::Counts& n, int tiles) {
@@ -167,8 +174,14 @@ class RasterBuffers {
     return reinterpret_cast<P*>(memory_.data_ptr<std::uint8_t>() + offset);
   }
 
+  template <typename P>
+  P* kept(std::int64_t offset) const {
+    return images_only_ ? nullptr : at<P>(offset);
+  }
+
   cuda::Counts capacity_;
   cuda::Frame frame_;
+  bool images_only_;
   Layout layout_;
   Tensor memory_;
   Tensor row_;
@@ -177,16 +190,17 @@ class RasterBuffers {
 /// What only the forward pass needs.
 class Scratch {
  public:
-  Scratch(std::int64_t gaussians, const cuda::Counts& capacity, const cuda::Frame& frame,
-          std::uint32_t chunk_slots, const torch::TensorOptions& options) {
+  Scratch(const RasterInput& input, const cuda::Counts& capacity, const cuda::Frame& frame,
+          std::uint32_t chunk_slots)
+      : images_only_(input.images_only) {
     const std::int64_t chunks = cuda::chunk_capacity(capacity.slots, chunk_slots, frame.tiles());
     const auto take_bytes = [&](std::size_t bytes) {
       return parts_.take(static_cast<std::int64_t>(bytes));
     };
-    block_state_ = parts_.take((cuda::project_blocks(gaussians) + 1) * 8);
-    bin_state_ = take_bytes(cuda::bin_state_bytes(capacity.splats, capacity.slots, frame.tiles()));
+    block_state_ = parts_.take((cuda::project_blocks(input.gaussians.size()) + 1) * 8);
+    bin_state_ = take_bytes(cuda::bin_state_bytes(capacity.splats, capacity.slots, frame));
     depth_keys_ = parts_.take(std::int64_t{capacity.splats} * 4);
-    slot_splat_ = parts_.take(std::int64_t{capacity.slots} * 4);
+    slot_splat_ = parts_.take(images_only_ ? 0 : std::int64_t{capacity.slots} * 4);
     begun_ = parts_.take(4);
     kinds_ = parts_.take(cuda::kChunkKinds * 4);
     drawn_ = parts_.take(std::int64_t{frame.tiles()} * 4);
@@ -194,7 +208,7 @@ class Scratch {
     through_ = parts_.take(chunks * cuda::kTilePixels * 4);
     end_ = parts_.take(chunks * cuda::kTilePixels * 4);
     bin_ = take_bytes(cuda::bin_scratch_bytes(capacity.splats, capacity.slots, frame.tiles()));
-    memory_ = torch::empty({parts_.size()}, options.dtype(torch::kUInt8));
+    memory_ = torch::empty({parts_.size()}, input.gaussians.means.options().dtype(torch::kUInt8));
   }
 
   /// States begin as zeros.
@@ -207,7 +221,7 @@ class Scratch {
                cuda::ChunkPointers& chunks) const {
     splats.block_state = at<unsigned long long>(block_state_);
     splats.depth_keys = at<std::uint32_t>(depth_keys_);
-    bins.slot_splat = at<std::uint32_t>(slot_splat_);
+    bins.slot_splat = images_only_ ? nullptr : at<std::uint32_t>(slot_splat_);
     bins.drawing = {.begun = at<std::uint32_t>(begun_),
                     .kinds = at<std::uint32_t>(kinds_),
                     .drawn = at<std::uint32_t>(drawn_),
@@ -224,11 +238,20 @@ class Scratch {
     return reinterpret_cast<P*>(memory_.data_ptr<std::uint8_t>() + offset);
   }
 
+  bool images_only_;
   Parts parts_;
   std::int64_t block_state_, bin_state_, depth_keys_, slot_splat_, begun_, kinds_, drawn_, ready_,
       through_, end_, bin_;
   Tensor memory_;
 };
+
+cuda::StatisticsPointers to_pointers(const RasterOutput& out, const Tensor& row) {
+  if (!row.defined()) return {};
+  return {.visible = out.visible.data_ptr<bool>(),
+          .radii_px = out.radii_px.data_ptr<float>(),
+          .max_weight = out.max_weight.data_ptr<float>(),
+          .row = row.data_ptr<std::int32_t>()};
+}
 
 /// Launches the whole forward pass with room for `capacity`; the counts are on their way to
 /// `memory` when it returns.
@@ -236,20 +259,16 @@ RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
                              const cuda::Counts& capacity, RasterMemory& memory) {
   const auto stream = at::cuda::getCurrentCUDAStream();
   const cuda::GaussianPointers gaussians = to_pointers(input.gaussians);
-  RasterBuffers buffers(capacity, to_frame(input), input.gaussians);
+  RasterBuffers buffers(capacity, to_frame(input), input);
   const cuda::Frame& frame = buffers.frame();
   cuda::SplatPointers splats = buffers.splats();
   cuda::BinPointers bins = buffers.bins();
   cuda::ChunkPointers chunks = buffers.chunks();
-  const Scratch scratch(gaussians.count, capacity, frame, bins.chunk_slots,
-                        input.gaussians.means.options());
+  const Scratch scratch(input, capacity, frame, bins.chunk_slots);
   scratch.clear(stream);
   scratch.hand_to(splats, bins, chunks);
   splats.host_counts = memory.counts();
-  const cuda::StatisticsPointers statistics = {.visible = out.visible.data_ptr<bool>(),
-                                               .radii_px = out.radii_px.data_ptr<float>(),
-                                               .max_weight = out.max_weight.data_ptr<float>(),
-                                               .row = buffers.row().data_ptr<std::int32_t>()};
+  const cuda::StatisticsPointers statistics = to_pointers(out, buffers.row());
   C10_CUDA_CHECK(cuda::launch_project(gaussians, frame, splats, statistics, stream));
   memory.counted.record(stream);
   // Sorting keeps few multiprocessors busy, and only drawing waits for colours.
@@ -267,6 +286,25 @@ RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
   C10_CUDA_CHECK(cuda::launch_blend(frame, splats, bins, image, chunks, buffers.slot_weight(),
                                     statistics, stream));
   return buffers;
+}
+
+RasterOutput empty_output(const RasterInput& input) {
+  const auto options = input.gaussians.means.options();
+  const std::int64_t n = input.gaussians.size();
+  const std::int64_t height = input.intrinsics.height;
+  const std::int64_t width = input.intrinsics.width;
+  RasterOutput out = {.color = torch::empty({height, width, 3}, options),
+                      .depth = torch::empty({height, width}, options),
+                      .alpha = torch::empty({height, width}, options),
+                      .visible = {},
+                      .radii_px = {},
+                      .max_weight = {},
+                      .state = {}};
+  if (input.images_only) return out;
+  out.visible = torch::empty({n}, options.dtype(torch::kBool));
+  out.radii_px = torch::empty({n}, options);
+  out.max_weight = torch::empty({n}, options);
+  return out;
 }
 
 /// Zeros for all derivatives in one allocation, cleared at once.
@@ -296,17 +334,8 @@ class CudaRasterBackend final : public RasterBackend {
   RasterOutput forward(const RasterInput& input) const override {
     const torch::NoGradGuard no_grad;
     const c10::cuda::CUDAGuard guard(input.gaussians.means.device());
-    const auto options = input.gaussians.means.options();
     const std::int64_t n = input.gaussians.size();
-    const std::int64_t height = input.intrinsics.height;
-    const std::int64_t width = input.intrinsics.width;
-    RasterOutput out = {.color = torch::empty({height, width, 3}, options),
-                        .depth = torch::empty({height, width}, options),
-                        .alpha = torch::empty({height, width}, options),
-                        .visible = torch::empty({n}, options.dtype(torch::kBool)),
-                        .radii_px = torch::empty({n}, options),
-                        .max_weight = torch::empty({n}, options),
-                        .state = {}};
+    RasterOutput out = empty_output(input);
     RasterMemory& memory = raster_memory();
     while (true) {
       const cuda::Counts room = {
@@ -319,7 +348,7 @@ class CudaRasterBackend final : public RasterBackend {
                   "render: ", memory.last.splats, " Gaussians touch ", memory.last.slots,
                   " tiles, which is too much to sort");
       if (memory.last.splats > room.splats || memory.last.slots > room.slots) continue;
-      out.state = buffers.state();
+      if (!input.images_only) out.state = buffers.state();
       return out;
     }
   }

@@ -25,20 +25,61 @@ __device__ void shade(const GaussianPointers& g, const Frame& frame, std::int64_
   }
 }
 
-__device__ std::uint32_t count_tiles(const Splat<float>& s, const Frame& frame) {
-  const PixelSpan rows = rows_of(s, frame.height);
-  int count = 0;
-  for (int band = rows.first / kTileSize; band * kTileSize <= rows.last; ++band) {
-    const PixelSpan columns = tiles_in_band(s, rows, band, frame.width);
-    count += columns.last - columns.first + 1;
-  }
-  return static_cast<std::uint32_t>(count);
-}
-
 struct Drawn {
   Splat<float> splat;
   std::uint32_t tiles;  ///< 0: not drawn
+  SlotRange packed;     ///< how many they are, or where too, see FewTiles
 };
+
+/// Bits of a row of a square that begins at `x`.
+__device__ std::uint32_t row_bits(PixelSpan columns, int x) {
+  if (columns.first > columns.last) return 0;
+  return (2U << (columns.last - columns.first)) - 1 << (columns.first - x);
+}
+
+__device__ void find_tiles(const Frame& frame, Drawn& drawn) {
+  const PixelSpan rows = rows_of(drawn.splat, frame.height);
+  PixelSpan bands[kTileSquare];  // the first few
+  int first = frame.tiles_x();
+  int last = -1;
+  int count = 0;
+  const int top = rows.first / kTileSize;
+  const auto columns_in = [&](int band) {
+    PixelSpan columns = {0, -1};
+    if (band * kTileSize > rows.last) return columns;
+    columns = tiles_in_band(drawn.splat, rows, band, frame.width);
+    if (columns.first > columns.last) return columns;
+    first = min(first, columns.first);
+    last = max(last, columns.last);
+    count += columns.last - columns.first + 1;
+    return columns;
+  };
+#pragma unroll
+  for (int k = 0; k < kTileSquare; ++k) bands[k] = columns_in(top + k);
+  bool few = last - first < kTileSquare;
+  for (int band = top + kTileSquare; band * kTileSize <= rows.last; ++band) {
+    columns_in(band);
+    few = false;
+  }
+  drawn.tiles = static_cast<std::uint32_t>(count);
+  drawn.packed = {0, drawn.tiles};
+  if (!few) return;
+  std::uint32_t mask = 0;
+#pragma unroll
+  for (int k = 0; k < kTileSquare; ++k) mask |= row_bits(bands[k], first) << (kTileSquare * k);
+  drawn.packed = FewTiles{first, top, mask}.pack(drawn.tiles);
+}
+
+/// Sorts as depths do. Three digits keep all bits up to 16,000 times the nearest depth (164 m where
+/// that is 1 cm), then all but three, which is what the projection's rounding takes, up to 10^9
+/// times; beyond, all are as far.
+__device__ std::uint32_t depth_key(float z, float near) {
+  constexpr std::uint32_t kWhole = 14U << 23U;
+  constexpr std::uint32_t kLast = (1U << 3 * kDepthBits) - 1;
+  if (depth_passes(near) > 3) return __float_as_uint(z);
+  const std::uint32_t above = __float_as_uint(z) - __float_as_uint(near);
+  return above < kWhole ? above : min(kWhole + (above - kWhole >> 3U), kLast);
+}
 
 __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, std::int64_t i) {
   Drawn out;
@@ -62,18 +103,18 @@ __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, s
                .reach_x = record[13],
                .lean = record[14],
                .radius = record[15]};
-  if (seen) out.tiles = count_tiles(out.splat, frame);
+  if (seen) find_tiles(frame, out);
   return out;
 }
 
 __device__ void store(const SplatPointers& out, std::uint32_t to, const Drawn& drawn,
-                      std::uint32_t gaussian) {
+                      const Frame& frame, std::uint32_t gaussian) {
   if (to >= out.capacity) return;
   const auto* const from = reinterpret_cast<const float4*>(&drawn.splat);
   for (int k = 0; k < 4; ++k) reinterpret_cast<float4*>(out.splats + to)[k] = from[k];
   out.gaussian[to] = gaussian;
-  out.slots[to].count = drawn.tiles;
-  out.depth_keys[to] = __float_as_uint(drawn.splat.z);  // of a positive float: sorts as it does
+  out.slots[to] = drawn.packed;
+  out.depth_keys[to] = depth_key(drawn.splat.z, frame.camera.near_m);
 }
 
 __global__ void __launch_bounds__(kProjectThreads)
@@ -103,7 +144,8 @@ __global__ void __launch_bounds__(kProjectThreads)
   at += before_shared;
   if (i >= g.count) return;
   const bool shows = drawn.tiles != 0;
-  if (shows) store(out, splats_in(at), drawn, static_cast<std::uint32_t>(i));
+  if (shows) store(out, splats_in(at), drawn, frame, static_cast<std::uint32_t>(i));
+  if (statistics.visible == nullptr) return;
   statistics.visible[i] = shows;
   statistics.radii_px[i] = shows ? drawn.splat.radius : 0.0f;
   statistics.max_weight[i] = 0.0f;
@@ -114,6 +156,7 @@ __global__ void __launch_bounds__(kProjectThreads)
 __device__ void hide(Splat<float>& splat, const StatisticsPointers& statistics, std::int64_t i) {
   splat.e_0 = -INFINITY;
   splat.radius = 0.0f;
+  if (statistics.visible == nullptr) return;
   statistics.visible[i] = false;
   statistics.radii_px[i] = 0.0f;
   statistics.row[i] = -1;

@@ -16,8 +16,11 @@
 namespace apvi::splat::cuda {
 
 inline constexpr int kSortThreads = 512;
-inline constexpr int kSortItems = 8;
-inline constexpr std::uint32_t kSortPairs = kSortThreads * kSortItems;  // of a block
+/// Pairs of a thread and of a block: as many as there is shared memory for.
+template <int kBits>
+inline constexpr int kSortItems = kBits > 8 ? 6 : 8;
+template <int kBits>
+inline constexpr std::uint32_t kSortPairs = kSortThreads* kSortItems<kBits>;
 inline constexpr int kSortWarps = kSortThreads / kWarp;
 inline constexpr int kMostPasses = 4;
 
@@ -29,7 +32,7 @@ struct SortState {
 };
 template <int kBits>
 std::uint32_t sort_state_words(std::uint32_t capacity, int passes) {
-  const std::uint32_t blocks = (capacity + kSortPairs - 1) / kSortPairs;
+  const std::uint32_t blocks = (capacity + kSortPairs<kBits> - 1) / kSortPairs<kBits>;
   return (blocks + 1) * passes * (1U << kBits) + passes + 1;
 }
 template <int kBits>
@@ -86,11 +89,20 @@ __global__ void __launch_bounds__(kSortThreads)
   for (int k = static_cast<int>(threadIdx.x); k < passes * kDigits; k += kSortThreads) local[k] = 0;
   __syncthreads();
   const std::uint32_t n = count();
-  for (std::uint32_t i = blockIdx.x * kSortThreads + threadIdx.x; i < n;
-       i += gridDim.x * kSortThreads) {
-    const Key key = keys[i];
-    for (int pass = 0; pass < passes; ++pass) {
-      atomicAdd(local + pass * kDigits + digit_of<kBits>(key, pass), 1U);
+  constexpr std::uint32_t kAtOnce = 4;
+  const std::uint32_t stride = gridDim.x * kSortThreads;
+  for (std::uint32_t i = blockIdx.x * kSortThreads + threadIdx.x; i < n; i += kAtOnce * stride) {
+    Key own[kAtOnce];
+#pragma unroll
+    for (std::uint32_t k = 0; k < kAtOnce; ++k) {
+      own[k] = i + k * stride < n ? keys[i + k * stride] : Key{};
+    }
+#pragma unroll
+    for (std::uint32_t k = 0; k < kAtOnce; ++k) {
+      if (i + k * stride >= n) break;
+      for (int pass = 0; pass < passes; ++pass) {
+        atomicAdd(local + pass * kDigits + digit_of<kBits>(own[k], pass), 1U);
+      }
     }
   }
   __syncthreads();
@@ -140,19 +152,19 @@ struct SortShared {
   std::uint16_t counts[kSortWarps][kDigits];  // then: those of the warps before
   std::uint32_t first[kDigits];               // of the block's pairs, sorted
   std::uint32_t shift[kDigits];               // from there to where they go
-  Key keys[kSortPairs];
-  std::uint32_t values[kSortPairs];
+  Key keys[kSortPairs<kBits>];
+  std::uint32_t values[kSortPairs<kBits>];
   std::uint32_t block;
 };
 
 /// How many keys before a thread's in its warp have the same digit, for each of its keys.
 template <int kBits, typename Key>
-__device__ inline void rank_keys(const Key (&keys)[kSortItems], const bool (&valid)[kSortItems],
-                                 int pass, std::uint16_t* counts,
-                                 std::uint32_t (&ranks)[kSortItems]) {
+__device__ inline void rank_keys(const Key (&keys)[kSortItems<kBits>],
+                                 const bool (&valid)[kSortItems<kBits>], int pass,
+                                 std::uint16_t* counts, std::uint32_t (&ranks)[kSortItems<kBits>]) {
   const int lane = static_cast<int>(threadIdx.x) % kWarp;
 #pragma unroll
-  for (int k = 0; k < kSortItems; ++k) {
+  for (int k = 0; k < kSortItems<kBits>; ++k) {
     const std::uint32_t digit = digit_of<kBits>(keys[k], pass);
     const unsigned same = __match_any_sync(kAllLanes, valid[k] ? digit : 1U << kBits);
     const int leader = __ffs(static_cast<int>(same)) - 1;
@@ -195,7 +207,7 @@ __device__ inline void place_digits(SortShared<kBits, Key>& shared, const SortSt
 }
 
 template <int kBits, typename Key, typename Count>
-__global__ void __launch_bounds__(kSortThreads)
+__global__ void __launch_bounds__(kSortThreads, kBits > 8 ? 3 : 2)
     sort_pass_kernel(SortPass<Key> in, Count count, SortState state) {
   __shared__ SortShared<kBits, Key> shared;
   if (threadIdx.x == 0) shared.block = atomicAdd(state.turns + in.pass, 1U);
@@ -203,29 +215,30 @@ __global__ void __launch_bounds__(kSortThreads)
     shared.counts[k >> kBits][k & ((1 << kBits) - 1)] = 0;
   }
   __syncthreads();
-  const std::uint32_t begin = shared.block * kSortPairs;
+  constexpr int kItems = kSortItems<kBits>;
+  const std::uint32_t begin = shared.block * kSortPairs<kBits>;
   const std::uint32_t n = count();
   if (begin >= n) return;
   const int warp = static_cast<int>(threadIdx.x) / kWarp;
   const std::uint32_t own =
-      begin + static_cast<std::uint32_t>(warp) * kWarp * kSortItems + threadIdx.x % kWarp;
-  Key keys[kSortItems];
-  std::uint32_t values[kSortItems];
-  bool valid[kSortItems];
+      begin + static_cast<std::uint32_t>(warp) * kWarp * kItems + threadIdx.x % kWarp;
+  Key keys[kItems];
+  std::uint32_t values[kItems];
+  bool valid[kItems];
 #pragma unroll
-  for (int k = 0; k < kSortItems; ++k) {
+  for (int k = 0; k < kItems; ++k) {
     const std::uint32_t i = own + static_cast<std::uint32_t>(k) * kWarp;
     valid[k] = i < n;
     keys[k] = valid[k] ? in.keys[i] : Key{};
     values[k] = valid[k] && in.values != nullptr ? in.values[i] : i;
   }
-  std::uint32_t ranks[kSortItems];
+  std::uint32_t ranks[kItems];
   rank_keys<kBits>(keys, valid, in.pass, shared.counts[warp], ranks);
   __syncthreads();
   place_digits(shared, state, in.pass);
   __syncthreads();
 #pragma unroll
-  for (int k = 0; k < kSortItems; ++k) {
+  for (int k = 0; k < kItems; ++k) {
     if (!valid[k]) continue;
     const std::uint32_t digit = digit_of<kBits>(keys[k], in.pass);
     const std::uint32_t to = shared.first[digit] + shared.counts[warp][digit] + ranks[k];
@@ -233,7 +246,7 @@ __global__ void __launch_bounds__(kSortThreads)
     shared.values[to] = values[k];
   }
   __syncthreads();
-  const std::uint32_t size = min(kSortPairs, n - begin);
+  const std::uint32_t size = min(kSortPairs<kBits>, n - begin);
   for (std::uint32_t k = threadIdx.x; k < size; k += kSortThreads) {
     const Key key = shared.keys[k];
     const std::uint32_t to = k + shared.shift[digit_of<kBits>(key, in.pass)];
@@ -256,7 +269,7 @@ struct SortBuffers {
 template <int kBits, typename Key, typename Count>
 cudaError_t sort_pairs(const SortBuffers<Key>& buffers, const Count& count, std::uint32_t capacity,
                        int passes, const SortState& state, cudaStream_t stream) {
-  const unsigned blocks = (capacity + kSortPairs - 1) / kSortPairs;
+  const unsigned blocks = (capacity + kSortPairs<kBits> - 1) / kSortPairs<kBits>;
   if (blocks == 0) return cudaSuccess;
   constexpr unsigned kMostBlocks = 264;
   const unsigned counting = blocks < kMostBlocks ? blocks : kMostBlocks;

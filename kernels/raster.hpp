@@ -67,6 +67,33 @@ struct SlotRange {
   std::uint32_t begin, count;
 };
 
+/// A splat's tiles where they fit in a square of kTileSquare x kTileSquare, which is nearly always:
+/// what the projection leaves in place of a splat's SlotRange, so that listing them takes neither
+/// the splat nor any arithmetic.
+inline constexpr int kTileSquare = 4;
+inline constexpr std::uint32_t kFewTiles = 1U << 31U;
+struct FewTiles {
+  int x, y;            ///< of the square's first tile
+  std::uint32_t mask;  ///< which of its tiles, row by row
+
+  APVI_HD SlotRange pack(std::uint32_t count) const {
+    return {kFewTiles | static_cast<std::uint32_t>(y) << 12U | static_cast<std::uint32_t>(x),
+            mask << 16U | count};
+  }
+  static APVI_HD FewTiles unpack(const SlotRange& r) {
+    return {static_cast<int>(r.begin & 0xfffU), static_cast<int>(r.begin >> 12U & 0xfffU),
+            r.count >> 16U};
+  }
+};
+
+/// Bits of a digit of a key by depth, of which there are three where no depth is nearer than
+/// kShortDepths, else four.
+inline constexpr int kDepthBits = 9;
+inline constexpr float kShortDepths = 1.0f / 256.0f;  // [m]
+inline APVI_HD int depth_passes(float near) {
+  return near < kShortDepths ? 4 : 3;
+}
+
 /// Blocks of the projection, each of which leaves one partial count.
 std::int64_t project_blocks(std::int64_t count);
 
@@ -76,13 +103,14 @@ struct SplatPointers {
   std::uint32_t slot_capacity;
   Splat<float>* splats;             ///< [capacity]
   std::uint32_t* gaussian;          ///< [capacity] of which Gaussian
-  SlotRange* slots;                 ///< [capacity] `begin` is left to the binning
+  SlotRange* slots;                 ///< [capacity] left by the binning; before it, see FewTiles
   std::uint32_t* depth_keys;        ///< [capacity]
   unsigned long long* block_state;  ///< [project_blocks + 1] zeros; the last counts the blocks
   Counts* counts;                   ///< [1]
   Counts* host_counts;              ///< the same in memory that the host reads
 };
 
+/// All null where only the images are wanted.
 struct StatisticsPointers {
   bool* visible;      ///< [count]
   float* radii_px;    ///< [count]
@@ -108,8 +136,9 @@ struct DrawingState {
 };
 /// Which slots each tile draws, in order, and in which order its chunks are drawn.
 struct BinPointers {
-  std::uint32_t* slot_splat;  ///< [slot_capacity] of which splat
-  std::uint32_t* tile_slots;  ///< [slot_capacity] by tile, within it by depth
+  std::uint32_t* slot_splat;  ///< [slot_capacity] of which splat; null for the images alone
+  /// [slot_capacity] by tile, within it by depth; for the images alone splats instead of slots.
+  std::uint32_t* tile_slots;
   /// [slot_capacity] which splats a chunk draws, in a row from its first slot on, and in the upper
   /// bits in which of the tile's blocks. Left by the drawing, which puts their slots in
   /// `tile_slots`.
@@ -128,7 +157,8 @@ struct BinPointers {
 /// Slots of a chunk, so that there are chunks for the whole device, and how many there can be.
 std::uint32_t chunk_slots(std::uint32_t slot_capacity);
 std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_slots, int tiles);
-std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
+std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity,
+                            const Frame& frame);
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
 cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
                        cudaStream_t stream);
@@ -146,7 +176,8 @@ struct ChunkPointers {
   float2* end;      ///< [chunks,128] light behind them; negative: finished in them, 0: before them
   float4* sums;     ///< [chunks,128,2] weighted sums of colour and depth, of all before in the end
 };
-/// `slot_weight` [slot_capacity]: the largest weight of each slot. Raises max_weight.
+/// `slot_weight` [slot_capacity]: the largest weight of each slot; null for the images alone, for
+/// which `tile_draws`, `chunk_drawn` and `start` are not needed. Raises max_weight.
 cudaError_t launch_blend(const Frame& frame, const SplatPointers& splats, const BinPointers& bins,
                          const ImagePointers& image, const ChunkPointers& chunks,
                          float* slot_weight, const StatisticsPointers& statistics,

@@ -178,16 +178,20 @@ __device__ inline unsigned touching(const Batch<kCount>& batch, int base) {
 
 /// Calls f(number of a splat, what it is, its reach) for those of a batch's splats from `base` on
 /// that touch the warp's block. The next one's reach is found while the last one's use waits.
+inline constexpr unsigned kHighest = 1U << 31U;
 template <int kCount, typename F>
 __device__ inline void for_each_touching(const Batch<kCount>& batch, int base, const Place& place,
                                          F&& f) {
-  unsigned left = touching(batch, base);
+  // Counting the zeros above takes half of the instructions that finding the lowest bit does.
+  unsigned left = __brev(touching(batch, base));
   while (left != 0) {
-    const int first = base + __ffs(static_cast<int>(left)) - 1;
-    left &= left - 1;
+    const int first_zeros = __clz(static_cast<int>(left));
+    left ^= kHighest >> first_zeros;
     const bool two = left != 0;
-    const int second = two ? base + __ffs(static_cast<int>(left)) - 1 : first;
-    left &= left - 1;
+    const int second_zeros = two ? __clz(static_cast<int>(left)) : first_zeros;
+    left &= ~(kHighest >> second_zeros);
+    const int first = base + first_zeros;
+    const int second = base + second_zeros;
     const Drawable a = batch.get(first);
     const Drawable b = batch.get(second);
     const Reach reach_a = reach_of(a, place);

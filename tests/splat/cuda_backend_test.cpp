@@ -153,6 +153,47 @@ TEST_F(CudaRaster, DrawsImagesOfMoreTilesThanShortKeysCanName) {
   expect_same_image(got.color, expected.color, 1.0, "color");
 }
 
+TEST_F(CudaRaster, DrawsTheSameBitsWhenOnlyImagesAreWanted) {
+  Gaussians many = make_gaussians(40000);
+  many.log_scales -= 1.5;
+  Gaussians fog = make_gaussians(6000);  // tiles of many chunks, finished before the last
+  fog.logit_opacities += 2.0;
+  for (const Gaussians& scene : {many, fog, make_gaussians(3)}) {
+    for (const auto& [width, height] : {std::pair(640, 480), std::pair(117, 83)}) {
+      SCOPED_TRACE(width);
+      RasterInput input = on_gpu(raster_input(scene, make_view(width, height)));
+      const RasterOutput whole = cuda_raster_backend().forward(input);
+      input.images_only = true;
+      const RasterOutput images = cuda_raster_backend().forward(input);
+      EXPECT_TRUE(torch::equal(images.color, whole.color));
+      EXPECT_TRUE(torch::equal(images.depth, whole.depth));
+      EXPECT_TRUE(torch::equal(images.alpha, whole.alpha));
+      EXPECT_FALSE(images.visible.defined());
+      EXPECT_TRUE(images.state.empty());
+    }
+  }
+}
+
+TEST_F(CudaRaster, OrdersSplatsNearAndFarByDepthAlone) {
+  const View view = make_view(117, 83);
+  for (const double near_m : {0.01, 1e-5}) {
+    for (const double scale : {0.02, 1.0, 300.0, 3e4}) {
+      SCOPED_TRACE(scale);
+      Gaussians scene = make_gaussians(700);
+      scene.means *= scale;
+      scene.log_scales += std::log(scale);
+      View scaled = view;
+      scaled.T_camera_world = view.T_camera_world.clone();
+      scaled.T_camera_world.slice(0, 0, 3).select(1, 3).mul_(scale);
+      RasterInput exact = raster_input(scene, scaled);
+      exact.near_m = near_m;
+      const RasterOutput expected = raster_backend(torch::kCPU).forward(exact);
+      const RasterOutput got = cuda_raster_backend().forward(on_gpu(exact));
+      expect_same_image(got.color, expected.color, 1.0, "color");
+    }
+  }
+}
+
 TEST_F(CudaRaster, GivesTheSameBitsTwice) {
   const RasterInput input = on_gpu(raster_input(make_gaussians(5000), make_view(320, 240)));
   const auto both = [&] {
