@@ -142,7 +142,7 @@ void load_sh(const ProjectArgs<typename V::Scalar>& a, Batch batch, unsigned lan
   }
 }
 
-/// Colour before it is cut at 0.
+/// Colour before it is cut at 0, without the light on it.
 template <typename V>
 void evaluate_sh(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& camera, const V* mean,
                  Batch batch, unsigned lanes, V* color) {
@@ -174,6 +174,11 @@ void project_batch(const ProjectArgs<typename V::Scalar>& a, const Camera<V>& ca
     for (int c = 0; c < 3; ++c) {
       visible = visible & (out[6 + c] < V(1e30)) & (out[6 + c] > V(-1e30));
       out[6 + c] = at_least(out[6 + c], V(0));
+    }
+    if (a.light != nullptr) {
+      V light[3];
+      load_rows<3>(a.light, batch, light);
+      for (int c = 0; c < 3; ++c) out[6 + c] = out[6 + c] * light[c];
     }
   }
   out[15] = keep(visible, out[15]);

@@ -77,13 +77,15 @@ void view_backward(const ProjectBackwardArgs<typename V::Scalar>& a, const Camer
   const auto touched = V::mask_of(lanes);
   V color[3];
   V row[3];
+  V light[3] = {V(1), V(1), V(1)};
+  if (a.forward.light != nullptr) load_rows<3>(a.forward.light, batch, light);
   alignas(64) S drawn[3][V::kWidth];
   for (int lane = 0; lane < V::kWidth; ++lane) {
     const int i = lane < batch.count ? lane : 0;
     for (int c = 0; c < 3; ++c) drawn[c][lane] = a.forward.splats[batch.first + i].color[c];
   }
   for (int c = 0; c < 3; ++c) {
-    color[c] = keep(touched & (V::load(drawn[c]) > V(0)), sums[c]);
+    color[c] = keep(touched & (V::load(drawn[c]) > V(0)), sums[c] * light[c]);
     row[c] = color[c] * V(kSh0);
   }
   store_rows<3>(row, batch, a.sh_dc);

@@ -64,6 +64,7 @@ ProjectArgs<T> project_args(const RasterInput& input, const State<T>& state) {
           .logit_opacities = g.logit_opacities.data_ptr<T>(),
           .sh_dc = g.sh_dc.data_ptr<T>(),
           .sh_rest = g.sh_rest.data_ptr<T>(),
+          .light = input.light.defined() ? input.light.data_ptr<T>() : nullptr,
           .sh_rest_count = static_cast<int>(g.sh_rest.size(1)),
           .sh_degree = input.sh_degree,
           .width = input.intrinsics.width,

@@ -26,6 +26,7 @@ struct ProjectArgs {
   const T* logit_opacities;
   const T* sh_dc;
   const T* sh_rest;
+  const T* light;     // [count, 3]; null: one
   int sh_rest_count;  // stored per Gaussian
   int sh_degree;      // used
   int width, height;

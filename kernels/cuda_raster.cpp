@@ -23,7 +23,7 @@ struct RasterMemory {
   cuda::Counts last = {0, 0};
   Tensor host_counts = torch::empty({2}, torch::dtype(torch::kInt32).pinned_memory(true));
   at::cuda::CUDAEvent counted;
-  at::cuda::CUDAEvent projected, shaded;
+  at::cuda::CUDAEvent projected, listed, prepared;
 
   cuda::Counts* counts() {
     return reinterpret_cast<cuda::Counts*>(host_counts.data_ptr<std::int32_t>());
@@ -53,7 +53,8 @@ class Parts {
   std::int64_t size_ = 0;
 };
 
-cuda::GaussianPointers to_pointers(const Gaussians& g) {
+cuda::GaussianPointers to_pointers(const RasterInput& input) {
+  const Gaussians& g = input.gaussians;
   return {.count = g.size(),
           .means = g.means.data_ptr<float>(),
           .log_scales = g.log_scales.data_ptr<float>(),
@@ -61,6 +62,7 @@ cuda::GaussianPointers to_pointers(const Gaussians& g) {
           .logit_opacities = g.logit_opacities.data_ptr<float>(),
           .sh_dc = g.sh_dc.data_ptr<float>(),
           .sh_rest = g.sh_rest.data_ptr<float>(),
+          .light = input.light.defined() ? input.light.data_ptr<float>() : nullptr,
           .sh_rest_count = static_cast<int>(g.sh_rest.size(1))};
 }
 
@@ -258,7 +260,7 @@ cuda::StatisticsPointers to_pointers(const RasterOutput& out, const Tensor& row)
 RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
                              const cuda::Counts& capacity, RasterMemory& memory) {
   const auto stream = at::cuda::getCurrentCUDAStream();
-  const cuda::GaussianPointers gaussians = to_pointers(input.gaussians);
+  const cuda::GaussianPointers gaussians = to_pointers(input);
   RasterBuffers buffers(capacity, to_frame(input), input);
   const cuda::Frame& frame = buffers.frame();
   cuda::SplatPointers splats = buffers.splats();
@@ -271,14 +273,18 @@ RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
   const cuda::StatisticsPointers statistics = to_pointers(out, buffers.row());
   C10_CUDA_CHECK(cuda::launch_project(gaussians, frame, splats, statistics, stream));
   memory.counted.record(stream);
-  // Sorting keeps few multiprocessors busy, and only drawing waits for colours.
+  // Sorting keeps few multiprocessors busy, and only drawing waits for colours and chunks.
   const auto other = at::cuda::getStreamFromPool(false, stream.device_index());
   memory.projected.record(stream);
   memory.projected.block(other);
   C10_CUDA_CHECK(cuda::launch_shade(gaussians, frame, splats, statistics, other));
-  memory.shaded.record(other);
-  C10_CUDA_CHECK(cuda::launch_bin(frame, splats, bins, stream));
-  memory.shaded.block(stream);
+  C10_CUDA_CHECK(cuda::launch_list(frame, splats, bins, stream));
+  memory.listed.record(stream);
+  memory.listed.block(other);
+  C10_CUDA_CHECK(cuda::launch_place_chunks(frame, bins, other));
+  memory.prepared.record(other);
+  C10_CUDA_CHECK(cuda::launch_sort(frame, splats, bins, stream));
+  memory.prepared.block(stream);
   const cuda::ImagePointers image = {.background = input.background.data_ptr<float>(),
                                      .color = out.color.data_ptr<float>(),
                                      .depth = out.depth.data_ptr<float>(),
@@ -392,7 +398,7 @@ class CudaRasterBackend final : public RasterBackend {
     const cuda::GaussianGradientPointers to =
         as_rows ? make_rows(input, buffers, out) : make_tensors(input.gaussians, out);
     C10_CUDA_CHECK(cuda::launch_project_backward(
-        to_pointers(input.gaussians), frame, buffers.splats(), buffers.slot_weight(),
+        to_pointers(input), frame, buffers.splats(), buffers.slot_weight(),
         output.max_weight.data_ptr<float>(), scratch, to, stream));
     out.pose = sums.narrow(0, 0, cuda::kPoseScalars);
     out.background = sums.narrow(0, cuda::kPoseScalars, cuda::kBackgroundScalars).to(options);

@@ -159,7 +159,10 @@ __global__ void __launch_bounds__(kProjectThreads)
     ProjectionGradient<float> g = project_backward(frame.camera, shape.f, by_footprint);
     const Splat<float>& drawn = splats.splats[splat];
     float color[3];
-    for (int c = 0; c < 3; ++c) color[c] = drawn.color[c] > 0.0f ? sums[c] : 0.0f;
+    for (int c = 0; c < 3; ++c) {
+      const float light = in.light != nullptr ? in.light[3 * std::int64_t{gaussian} + c] : 1.0f;
+      color[c] = drawn.color[c] > 0.0f ? light * sums[c] : 0.0f;
+    }
     Basis basis = {};
     if (frame.sh_degree > 0) basis = view_backward(frame, shape.mean, color, own_row, g);
     const float logit = sums[4] * (1.0f - shape.opacity);

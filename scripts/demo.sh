@@ -49,7 +49,7 @@ run_demo() {
 }
 
 cd "$APVI_ROOT"
-build_cpu
+build_cpu --target apvi
 say "Simulating a dive into $output/dataset"
 mkdir -p "$output"
 make_demo_data "$output/dataset"

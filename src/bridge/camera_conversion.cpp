@@ -62,6 +62,16 @@ CameraModel::Parameters to_parameters(const splat::Intrinsics& intrinsics) {
           .height = intrinsics.height};
 }
 
+std::optional<splat::Lamp> lamp_of(const Rig& rig) {
+  if (!rig.lamp || rig.cameras.empty()) return std::nullopt;
+  const SE3 T_camera_lamp = rig.cameras.front().T_body_camera.inverse() * rig.lamp->T_body_lamp;
+  const Eigen::Vector3d& p = T_camera_lamp.translation;
+  const Eigen::Vector3d axis = T_camera_lamp.rotation * Eigen::Vector3d::UnitZ();
+  return splat::Lamp{.position_m = {p.x(), p.y(), p.z()},
+                     .axis = {axis.x(), axis.y(), axis.z()},
+                     .half_beam_rad = rig.lamp->half_beam_rad};
+}
+
 Tensor to_tensor(const SE3& pose) {
   const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = pose.matrix();
   return torch::from_blob(const_cast<double*>(matrix.data()), {4, 4}, torch::kFloat64).clone();

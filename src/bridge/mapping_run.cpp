@@ -23,6 +23,8 @@
 #include "apvi/mapping/initial_medium.hpp"
 #include "apvi/mapping/trainer.hpp"
 #include "apvi/pipeline/run_folder.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "apvi/splat/medium_estimate.hpp"
 #include "held_out_report.hpp"
 #include "map_files.hpp"
 #include "simulated_truth.hpp"
@@ -39,7 +41,7 @@ class Training {
       : config_(config),
         options_(options),
         images_(images),
-        trainer_(make_trainer(config, images.store)),
+        trainer_(make_trainer(config, images)),
         curve_(options.folder / "mapping.csv", config.mapping.report_every_s, options.resume) {
     const fs::path checkpoint = options.folder / kCheckpoint;
     if (options.resume && fs::exists(checkpoint)) {
@@ -82,14 +84,17 @@ class Training {
   const mapping::Trainer& trainer() const { return trainer_; }
 
  private:
-  static mapping::Trainer make_trainer(const RunConfig& config,
-                                       const mapping::KeyframeStore& store) {
-    const mapping::TrainerOptions options = trainer_options(config);
+  static mapping::Trainer make_trainer(const RunConfig& config, const PosedImages& images) {
+    const mapping::KeyframeStore& store = images.store;
+    const mapping::TrainerOptions options = trainer_options(config, make_rig(images.rig));
     const mapping::InitialMapOptions initial = {.sh_degree = options.sh_degree,
                                                 .opacity = config.mapping.initial_opacity};
     const splat::Gaussians map = mapping::initial_map(initial_points(config, store), initial);
     std::optional<splat::Medium> water;
-    if (config.mapping.medium) water = mapping::initial_medium(map, store);
+    if (config.mapping.medium) {
+      // By lamplight pictures fade with distance for other reasons than in daylight.
+      water = options.lamp ? splat::coastal_medium() : mapping::initial_medium(map, store);
+    }
     return {store, map, options, water};
   }
 

@@ -50,8 +50,8 @@ mapping::SparsePoints to_points(const std::vector<pipeline::MapPoint>& points) {
 
 }  // namespace
 
-OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options)
-    : config_(config), options_(options), mapper_(mapper_options(config)) {}
+OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options, const Rig& rig)
+    : config_(config), options_(options), mapper_(mapper_options(config, rig)) {}
 
 void OnlineMap::begin(const Rig& rig) {
   const CameraCalibration& camera = rig.cameras.front();

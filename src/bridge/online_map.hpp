@@ -26,7 +26,7 @@ namespace apvi::bridge {
 class OnlineMap : public pipeline::MapSink {
  public:
   /// Both must outlive this.
-  OnlineMap(const RunConfig& config, const MappingRunOptions& options);
+  OnlineMap(const RunConfig& config, const MappingRunOptions& options, const Rig& rig);
 
   void begin(const Rig& rig) override;
   void take(pipeline::MapFrame frame) override;

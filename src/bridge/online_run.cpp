@@ -108,7 +108,7 @@ OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOption
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
   const Rig rig = rig_of(config);
-  OnlineMap map(config, options);
+  OnlineMap map(config, options, rig);
   OnlineRunResult result;
   if (options.resume) {
     continue_map(config, options, rig, map);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "apvi/bridge/camera_conversion.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/splat/device.hpp"
 
@@ -82,7 +83,7 @@ int most_gaussians(const RunConfig& config) {
   return splat::active_device().is_cuda() ? kMostOnGpu : kMostOnCpu;
 }
 
-mapping::TrainerOptions trainer_options(const RunConfig& config) {
+mapping::TrainerOptions trainer_options(const RunConfig& config, const Rig& rig) {
   mapping::TrainerOptions options = config.mapping.trainer;
   options.seed = static_cast<std::uint64_t>(config.run.seed);
   options.rates = config.mapping.rates;
@@ -90,12 +91,13 @@ mapping::TrainerOptions trainer_options(const RunConfig& config) {
   options.densify.max_gaussians = most_gaussians(config);
   options.poses = config.mapping.poses;
   options.exposure = config.mapping.exposure;
+  if (config.mapping.lamp) options.lamp = lamp_of(rig);
   return options;
 }
 
-mapping::MapperOptions mapper_options(const RunConfig& config) {
+mapping::MapperOptions mapper_options(const RunConfig& config, const Rig& rig) {
   return {.medium = config.mapping.medium,
-          .trainer = trainer_options(config),
+          .trainer = trainer_options(config, rig),
           .online = config.mapping.online,
           .depth = config.mapping.depth.options()};
 }

@@ -40,8 +40,10 @@ splat::Medium on_device(const splat::Medium& medium) {
   const auto moved = [](const Tensor& values) {
     return values.detach().to(splat::active_device(), torch::kFloat32);
   };
-  return {
-      .beta_d = moved(medium.beta_d), .beta_b = moved(medium.beta_b), .b_inf = moved(medium.b_inf)};
+  return {.beta_d = moved(medium.beta_d),
+          .beta_b = moved(medium.beta_b),
+          .b_inf = moved(medium.b_inf),
+          .lamp = medium.lamp};
 }
 
 /// The gains of all views, those that the survey looked at as it says; between two of these the
@@ -92,12 +94,15 @@ MapLearner::MapLearner(const splat::Gaussians& initial, const TrainerOptions& op
   if (medium) medium_.emplace(on_device(*medium));
 }
 
+Tensor MapLearner::light_in(const splat::View& camera) const {
+  return medium_ ? splat::light_on(store_.view().means, camera, medium_->medium()) : Tensor();
+}
+
 Tensor MapLearner::image_of(std::size_t view, const splat::View& camera,
                             const splat::RenderOutput& out) {
   Tensor image = out.color;
   if (medium_) {
-    image = splat::apply_medium(image, splat::depth_to_range(out.depth, camera.intrinsics),
-                                out.alpha, medium_->medium());
+    image = splat::see_through(image, out.depth, out.alpha, camera.intrinsics, medium_->medium());
   }
   return corrections_.expose(view, image, /*learn=*/true);
 }
@@ -110,6 +115,7 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                                                 {.sh_degree = settings.sh_degree,
                                                  .antialiased = options_.antialiased,
                                                  .background = {},
+                                                 .light = light_in(camera),
                                                  .rows = true});
   const Tensor image = image_of(i, camera, out);
   Tensor target = keyframes.image(i, settings.reduction, out.color.device());
@@ -182,12 +188,12 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
   if (!options_.auto_gain || size() == 0) return;
   const torch::NoGradGuard no_grad;
   const splat::View camera = keyframes.view(i, kGainReduction);
-  const splat::RenderOutput out =
-      splat::render(store_.view(), camera, {.antialiased = options_.antialiased, .background = {}});
+  const splat::RenderOutput out = splat::render(
+      store_.view(), camera,
+      {.antialiased = options_.antialiased, .background = {}, .light = light_in(camera)});
   Tensor image = out.color;
   if (medium_) {
-    image = splat::apply_medium(image, splat::depth_to_range(out.depth, camera.intrinsics),
-                                out.alpha, medium_->medium());
+    image = splat::see_through(image, out.depth, out.alpha, camera.intrinsics, medium_->medium());
   }
   Tensor picture = keyframes.image(i, kGainReduction, image.device());
   if (vignetting_ > 0.0) picture = picture / falloff(camera.intrinsics);
@@ -216,6 +222,7 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
             .item<double>();
     after.log_gains = (logs - median).to(gains_.logs().options());
     water.b_inf = (water.b_inf * std::exp(median)).clamp(kLeastVeil, kMostVeil);
+    if (water.lamp) water.lamp->glow = water.lamp->glow * std::exp(median);
   }
   after.vignetting = survey.fit.vignetting;
   after.medium = water;
@@ -257,7 +264,8 @@ std::optional<splat::Medium> MapLearner::medium() const {
   const splat::Medium water = medium_->medium();
   return splat::Medium{.beta_d = water.beta_d.detach(),
                        .beta_b = water.beta_b.detach(),
-                       .b_inf = water.b_inf.detach()};
+                       .b_inf = water.b_inf.detach(),
+                       .lamp = water.lamp};
 }
 
 std::optional<double> MapLearner::medium_rate() const {

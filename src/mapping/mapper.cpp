@@ -205,7 +205,8 @@ void Mapper::survey_water() {
   const Map map = learner_->whole_map();
   const splat::Medium usual = splat::coastal_medium();
   const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_,
-                                            {.medium = usual}, options_.trainer.seed);
+                                            {.medium = usual, .lamp = options_.trainer.lamp},
+                                            options_.trainer.seed);
   if (survey) {
     learner_->adopt(*survey, keyframes_);
   } else if (!learner_->medium()) {

@@ -19,20 +19,13 @@ constexpr std::size_t kMostViews = 64;       // spread over all
 constexpr double kUnseen = 1e-4;             // weight of the nearest camera, in view or not
 constexpr double kLeastTransmission = 0.05;  // what little light comes through tells no colour
 
-/// How a colour is seen: gain * colour + veil, [N,3] each.
-struct Seen {
-  Tensor gain, veil;
-};
-
-/// `response` [N] of the camera, `ranges` [N].
-Seen through(const std::optional<splat::Medium>& water, const Tensor& response,
-             const Tensor& ranges) {
+/// `response` [N] of the camera, `points` [N,3] in its frame.
+splat::SeenAs through(const std::optional<splat::Medium>& water, const Tensor& response,
+                      const Tensor& points) {
   const Tensor g = response.unsqueeze(1);
   if (!water) return {.gain = g.expand({-1, 3}), .veil = torch::zeros_like(g).expand({-1, 3})};
-  const auto like = [&ranges](const Tensor& t) { return t.to(ranges.options()).unsqueeze(0); };
-  const Tensor z = ranges.unsqueeze(1);
-  return {.gain = g * torch::exp(-like(water->beta_d) * z).clamp_min(kLeastTransmission),
-          .veil = g * like(water->b_inf) * (1.0 - torch::exp(-like(water->beta_b) * z))};
+  const splat::SeenAs seen = splat::seen_as(points, *water);
+  return {.gain = g * seen.gain.clamp_min(kLeastTransmission), .veil = g * seen.veil};
 }
 
 /// Sums of the normal equations of all colours: the new one is (by_old * old + offset) / weight.
@@ -45,7 +38,7 @@ struct Sums {
         offset(torch::zeros_like(means)) {}
 
   /// `counts` [N]: how much this view says of each.
-  void add(const Seen& old, const Seen& now, const Tensor& counts) {
+  void add(const splat::SeenAs& old, const splat::SeenAs& now, const Tensor& counts) {
     const Tensor a = counts.unsqueeze(1) * now.gain;
     weight += a * now.gain;
     by_old += a * old.gain;
@@ -88,22 +81,24 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
   Tensor gain_now = torch::ones_like(nearest);
   for (const std::size_t i : some_views(keyframes)) {
     splat::View view = keyframes.view(i, 1);
-    const Tensor center = camera_center(view.T_camera_world).to(means.options());
     view.T_camera_world = view.T_camera_world.to(means.options());
     const SeenPoints seen = project(view, means);
-    const Tensor ranges = (means - center).norm(2, 1);
+    const Tensor ranges = seen.points.norm(2, 1);
     const Tensor then = gain_of(map, i, means);
     const Tensor now = gain_of(after, i, means);
     const Tensor counts = seen.in_view.to(means.options());
-    sums.add(through(map.medium, then * falloff_at(map, view.intrinsics, seen.pixels), ranges),
-             through(after.medium, now * falloff_at(after, view.intrinsics, seen.pixels), ranges),
-             counts);
+    sums.add(
+        through(map.medium, then * falloff_at(map, view.intrinsics, seen.pixels), seen.points),
+        through(after.medium, now * falloff_at(after, view.intrinsics, seen.pixels), seen.points),
+        counts);
     const Tensor nearer = ranges < nearest;
     nearest = torch::where(nearer, ranges, nearest);
     gain_then = torch::where(nearer, then, gain_then);
     gain_now = torch::where(nearer, now, gain_now);
   }
-  sums.add(through(map.medium, gain_then, nearest), through(after.medium, gain_now, nearest),
+  const Tensor ahead =
+      torch::stack({torch::zeros_like(nearest), torch::zeros_like(nearest), nearest}, 1);
+  sums.add(through(map.medium, gain_then, ahead), through(after.medium, gain_now, ahead),
            torch::full_like(nearest, kUnseen));
   const Tensor factor = sums.by_old / sums.weight;
   const Tensor before = splat::sh_dc_to_color(map.gaussians.sh_dc);

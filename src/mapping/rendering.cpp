@@ -12,17 +12,22 @@ namespace apvi::mapping {
 
 Picture take_picture(const Map& map, const splat::View& view) {
   const torch::NoGradGuard no_grad;
-  const splat::RenderOutput out =
-      splat::render(map.gaussians, view, {.antialiased = map.antialiased, .background = {}});
+  const auto like = [&map](const torch::Tensor& t) { return t.to(map.gaussians.means.options()); };
+  std::optional<splat::Medium> water = map.medium;
+  if (water) {
+    water->beta_d = like(water->beta_d);
+    water->beta_b = like(water->beta_b);
+    water->b_inf = like(water->b_inf);
+  }
+  const torch::Tensor light =
+      water ? splat::light_on(map.gaussians.means, view, *water) : torch::Tensor();
+  const splat::RenderOutput out = splat::render(
+      map.gaussians, view, {.antialiased = map.antialiased, .background = {}, .light = light});
   Picture picture = {
       .as_seen = out.color, .restored = out.color, .depth = out.depth, .alpha = out.alpha};
-  if (!map.medium) return picture;
-  const auto like = [&out](const torch::Tensor& values) { return values.to(out.color.options()); };
-  picture.as_seen =
-      splat::apply_medium(out.color, splat::depth_to_range(out.depth, view.intrinsics), out.alpha,
-                          {.beta_d = like(map.medium->beta_d),
-                           .beta_b = like(map.medium->beta_b),
-                           .b_inf = like(map.medium->b_inf)});
+  if (water) {
+    picture.as_seen = splat::see_through(out.color, out.depth, out.alpha, view.intrinsics, *water);
+  }
   return picture;
 }
 

@@ -19,12 +19,8 @@ Tensor in_camera(const splat::Intrinsics& k, const Tensor& pixels, const Tensor&
   return torch::stack({x, y, depths}, 1);
 }
 
-Tensor rotated(const Tensor& T, const Tensor& points) {
-  return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t());
-}
-
 Tensor moved(const Tensor& T, const Tensor& points) {
-  return rotated(T, points) + T.slice(0, 0, 3).select(1, 3);
+  return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
 }
 
 // Index of the pixel that holds a position in the picture.
@@ -65,7 +61,8 @@ SeenPoints project(const splat::View& view, const Tensor& positions) {
   const Tensor safe = z.clamp_min(1e-9);
   const Tensor u = p.select(1, 0) / safe * k.fx + k.cx;
   const Tensor v = p.select(1, 1) / safe * k.fy + k.cy;
-  return {.pixels = torch::stack({u, v}, 1),
+  return {.points = p,
+          .pixels = torch::stack({u, v}, 1),
           .depths = z,
           .in_view = (z > 1e-3) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)};
 }
@@ -90,7 +87,7 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
     const Tensor own = all.index_select(0, index.to(all.device()));
     colors = (colors / own.to(torch::kCPU, torch::kFloat64)).clamp(0.0, 1.0);
   }
-  if (medium) colors = without_water(colors, points.norm(2, 1), *medium);
+  if (medium) colors = without_water(colors, points, *medium);
   const Tensor log_scale = (seeds.radii_px * seeds.depths / k.fx).log().to(torch::kFloat32);
   const Tensor opacity = seeds.opacities;
   Tensor quaternions = torch::zeros({n, 4});
@@ -103,12 +100,9 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
           .sh_rest = torch::zeros({n, splat::sh_rest_count(sh_degree), 3})};
 }
 
-Tensor without_water(const Tensor& colors, const Tensor& ranges, const splat::Medium& medium) {
-  const auto like = colors.options();
-  const Tensor z = ranges.to(like).unsqueeze(1);
-  const Tensor veil = medium.b_inf.to(like) * (1.0 - torch::exp(-medium.beta_b.to(like) * z));
-  const Tensor through = torch::exp(-medium.beta_d.to(like) * z).clamp_min(kLeastTransmission);
-  return ((colors - veil) / through).clamp(0.0, 1.0);
+Tensor without_water(const Tensor& colors, const Tensor& points, const splat::Medium& medium) {
+  const splat::SeenAs seen = splat::seen_as(points.to(colors.options()), medium);
+  return ((colors - seen.veil) / seen.gain.clamp_min(kLeastTransmission)).clamp(0.0, 1.0);
 }
 
 }  // namespace apvi::mapping

@@ -32,6 +32,8 @@ constexpr double kOneSurface = 0.03;  // relative change of a patch's mean depth
 constexpr std::int64_t kBeside = 3;   // [px] from a point, where its surface is looked at too
 constexpr double kSmooth = 0.15;      // relative change of depth there on a surface
 constexpr double kFlattest = 0.2;     // sine of the angle at which a surface is still looked at
+constexpr double kBroadPx = 16.0;     // sigma of "around" when asking how a surface faces
+constexpr double kAround = 0.3;       // of the distance: normals so near each other are alike
 constexpr double kSaturated = 0.97;
 constexpr std::int64_t kLeastSightings = 3;  // of a point
 
@@ -43,6 +45,7 @@ struct Look {
   Tensor depth;    ///< [H,W] float64 on the CPU, 0 where nothing is
   Tensor points;   ///< [p,3] float64 of the world
   Tensor normals;  ///< [p,3] of the surface there
+  Tensor facing;   ///< [p,3] the same of more of the surface around
 };
 
 /// Keyframes at least `spacing_m` apart; of many, some stretches.
@@ -82,6 +85,50 @@ Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::si
   return look;
 }
 
+Tensor blurred(const Tensor& planes, double sigma) {
+  const auto radius = static_cast<std::int64_t>(std::ceil(3.0 * sigma));
+  const Tensor x = torch::arange(-radius, radius + 1, planes.options());
+  const Tensor taps = torch::exp(-x.square() / (2.0 * sigma * sigma));
+  const Tensor weights = taps / taps.sum();
+  const Tensor padded = torch::replication_pad2d(planes, {radius, radius, radius, radius});
+  return torch::conv2d(torch::conv2d(padded, weights.view({1, 1, 1, -1})),
+                       weights.view({1, 1, -1, 1}));
+}
+
+Tensor unit(const Tensor& vectors) {
+  return vectors / vectors.norm(2, 1, true).clamp_min(1e-12);
+}
+
+/// Which way surfaces face as a whole, at pixels [p,2] of a look: unit normals [p,3] in the
+/// camera's frame. A plane's inverse depth is linear in the pixels, so its slope over many pixels
+/// tells, which the roughness of a young map does not touch.
+Tensor broad_normals(const Look& look, const Tensor& pixels) {
+  const splat::Intrinsics& k = look.camera.intrinsics;
+  const Tensor known = (look.depth > 0.0).to(torch::kFloat64);
+  const Tensor inverse = known / look.depth.clamp_min(1e-6);
+  const Tensor planes = blurred(torch::stack({inverse, known}).unsqueeze(1), kBroadPx).squeeze(1);
+  const Tensor w = planes[0] / planes[1].clamp_min(1e-9);
+  const Tensor u = pixels.select(1, 0).floor().to(torch::kInt64);
+  const Tensor v = pixels.select(1, 1).floor().to(torch::kInt64);
+  const auto at = [&](std::int64_t du, std::int64_t dv) {
+    const Tensor x = (u + du).clamp(0, k.width - 1);
+    const Tensor y = (v + dv).clamp(0, k.height - 1);
+    return w.reshape({-1}).index_select(0, y * k.width + x);
+  };
+  const double step = 2.0 * static_cast<double>(kBeside);
+  const Tensor by_u = (at(kBeside, 0) - at(-kBeside, 0)) / step;
+  const Tensor by_v = (at(0, kBeside) - at(0, -kBeside)) / step;
+  const Tensor ahead =
+      at(0, 0) - by_u * (pixels.select(1, 0) - k.cx) - by_v * (pixels.select(1, 1) - k.cy);
+  return unit(torch::stack({by_u * k.fx, by_v * k.fy, ahead}, 1));
+}
+
+/// Of points [p,3] and normals there [p,3]: the mean of those around each, over views too.
+Tensor averaged_normals(const Tensor& points, const Tensor& normals, double radius_m) {
+  const Tensor near = (torch::cdist(points, points) < radius_m).to(normals.scalar_type());
+  return unit(near.mm(normals));
+}
+
 /// Random points of the surfaces that the view shows, and how these lie.
 void draw_points(Look& look, std::int64_t count, Random& random) {
   const splat::Intrinsics& k = look.camera.intrinsics;
@@ -111,7 +158,10 @@ void draw_points(Look& look, std::int64_t count, Random& random) {
   }
   const Tensor normals = torch::linalg_cross(at[2] - at[1], at[4] - at[3]);
   look.points = at[0];
-  look.normals = normals / normals.norm(2, 1, true).clamp_min(1e-12);
+  look.normals = unit(normals);
+  const Tensor R = look.camera.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
+  look.facing =
+      broad_normals(look, torch::tensor(pixels[0], torch::kFloat64).reshape({-1, 2})).mm(R);
 }
 
 /// How much narrower in a picture a patch must be that lies askew, so that texture is blurred as
@@ -120,16 +170,6 @@ Tensor foreshortened(const Look& view, const Tensor& points, const Tensor& norma
   const Tensor rays = points - camera_center(view.camera.T_camera_world);
   const Tensor sine = ((rays * normals).sum(1) / rays.norm(2, 1)).abs().clamp_min(kFlattest);
   return (2.0 / (1.0 + sine.square().reciprocal())).sqrt();
-}
-
-Tensor blurred(const Tensor& planes, double sigma) {
-  const auto radius = static_cast<std::int64_t>(std::ceil(3.0 * sigma));
-  const Tensor x = torch::arange(-radius, radius + 1, planes.options());
-  const Tensor taps = torch::exp(-x.square() / (2.0 * sigma * sigma));
-  const Tensor weights = taps / taps.sum();
-  const Tensor padded = torch::replication_pad2d(planes, {radius, radius, radius, radius});
-  return torch::conv2d(torch::conv2d(padded, weights.view({1, 1, 1, -1})),
-                       weights.view({1, 1, -1, 1}));
 }
 
 /// A picture [H,W,C] ever more blurred [1,C,kBlurs,H,W].
@@ -168,7 +208,7 @@ class Collector {
 
   /// `numbers` [p] int64 of the points [p,3], with the surface's normals there.
   void add(const Look& view, std::int64_t number, const Tensor& points, const Tensor& normals,
-           const Tensor& numbers) {
+           const Tensor& facing, const Tensor& numbers) {
     if (points.size(0) == 0) return;
     const splat::Intrinsics& k = view.camera.intrinsics;
     const SeenPoints seen = project(view.camera, points);
@@ -216,6 +256,9 @@ class Collector {
     corners2_.push_back(keep(radius2 / corner2));
     colors_.push_back(keep(color));
     texture_.push_back(keep((around - color).abs().mean(1)));
+    places_.push_back(keep(seen.points.index_select(0, index)));
+    const Tensor R = view.camera.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
+    normals_.push_back(keep(facing.index_select(0, index).mm(R.to(normals.options()).t())));
   }
 
   /// Those of points that are seen often enough, numbered anew.
@@ -234,6 +277,8 @@ class Collector {
             .corners2 = keep(corners2_),
             .colors = keep(colors_),
             .texture = keep(texture_),
+            .places = keep(places_),
+            .normals = keep(normals_),
             .point_count = often.sum().item<std::int64_t>(),
             .view_count = view_count};
   }
@@ -242,7 +287,7 @@ class Collector {
   const KeyframeStore& keyframes_;
   torch::Device device_;
   double patch_m_;
-  std::vector<Tensor> points_, views_, ranges_, corners2_, colors_, texture_;
+  std::vector<Tensor> points_, views_, ranges_, corners2_, colors_, texture_, places_, normals_;
 };
 
 std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, double spacing_m,
@@ -256,6 +301,16 @@ std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, do
   const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
   for (Look& view : looks) draw_points(view, each, random);
   return looks;
+}
+
+/// Median distance [m] of the points from where they were seen.
+double typical_range(const std::vector<Look>& looks) {
+  std::vector<Tensor> ranges;
+  for (const Look& view : looks) {
+    ranges.push_back((view.points - camera_center(view.camera.T_camera_world)).norm(2, 1));
+  }
+  const Tensor all = torch::cat(ranges);
+  return all.size(0) == 0 ? 0.0 : all.median().item<double>();
 }
 
 /// Sigma of a patch [m] that is kPatchPx wide from far.
@@ -281,19 +336,24 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
   std::vector<std::int64_t> first = {0};
   for (const Look& view : looks) first.push_back(first.back() + view.points.size(0));
   WaterSurvey survey;
+  const double around_m = kAround * typical_range(looks);
   for (std::size_t j = 0; j < looks.size(); ++j) {
     std::vector<Tensor> near_points;
     std::vector<Tensor> normals;
+    std::vector<Tensor> facing;
     std::vector<Tensor> numbers;
     for (std::size_t i = 0; i < looks.size(); ++i) {
       const std::size_t apart = i > j ? i - j : j - i;
       if (looks[i].cluster != looks[j].cluster || apart > kCluster) continue;
       near_points.push_back(looks[i].points);
       normals.push_back(looks[i].normals);
+      facing.push_back(looks[i].facing);
       numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
     }
     collector.add(looks[j], static_cast<std::int64_t>(j), torch::cat(near_points),
-                  torch::cat(normals), torch::cat(numbers));
+                  torch::cat(normals),
+                  averaged_normals(torch::cat(near_points), torch::cat(facing), around_m),
+                  torch::cat(numbers));
     survey.views.push_back(looks[j].keyframe);
   }
   auto fit =

@@ -119,6 +119,17 @@ struct DepthSection {
   }
 };
 
+struct LampSection {
+  Node T_body_sensor;
+  double half_beam_deg = 60.0;
+  template <typename V>
+  void visit(V& v) {
+    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: lamp to body; it shines along z");
+    v("half_beam_deg", half_beam_deg, Range{1.0, 89.0},
+      "angle to its axis at which it is half as bright [deg]");
+  }
+};
+
 struct RigFile {
   std::string body = "imu0";
   WorldFrame world = WorldFrame::up;
@@ -128,6 +139,7 @@ struct RigFile {
   std::optional<DvlSection> dvl0;
   std::optional<PressureSection> pressure0;
   std::optional<DepthSection> depth0;
+  std::optional<LampSection> lamp0;
   template <typename V>
   void visit(V& v) {
     v("body", body, "the sensor whose frame is the body's: imu0, the only one");
@@ -139,6 +151,7 @@ struct RigFile {
     v("dvl0", dvl0, "Doppler velocity log");
     v("pressure0", pressure0, "pressure sensor");
     v("depth0", depth0, "depth sensor (a pressure sensor that reports metres)");
+    v("lamp0", lamp0, "lamp by which the camera sees, where daylight is not enough");
   }
 };
 
@@ -261,6 +274,10 @@ Rig make_rig(const Node& node) {
   if (file.depth0) {
     rig.depth = {.p_body_sensor = to_vector(file.depth0->p_body_sensor),
                  .noise_m = file.depth0->noise_m};
+  }
+  if (file.lamp0) {
+    rig.lamp = {.T_body_lamp = to_pose(file.lamp0->T_body_sensor, "lamp0.T_body_sensor"),
+                .half_beam_rad = file.lamp0->half_beam_deg * std::numbers::pi / 180.0};
   }
   return rig;
 }

@@ -97,6 +97,27 @@ Node true_rig(const SceneConfig& scene) {
   return rig;
 }
 
+Node pose_node(const SE3& pose) {
+  Node node;
+  node.kind = Node::Kind::list;
+  const Eigen::Matrix4d m = pose.matrix();
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) node.items.push_back(number(m(row, column)));
+  }
+  return node;
+}
+
+// What a vehicle's builder would measure of its lamp.
+void add_lamp(const SceneConfig& scene, const Rig& rig, Node& node) {
+  if (!scene.light.lamp || rig.cameras.empty()) return;
+  const LampConfig& lamp = *scene.light.lamp;
+  const SE3 T_camera_lamp{Eigen::Quaterniond::Identity(),
+                          {lamp.position_m[0], lamp.position_m[1], lamp.position_m[2]}};
+  Node& section = node.member("lamp0");
+  section.member("T_body_sensor") = pose_node(rig.cameras.front().T_body_camera * T_camera_lamp);
+  section.member("half_beam_deg") = number(lamp.beam_deg);
+}
+
 void drop_disabled(const SceneConfig& scene, Node& rig) {
   std::erase_if(rig.members, [&](const auto& member) {
     const std::string& name = member.first;
@@ -109,16 +130,6 @@ Eigen::Vector3d normal3(Random& random) {
   const double x = random.normal();
   const double y = random.normal();
   return {x, y, random.normal()};
-}
-
-Node pose_node(const SE3& pose) {
-  Node node;
-  node.kind = Node::Kind::list;
-  const Eigen::Matrix4d m = pose.matrix();
-  for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 4; ++column) node.items.push_back(number(m(row, column)));
-  }
-  return node;
 }
 
 SE3 shaken(const SE3& pose, const RigErrorConfig& error, Random& random) {
@@ -176,6 +187,7 @@ Scene make_scene(const Node& node) {
   config::read(root, scene.config);
   scene.rig_node = true_rig(scene.config);
   drop_disabled(scene.config, scene.rig_node);
+  add_lamp(scene.config, make_rig(scene.rig_node), scene.rig_node);
   scene.rig = make_rig(scene.rig_node);
   if (scene.rig.world != WorldFrame::up) {
     fail_input("rig: world: the simulator's world has z up; remove `world: ned`");

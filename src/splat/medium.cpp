@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include "apvi/splat/medium_backend.hpp"
+#include "apvi/splat/render.hpp"
 
 namespace apvi::splat {
 namespace {
@@ -11,6 +12,9 @@ namespace {
 using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
+
+constexpr double kSolid = 0.5;          // alpha above which a ray ends at a surface
+constexpr double kOpenWater_m = 100.0;  // where it does not
 
 MediumInput to_input(const variable_list& tensors) {
   return {.color = tensors[0].contiguous(),
@@ -75,6 +79,41 @@ Tensor apply_medium(const Tensor& color, const Tensor& range, const Tensor& alph
   check_like(medium.beta_b, "beta_b", {3}, color);
   check_like(medium.b_inf, "b_inf", {3}, color);
   return ApplyMedium::apply(color, range, alpha, medium.beta_d, medium.beta_b, medium.b_inf);
+}
+
+SeenAs seen_as(const Tensor& points, const Medium& medium) {
+  const torch::NoGradGuard no_grad;
+  const auto like = [&points](const Tensor& t) { return t.detach().to(points.options()); };
+  const Tensor beta_d = like(medium.beta_d);
+  const Tensor range = points.norm(2, 1, true);
+  SeenAs seen = {.gain = torch::exp(-beta_d * range),
+                 .veil = like(medium.b_inf) * (1.0 - torch::exp(-like(medium.beta_b) * range))};
+  if (!medium.lamp) return seen;
+  const LampLight& light = *medium.lamp;
+  seen.gain = seen.gain * lamp_light(light, beta_d, points);
+  const Tensor rays = points / range.clamp_min(1e-9);
+  seen.veil = seen.veil +
+              like(light.glow) *
+                  lamp_haze(light.lamp, light.unit_range_m, beta_d, rays, range.squeeze(1)).value;
+  return seen;
+}
+
+Tensor light_on(const Tensor& means, const View& view, const Medium& medium) {
+  if (!medium.lamp) return {};
+  const torch::NoGradGuard no_grad;
+  const Tensor T = view.T_camera_world.to(means.options().requires_grad(false));
+  const Tensor points =
+      means.detach().mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
+  return lamp_light(*medium.lamp, medium.beta_d, points);
+}
+
+Tensor see_through(const Tensor& color, const Tensor& depth, const Tensor& alpha,
+                   const Intrinsics& intrinsics, const Medium& medium) {
+  const Tensor range = depth_to_range(depth, intrinsics);
+  const Tensor image = apply_medium(color, range, alpha, medium);
+  if (!medium.lamp) return image;
+  const Tensor end = range.detach().masked_fill(alpha.detach() < kSolid, kOpenWater_m);
+  return image + lamp_veil(*medium.lamp, medium.beta_d, intrinsics, end);
 }
 
 }  // namespace apvi::splat

@@ -47,7 +47,7 @@ Tensor read(torch::serialize::InputArchive& archive, const std::string& key, con
 }  // namespace
 
 MediumOptimizer::MediumOptimizer(const Medium& start, double rate)
-    : parameters_(MediumParameters::from(start)), rate_(rate) {
+    : parameters_(MediumParameters::from(start)), lamp_(start.lamp), rate_(rate) {
   TORCH_CHECK(rate > 0.0, "medium: the learning rate must be positive, not ", rate);
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     Tensor& leaf = *tensors(parameters_)[k];
@@ -55,6 +55,12 @@ MediumOptimizer::MediumOptimizer(const Medium& start, double rate)
     first_[k] = torch::zeros_like(leaf, leaf.options().requires_grad(false));
     second_[k] = torch::zeros_like(first_[k]);
   }
+}
+
+Medium MediumOptimizer::medium() const {
+  Medium medium = parameters_.medium();
+  medium.lamp = lamp_;
+  return medium;
 }
 
 double MediumOptimizer::rate() const {
@@ -71,6 +77,7 @@ void MediumOptimizer::hold(const Medium& believed, const Tensor& known) {
   const MediumParameters raw = MediumParameters::from(medium);
   const Tensor slopes = log_slopes(medium);
   believed_ = stacked(raw).to(like);
+  lamp_ = believed.lamp;
   known_ =
       (known.to(torch::kCPU, torch::kFloat64) * slopes.unsqueeze(1) / slopes.unsqueeze(2)).to(like);
   const std::array<const Tensor*, 3> to = {&raw.raw_beta_d, &raw.raw_beta_b, &raw.raw_b_inf};
@@ -112,6 +119,7 @@ void MediumOptimizer::save(torch::serialize::OutputArchive& archive) const {
     archive.write(std::string("first.") + kNames[k], first_[k]);
     archive.write(std::string("second.") + kNames[k], second_[k]);
   }
+  archive.write("lamp", lamp_ ? to_numbers(*lamp_) : torch::empty({0}, torch::kFloat64));
   archive.write("held", c10::IValue(believed_.defined()));
   if (!believed_.defined()) return;
   archive.write("believed", believed_);
@@ -139,6 +147,10 @@ void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
     believed = read(archive, "believed", torch::empty({3, 3}, like));
     known = read(archive, "known", torch::empty({3, 3, 3}, like));
   }
+  Tensor lamp;
+  archive.read("lamp", lamp);
+  std::optional<LampLight> light;
+  if (lamp.numel() > 0) light = lamp_from_numbers(lamp);
   for (std::size_t k = 0; k < kNames.size(); ++k) {  // nothing changes unless all is there
     *tensors(parameters_)[k] = parameters[k].requires_grad_(true);
   }
@@ -146,6 +158,7 @@ void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
   second_ = second;
   believed_ = believed;
   known_ = known;
+  lamp_ = light;
   steps_ = steps.toInt();
 }
 

@@ -3,6 +3,7 @@
 
 #include <torch/torch.h>
 
+#include <array>
 #include <cmath>
 #include <ostream>
 #include <string>
@@ -78,10 +79,27 @@ void drop_undrawable(Gaussians& g, const fs::path& path) {
   for (Tensor* tensor : g.tensors()) *tensor = tensor->index({good}).contiguous();
 }
 
-std::string triple(const Tensor& values, std::string_view separator) {
+std::string listed(const Tensor& values, std::string_view separator) {
   const Tensor v = values.detach().to(torch::kCPU, torch::kFloat64).contiguous();
   const double* x = v.data_ptr<double>();
-  return fmt::format("{:.9g}{}{:.9g}{}{:.9g}", x[0], separator, x[1], separator, x[2]);
+  std::string text;
+  for (std::int64_t i = 0; i < v.numel(); ++i) {
+    text += fmt::format("{}{:.9g}", i == 0 ? "" : separator, x[i]);
+  }
+  return text;
+}
+
+std::string lamp_json(const LampLight& light) {
+  const auto three = [](const std::array<double, 3>& v) {
+    return fmt::format("{:.9g}, {:.9g}, {:.9g}", v[0], v[1], v[2]);
+  };
+  return fmt::format(
+      ",\n  \"lamp\": {{\n    \"position_m\": [{}],\n    \"axis\": [{}],\n    \"half_beam_deg\": "
+      "{:.9g},\n"
+      "    \"unit_range_m\": {:.9g},\n    \"daylight\": [{}],\n    \"glow\": [{}]\n  }}",
+      three(light.lamp.position_m), three(light.lamp.axis),
+      light.lamp.half_beam_rad * 180.0 / std::acos(-1.0), light.unit_range_m,
+      listed(light.daylight, ", "), listed(light.glow, ", "));
 }
 
 std::string header_text(std::int64_t count, std::int64_t rest,
@@ -89,8 +107,10 @@ std::string header_text(std::int64_t count, std::int64_t rest,
   std::string text = "ply\nformat binary_little_endian 1.0\n";
   if (medium) {
     text += fmt::format("comment beta_d {}\ncomment beta_b {}\ncomment b_inf {}\n",
-                        triple(medium->beta_d, " "), triple(medium->beta_b, " "),
-                        triple(medium->b_inf, " "));
+                        listed(medium->beta_d, " "), listed(medium->beta_b, " "),
+                        listed(medium->b_inf, " "));
+    if (medium->lamp)
+      text += fmt::format("comment lamp {}\n", listed(to_numbers(*medium->lamp), " "));
   }
   text += fmt::format("element vertex {}\n", count);
   const auto property = [&text](const std::string& name) {
@@ -128,15 +148,18 @@ void check_shapes(const Gaussians& g) {
               g.logit_opacities.sizes());
 }
 
-std::optional<Tensor> comment_triple(const PlyHeader& header, std::string_view name) {
+/// So many numbers after a word, float64.
+std::optional<Tensor> comment_numbers(const PlyHeader& header, std::string_view name,
+                                      std::size_t count) {
   for (const std::string& comment : header.comments) {
     std::vector<std::string_view> words;
     text::split(comment, ' ', words);
-    if (words.size() != 4 || words[0] != name) continue;
-    const auto a = text::parse_double(words[1]);
-    const auto b = text::parse_double(words[2]);
-    const auto c = text::parse_double(words[3]);
-    if (a && b && c) return torch::tensor({*a, *b, *c}).to(torch::kFloat32);
+    if (words.size() != count + 1 || words[0] != name) continue;
+    std::vector<double> numbers;
+    for (std::size_t i = 1; i < words.size(); ++i) {
+      if (const auto number = text::parse_double(words[i])) numbers.push_back(*number);
+    }
+    if (numbers.size() == count) return torch::tensor(numbers, torch::kFloat64);
   }
   return std::nullopt;
 }
@@ -182,18 +205,24 @@ void write_ply(const fs::path& path, const Gaussians& gaussians,
 
 std::optional<Medium> read_ply_medium(const fs::path& path) {
   const PlyTable table(path);
-  const auto beta_d = comment_triple(table.header(), "beta_d");
-  const auto beta_b = comment_triple(table.header(), "beta_b");
-  const auto b_inf = comment_triple(table.header(), "b_inf");
+  const auto beta_d = comment_numbers(table.header(), "beta_d", 3);
+  const auto beta_b = comment_numbers(table.header(), "beta_b", 3);
+  const auto b_inf = comment_numbers(table.header(), "b_inf", 3);
   if (!beta_d || !beta_b || !b_inf) return std::nullopt;
-  return Medium{.beta_d = *beta_d, .beta_b = *beta_b, .b_inf = *b_inf};
+  Medium medium = {.beta_d = beta_d->to(torch::kFloat32),
+                   .beta_b = beta_b->to(torch::kFloat32),
+                   .b_inf = b_inf->to(torch::kFloat32)};
+  if (const auto lamp = comment_numbers(table.header(), "lamp", kLampNumbers)) {
+    medium.lamp = lamp_from_numbers(*lamp);
+  }
+  return medium;
 }
 
 void write_medium_json(const fs::path& path, const Medium& medium) {
   write_file_atomically(path, [&](std::ostream& out) {
-    out << fmt::format("{{\n  \"beta_d\": [{}],\n  \"beta_b\": [{}],\n  \"b_inf\": [{}]\n}}\n",
-                       triple(medium.beta_d, ", "), triple(medium.beta_b, ", "),
-                       triple(medium.b_inf, ", "));
+    out << fmt::format("{{\n  \"beta_d\": [{}],\n  \"beta_b\": [{}],\n  \"b_inf\": [{}]{}\n}}\n",
+                       listed(medium.beta_d, ", "), listed(medium.beta_b, ", "),
+                       listed(medium.b_inf, ", "), medium.lamp ? lamp_json(*medium.lamp) : "");
   });
 }
 

@@ -64,6 +64,7 @@ Tensor perturbed(const Tensor& T_camera_world, const Tensor& delta) {
 /// A rasterizer's input out of the eight tensors that are differentiated.
 RasterInput to_input(const variable_list& tensors, const View& view, const RenderOptions& options) {
   RasterInput input = {.gaussians = {},
+                       .light = options.light.defined() ? options.light.contiguous() : Tensor(),
                        .background = tensors[7].contiguous(),
                        .T_camera_world = perturbed(view.T_camera_world, tensors[6]),
                        .intrinsics = view.intrinsics,
@@ -214,11 +215,13 @@ void check_options(const RenderOptions& options, const Gaussians& gaussians) {
               "render: near_m must be positive, not ", options.near_m);
   TORCH_CHECK(options.low_pass_px2 > 0 && std::isfinite(options.low_pass_px2),
               "render: low_pass_px2 must be positive, not ", options.low_pass_px2);
-  const Tensor& background = options.background;
-  if (!background.defined()) return;
-  TORCH_CHECK(background.sizes() == at::IntArrayRef({3}) &&
-                  background.scalar_type() == gaussians.means.scalar_type() &&
-                  background.device() == gaussians.means.device(),
+  const auto fits = [&gaussians](const Tensor& tensor, at::IntArrayRef sizes) {
+    return tensor.sizes() == sizes && tensor.scalar_type() == gaussians.means.scalar_type() &&
+           tensor.device() == gaussians.means.device();
+  };
+  TORCH_CHECK(!options.light.defined() || fits(options.light, {gaussians.size(), 3}),
+              "render: the light must be [N,3] of the type and on the device of the Gaussians");
+  TORCH_CHECK(!options.background.defined() || fits(options.background, {3}),
               "render: the background must be [3] of the type and on the device of the Gaussians");
 }
 

@@ -5,6 +5,7 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <numbers>
 #include <opencv2/core.hpp>
 
 #include "apvi/core/error.hpp"
@@ -101,6 +102,25 @@ TEST(CameraConversion, PosesComeBackAsTheyWere) {
   const SE3 pose{Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), {1.0, -2.0, 3.0}};
   EXPECT_THAT(to_se3(to_tensor(pose)), test::PoseNear(pose, 1e-12));
   EXPECT_DOUBLE_EQ(to_tensor(pose)[1][3].item<double>(), -2.0);
+}
+
+TEST(CameraConversion, ALampIsWhereTheCameraSeesIt) {
+  Rig rig;
+  EXPECT_FALSE(lamp_of(rig));
+  // The camera looks along the body's x axis; the lamp, 20 cm to its right, shines straight down.
+  Eigen::Matrix3d forward;
+  forward << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  rig.cameras.push_back({.model = CameraModel(euroc_camera()),
+                         .T_body_camera = {Eigen::Quaterniond(forward), {0.3, 0.0, 0.1}}});
+  EXPECT_FALSE(lamp_of(rig));
+  const Eigen::Quaterniond down(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
+  rig.lamp = {.T_body_lamp = {down, {0.3, -0.2, 0.1}}, .half_beam_rad = 0.8};
+  const auto lamp = lamp_of(rig);
+  ASSERT_TRUE(lamp);
+  EXPECT_NEAR(lamp->position_m[0], 0.2, 1e-12);
+  EXPECT_NEAR(lamp->position_m[1], 0.0, 1e-12);
+  EXPECT_NEAR(lamp->axis[1], 1.0, 1e-12);
+  EXPECT_EQ(lamp->half_beam_rad, 0.8);
 }
 
 TEST(CameraConversion, PicturesComeBackWithTheirColours) {

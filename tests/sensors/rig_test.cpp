@@ -164,6 +164,17 @@ TEST(Rig, PressureBecomesDepth) {
   EXPECT_NEAR(rig.pressure->depth(101325.0 + 98000.0), 10.0, 1e-12);
 }
 
+TEST(Rig, ALampShinesAlongItsAxis) {
+  const Rig rig = rig_of(
+      "lamp0: {half_beam_deg: 45, T_body_sensor: "
+      "[0, 0, 1, 0.3, -1, 0, 0, 0, 0, -1, 0, 0.1, 0, 0, 0, 1]}");
+  ASSERT_TRUE(rig.lamp);
+  EXPECT_NEAR(rig.lamp->half_beam_rad, std::numbers::pi / 4.0, 1e-12);
+  const Eigen::Vector3d axis = rig.lamp->T_body_lamp.rotation * Eigen::Vector3d::UnitZ();
+  EXPECT_NEAR(axis.x(), 1.0, 1e-12);
+  EXPECT_THROW(rig_of("lamp0: {half_beam_deg: 95}"), InputError);
+}
+
 TEST(Rig, DocumentsItsKeys) {
   const std::string table = rig_documentation();
   for (const char* key :

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <thread>
@@ -273,6 +274,21 @@ TEST(Dataset, CalibrationCanBeWrongWhileTheTruthIsKept) {
   EXPECT_LT(angle, 0.1);
   EXPECT_EQ(given.dvl->scale, 1.0);
   EXPECT_NEAR(truth.dvl->scale, 1.0 / 1.003, 1e-6);
+}
+
+TEST(Dataset, TheRigHasTheLampThatLightsTheScene) {
+  const test::TmpDir dir;
+  simulate(blind({"light.lamp={position_m: [0.2, -0.1, 0.05], beam_deg: 50}"}), dir.path() / "a",
+           {});
+  const Rig rig = make_rig(config::load_file(dir.path() / "a" / "rig.yaml"));
+  ASSERT_TRUE(rig.lamp);
+  EXPECT_NEAR(rig.lamp->half_beam_rad, 50.0 * std::numbers::pi / 180.0, 1e-9);
+  const SE3 T_body_camera = scene({}).rig.cameras.front().T_body_camera;
+  const SE3 T_camera_lamp = T_body_camera.inverse() * rig.lamp->T_body_lamp;
+  EXPECT_LT((T_camera_lamp.translation - Eigen::Vector3d(0.2, -0.1, 0.05)).norm(), 1e-6);
+  EXPECT_LT(so3::angle_between(T_camera_lamp.rotation, Eigen::Quaterniond::Identity()), 1e-6);
+  simulate(blind({}), dir.path() / "b", {});
+  EXPECT_FALSE(make_rig(config::load_file(dir.path() / "b" / "rig.yaml")).lamp);
 }
 
 TEST(Dataset, DroppedFramesAreMissing) {

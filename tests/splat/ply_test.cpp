@@ -137,15 +137,24 @@ TEST(Ply, ReadsBigEndianDoubles) {
 TEST(Ply, TellsTheWaterThatItWasWrittenWith) {
   const TmpDir dir;
   const fs::path file = dir.path() / "map.ply";
-  const Medium water = {.beta_d = torch::tensor({0.40F, 0.12F, 0.08F}),
-                        .beta_b = torch::tensor({0.30F, 0.15F, 0.10F}),
-                        .b_inf = torch::tensor({0.05F, 0.30F, 0.40F})};
+  Medium water = {.beta_d = torch::tensor({0.40F, 0.12F, 0.08F}),
+                  .beta_b = torch::tensor({0.30F, 0.15F, 0.10F}),
+                  .b_inf = torch::tensor({0.05F, 0.30F, 0.40F})};
   write_ply(file, random_map(2, 0), water);
   const auto read = read_ply_medium(file);
   ASSERT_TRUE(read);
   EXPECT_TRUE(torch::equal(read->beta_d, water.beta_d));
   EXPECT_TRUE(torch::equal(read->beta_b, water.beta_b));
   EXPECT_TRUE(torch::equal(read->b_inf, water.b_inf));
+  EXPECT_FALSE(read->lamp);
+  water.lamp = LampLight{.lamp = {.position_m = {0.25, -0.15, 0.0}},
+                         .unit_range_m = 1.25,
+                         .daylight = torch::tensor({0.1, 0.2, 0.3}, torch::kFloat64),
+                         .glow = torch::tensor({0.01, 0.02, 0.03}, torch::kFloat64)};
+  write_ply(file, random_map(2, 0), water);
+  const auto lit = read_ply_medium(file);
+  ASSERT_TRUE(lit && lit->lamp);
+  EXPECT_TRUE(torch::allclose(to_numbers(*lit->lamp), to_numbers(*water.lamp), 1e-8, 1e-12));
   write_ply(file, random_map(2, 0));
   EXPECT_FALSE(read_ply_medium(file));
 }

@@ -4,9 +4,12 @@
 #include <torch/types.h>
 
 #include <opencv2/core/mat.hpp>
+#include <optional>
 
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "apvi/splat/lamp.hpp"
 #include "apvi/splat/view.hpp"
 
 /// Between the two halves: Eigen and OpenCV here, LibTorch there. OpenCV has the centre of the
@@ -17,6 +20,9 @@ namespace apvi::bridge {
 splat::Intrinsics to_intrinsics(const CameraModel::Parameters& camera);
 /// A camera without distortion.
 CameraModel::Parameters to_parameters(const splat::Intrinsics& intrinsics);
+
+/// The rig's lamp as its first camera has it; nothing when it has none of the two.
+std::optional<splat::Lamp> lamp_of(const Rig& rig);
 
 /// [4,4] float64, and back (the rotation made orthonormal).
 torch::Tensor to_tensor(const SE3& pose);

@@ -109,6 +109,7 @@ struct OnlineSection : mapping::OnlineOptions {
 struct MappingConfig {
   bool enabled = false;
   bool medium = false;
+  bool lamp = true;
   std::string initial_points = "sift";
   int initial_count = 30000;
   std::vector<double> initial_box_m;
@@ -138,6 +139,8 @@ struct MappingConfig {
                              {"quadtree", Densification::quadtree}},
       "how the map grows");
     v("medium", medium, "whether the water's colour and attenuation are estimated too");
+    v("lamp", lamp,
+      "whether with the water the light of the rig's lamp0 is estimated, if it has one");
     v("max_gaussians", densify.max_gaussians, Range{0, 100000000},
       "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 400,000 on a GPU");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
@@ -195,13 +198,13 @@ struct RunConfig : pipeline::RunConfig {
 };
 
 /// What the trainer is told: the sections in one, with the run's seed.
-mapping::TrainerOptions trainer_options(const RunConfig& config);
+mapping::TrainerOptions trainer_options(const RunConfig& config, const Rig& rig = {});
 
 /// `mapping.max_gaussians`, or what suits the device that maps are made on.
 int most_gaussians(const RunConfig& config);
 
 /// The same for a map that grows while poses are estimated.
-mapping::MapperOptions mapper_options(const RunConfig& config);
+mapping::MapperOptions mapper_options(const RunConfig& config, const Rig& rig = {});
 
 /// Reads a configuration file with what it inherits, then the overrides "key=value" in order, and
 /// checks what single keys cannot say. Throws InputError.

@@ -89,6 +89,7 @@ class MapLearner {
   void load(torch::serialize::InputArchive& archive);
 
  private:
+  torch::Tensor light_in(const splat::View& camera) const;
   torch::Tensor image_of(std::size_t view, const splat::View& camera,
                          const splat::RenderOutput& out);
   void forget_statistics();

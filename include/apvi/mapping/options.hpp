@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "apvi/mapping/depth_options.hpp"
+#include "apvi/splat/lamp.hpp"
 
 namespace apvi::mapping {
 
@@ -74,6 +76,7 @@ struct TrainerOptions {
   bool antialiased = false;
   bool auto_gain = true;     ///< whether every keyframe has a brightness of its own
   bool sparse_adam = false;  ///< a step changes only what its view sees
+  std::optional<splat::Lamp> lamp = std::nullopt;  ///< on the vehicle; counts where water is learnt
   std::uint64_t seed = 0;
   LearningRates rates;
   DensifyOptions densify;

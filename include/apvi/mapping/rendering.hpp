@@ -27,7 +27,7 @@ struct Map {
 /// What a camera sees of a map.
 struct Picture {
   torch::Tensor as_seen;   ///< [H,W,3], through the water if there is any
-  torch::Tensor restored;  ///< [H,W,3], without it
+  torch::Tensor restored;  ///< [H,W,3], without it, in the light that falls on the scene from here
   torch::Tensor depth;     ///< [H,W] along the optical axis [m], 0 where nothing is
   torch::Tensor alpha;     ///< [H,W] how much of what is behind is covered
 };

@@ -28,6 +28,7 @@ struct Seeds {
 
 /// Points of the world as one view sees them.
 struct SeenPoints {
+  torch::Tensor points;   ///< [n,3] float64 in the camera's frame [m]
   torch::Tensor pixels;   ///< [n,2] float64
   torch::Tensor depths;   ///< [n] float64 [m]
   torch::Tensor in_view;  ///< [n] bool: before the camera and inside the picture
@@ -46,8 +47,9 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
                               int sh_degree, const std::optional<splat::Medium>& medium,
                               const torch::Tensor& response = {});
 
-/// Colours [n,3] in [0, 1] seen through water from `ranges` [n] [m], as they would be without.
-torch::Tensor without_water(const torch::Tensor& colors, const torch::Tensor& ranges,
+/// Colours [n,3] in [0, 1] of `points` [n,3] in the camera's frame seen through water, as the map
+/// has them.
+torch::Tensor without_water(const torch::Tensor& colors, const torch::Tensor& points,
                             const splat::Medium& medium);
 
 }  // namespace apvi::mapping

@@ -18,6 +18,8 @@ struct Sightings {
   torch::Tensor corners2;  ///< [n] float64 squared distance from the principal point, 1 in a corner
   torch::Tensor colors;    ///< [n,3] float64 in [0, 1], from the same patch of surface in all views
   torch::Tensor texture;   ///< [n] float64 how much the colour changes around it
+  torch::Tensor places;    ///< [n,3] float64 in the camera's frame [m]; for a lamp
+  torch::Tensor normals;   ///< [n,3] float64 unit vectors there, of either sign; for a lamp
   std::int64_t point_count = 0;
   std::int64_t view_count = 0;
 };
@@ -26,12 +28,19 @@ struct Sightings {
 struct WaterPrior {
   splat::Medium medium;     ///< the median
   double beta_sigma = 1.0;  ///< of log(beta_d)
-  /// Of log(beta_b / beta_d), about 0: what light loses on its way in and on its way out is nearly
-  /// alike.
+  /// Of log(beta_b / beta_d): what light loses on its way in and on its way out is nearly alike,
+  /// but what is scattered forward is lost to the scene's picture and not to the veil.
+  double log_ratio = -0.1;
   double ratio_sigma = 0.15;
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's gain
   double vignetting_sigma = 0.3;  ///< of the light lost in the corners
+  /// On the vehicle; without, daylight is all. Its light at one metre counts as much as it must.
+  std::optional<splat::Lamp> lamp = std::nullopt;
+  double daylight = 0.1;  ///< its part of the light where the lamp's counts as one
+  double daylight_sigma = 0.1;
+  double glow = 0.02;       ///< of the water before the camera over the brightness of that light
+  double glow_sigma = 1.5;  ///< of its logarithm
 };
 
 /// Water and camera that explain how the same surfaces look from near and far.
@@ -49,8 +58,10 @@ struct WaterFit {
 
 /// The most probable water: I = g (1 - v r^2) (J exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) for
 /// every sighting, with a colour J for each point, a gain g for each view and one vignetting v.
-/// Robust Gauss-Newton; the colours are eliminated (variable projection). What the sightings do not
-/// tell stays as the prior has it. Nothing when they are too few.
+/// With a lamp the direct light is L J and there is its glow besides (splat::LampLight); there L
+/// knows the angle at which the lamp shines on the surface. Robust Gauss-Newton; the colours are
+/// eliminated (variable projection). What the sightings do not tell stays as the prior has it.
+/// Nothing when they are too few.
 std::optional<WaterFit> fit_water(const Sightings& sightings, const WaterPrior& prior);
 
 }  // namespace apvi::mapping

@@ -68,6 +68,12 @@ struct DepthCalibration {
   double noise_m = 0.01;                                    ///< one sigma [m]
 };
 
+/// A lamp on the vehicle that lights what the camera sees; it shines along its z axis.
+struct LampCalibration {
+  SE3 T_body_lamp;
+  double half_beam_rad = 1.0;  ///< angle to the axis at which it is half as bright
+};
+
 /// Calibration of a vehicle. The body frame is the IMU's.
 struct Rig {
   WorldFrame world = WorldFrame::up;
@@ -76,6 +82,7 @@ struct Rig {
   std::optional<DvlCalibration> dvl;
   std::optional<PressureCalibration> pressure;
   std::optional<DepthCalibration> depth;
+  std::optional<LampCalibration> lamp;
 
   /// Gravity in world coordinates [m/s²] for the given magnitude.
   Eigen::Vector3d gravity(double magnitude) const {

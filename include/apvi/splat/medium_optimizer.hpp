@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "apvi/splat/adam.hpp"
 #include "apvi/splat/medium.hpp"
@@ -24,14 +25,14 @@ class MediumOptimizer {
   explicit MediumOptimizer(const Medium& start, double rate = 1e-2);
 
   /// The water as it is believed to be; differentiable down to what `step` changes.
-  Medium medium() const { return parameters_.medium(); }
+  Medium medium() const;
   /// The leaves behind it.
   const MediumParameters& parameters() const { return parameters_; }
 
   /// From now on the water stays near `believed`: of every step only what `known` [3,3,3] lets
   /// through is made (by channel, of the logarithms of beta_d, beta_b and b_inf: one lets all
   /// through, zero nothing), a tenth as fast, and each step leans back a little. What no picture
-  /// can tell then stays as it is believed to be.
+  /// can tell then stays as it is believed to be. A lamp's light is taken over, and not learnt.
   void hold(const Medium& believed, const torch::Tensor& known);
 
   /// While visual odometry fails, the water has likely changed: then the rate is twice as high (the
@@ -48,6 +49,7 @@ class MediumOptimizer {
 
  private:
   MediumParameters parameters_;
+  std::optional<LampLight> lamp_;
   std::array<torch::Tensor, 3> first_;
   std::array<torch::Tensor, 3> second_;
   torch::Tensor believed_;  ///< [3,3] by channel: raw parameters; undefined while free

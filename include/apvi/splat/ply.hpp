@@ -23,15 +23,16 @@ namespace apvi::splat {
 /// claim is taken.
 Gaussians read_ply(const std::filesystem::path& path);
 
-/// Writes a map; the water goes into the header's comments (beta_d, beta_b [1/m], b_inf; RGB). The
-/// file appears in one step. Throws RunError when it cannot be written, c10::Error when shapes do
-/// not fit.
+/// Writes a map; the water goes into the header's comments (beta_d, beta_b [1/m], b_inf, RGB; the
+/// numbers of a lamp, see `to_numbers`). The file appears in one step. Throws RunError when it
+/// cannot be written, c10::Error when shapes do not fit.
 void write_ply(const std::filesystem::path& path, const Gaussians& gaussians,
                const std::optional<Medium>& medium = std::nullopt);
 
 /// The water in the comments of a map, float32; nothing when there is none. Throws InputError.
 std::optional<Medium> read_ply_medium(const std::filesystem::path& path);
-/// Writes the water as JSON: {"beta_d": [r, g, b], "beta_b": …, "b_inf": …}.
+/// Writes the water as JSON: {"beta_d": [r, g, b], "beta_b": …, "b_inf": …}, and "lamp" if there is
+/// one.
 void write_medium_json(const std::filesystem::path& path, const Medium& medium);
 
 /// Points with colours in [0, 1], as an initial map is made of.

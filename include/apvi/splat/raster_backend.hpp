@@ -15,6 +15,7 @@ namespace apvi::splat {
 /// float32), contiguous, without autograd.
 struct RasterInput {
   Gaussians gaussians;
+  torch::Tensor light = {};      ///< [N,3], by which colours are multiplied; undefined: one
   torch::Tensor background;      ///< [3]
   torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
   Intrinsics intrinsics;

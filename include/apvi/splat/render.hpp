@@ -18,6 +18,8 @@ struct RenderOptions {
   double low_pass_px2 = 0.3;
   bool antialiased = false;
   torch::Tensor background;  ///< [3] colour behind everything; undefined: black
+  /// [N,3] by which each Gaussian's colour is multiplied, as given: no gradients; undefined: one.
+  torch::Tensor light = {};
   /// Derivatives by the Gaussians go to `RenderOutput::rows` instead of to autograd where the
   /// backend can do so: for an optimiser that takes them from there, at a fraction of the memory.
   bool rows = false;

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/splat/lamp.hpp"
+
+#include <torch/torch.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+namespace apvi::splat {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kNearest = 0.05;  // [m] from the lamp; nearer, it is no point
+constexpr double kFarthest = 6.0;  // [m] what the water beyond sends back does not count
+constexpr std::int64_t kSteps = 16;
+constexpr std::int64_t kNodes = 20;  // of a picture, each way
+
+Tensor row(const std::array<double, 3>& v, const Tensor& like) {
+  return torch::tensor({v[0], v[1], v[2]}, torch::kFloat64).to(like.options().requires_grad(false));
+}
+
+/// What geometry alone says of points: distance to the lamp and brightness there, [...,1].
+struct Beam {
+  Tensor distance;
+  Tensor falloff;  ///< beam (d_1 / d)^2
+};
+
+Beam beam_at(const Lamp& lamp, double unit_range_m, const Tensor& points) {
+  const Tensor from = points - row(lamp.position_m, points);
+  const Tensor d = from.norm(2, -1, true).clamp_min(kNearest);
+  const Tensor cosine = (from * row(lamp.axis, points)).sum(-1, true) / d;
+  const double sharpness = std::log(2.0) / (1.0 - std::cos(lamp.half_beam_rad));
+  const Tensor beam = torch::exp(sharpness * (cosine - 1.0)) * (cosine > 0.0);
+  return {.distance = d, .falloff = beam * (unit_range_m / d).square()};
+}
+
+/// Along a ray the steps grow with distance: t = kFarthest (j / kSteps)^2 at the ends of step j.
+double end_of_step(std::int64_t j) {
+  const double part = static_cast<double>(j) / static_cast<double>(kSteps);
+  return kFarthest * part * part;
+}
+
+/// Integrals [kNodes,kNodes,kSteps+1,3] along the rays of nodes spread over the picture, up to the
+/// ends of all steps.
+Tensor haze_table(const LampLight& light, const Tensor& beta_d, const Intrinsics& k) {
+  const auto options = beta_d.options();
+  const Tensor u = torch::linspace(0.0, k.width, kNodes, options);
+  const Tensor v = torch::linspace(0.0, k.height, kNodes, options);
+  const Tensor x = ((u - k.cx) / k.fx).unsqueeze(0).expand({kNodes, kNodes});
+  const Tensor y = ((v - k.cy) / k.fy).unsqueeze(1).expand({kNodes, kNodes});
+  const Tensor rays = torch::stack({x, y, torch::ones_like(x)}, 2);
+  const Tensor unit = rays / rays.norm(2, 2, true);
+  const Tensor ends =
+      kFarthest *
+      (torch::arange(kSteps + 1, options) / static_cast<double>(kSteps)).square().view({-1, 1});
+  const Tensor middles = 0.5 * (ends.slice(0, 1) + ends.slice(0, 0, -1));
+  const Tensor lengths = ends.slice(0, 1) - ends.slice(0, 0, -1);
+  const Beam beam = beam_at(light.lamp, light.unit_range_m, middles * unit.unsqueeze(2));
+  const Tensor part =
+      beam.falloff * lengths * torch::exp(-beta_d * (beam.distance - light.unit_range_m + middles));
+  return torch::constant_pad_nd(part.cumsum(2), {0, 0, 1, 0});
+}
+
+}  // namespace
+
+Tensor to_numbers(const LampLight& light) {
+  const auto flat = [](const Tensor& t) { return t.detach().to(torch::kCPU, torch::kFloat64); };
+  const Tensor like = torch::empty({0}, torch::kFloat64);
+  return torch::cat({row(light.lamp.position_m, like), row(light.lamp.axis, like),
+                     torch::tensor({light.lamp.half_beam_rad, light.unit_range_m}, torch::kFloat64),
+                     flat(light.daylight), flat(light.glow)});
+}
+
+LampLight lamp_from_numbers(const Tensor& numbers) {
+  TORCH_CHECK(numbers.sizes() == at::IntArrayRef({kLampNumbers}), "lamp: expected ", kLampNumbers,
+              " numbers, got ", numbers.sizes());
+  const Tensor flat = numbers.to(torch::kCPU, torch::kFloat64).contiguous();
+  const double* x = flat.data_ptr<double>();
+  return {
+      .lamp = {.position_m = {x[0], x[1], x[2]}, .axis = {x[3], x[4], x[5]}, .half_beam_rad = x[6]},
+      .unit_range_m = x[7],
+      .daylight = flat.slice(0, 8, 11).clone(),
+      .glow = flat.slice(0, 11, 14).clone()};
+}
+
+LampTerm lamp_shine(const Lamp& lamp, double unit_range_m, const Tensor& beta_d,
+                    const Tensor& points) {
+  const Beam beam = beam_at(lamp, unit_range_m, points);
+  const Tensor farther = beam.distance - unit_range_m;
+  const Tensor value = beam.falloff * torch::exp(-beta_d * farther);
+  return {.value = value, .by_beta_d = -farther * value};
+}
+
+LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const Tensor& beta_d, const Tensor& rays,
+                   const Tensor& ranges) {
+  LampTerm sum = {.value = torch::zeros_like(rays), .by_beta_d = torch::zeros_like(rays)};
+  for (std::int64_t j = 0; j < kSteps; ++j) {
+    const double begin = end_of_step(j);
+    const Tensor length = (ranges - begin).clamp(0.0, end_of_step(j + 1) - begin).unsqueeze(-1);
+    const Tensor middle = begin + 0.5 * length;
+    const Beam beam = beam_at(lamp, unit_range_m, middle * rays);
+    const Tensor way = beam.distance - unit_range_m + middle;
+    const Tensor part = beam.falloff * length * torch::exp(-beta_d * way);
+    sum.value += part;
+    sum.by_beta_d -= way * part;
+  }
+  return sum;
+}
+
+Tensor lamp_light(const LampLight& light, const Tensor& beta_d, const Tensor& points) {
+  const torch::NoGradGuard no_grad;
+  const Tensor beta = beta_d.detach().to(points.options());
+  const Tensor daylight = light.daylight.to(points.options());
+  const Tensor shine = lamp_shine(light.lamp, light.unit_range_m, beta, points.detach()).value;
+  return daylight + (1.0 - daylight) * shine;
+}
+
+Tensor lamp_veil(const LampLight& light, const Tensor& beta_d, const Intrinsics& intrinsics,
+                 const Tensor& range) {
+  const torch::NoGradGuard no_grad;
+  const auto options = range.options().requires_grad(false);
+  const Tensor table = haze_table(light, beta_d.detach().to(options), intrinsics);
+  const std::int64_t h = intrinsics.height;
+  const std::int64_t w = intrinsics.width;
+  // Places in the table from -1, its first node, to 1.
+  const Tensor x =
+      ((torch::arange(w, options) + 0.5) * (2.0 / static_cast<double>(w)) - 1.0).expand({h, w});
+  const Tensor y = ((torch::arange(h, options) + 0.5) * (2.0 / static_cast<double>(h)) - 1.0)
+                       .unsqueeze(1)
+                       .expand({h, w});
+  const Tensor step = 2.0 * (range.detach() / kFarthest).clamp(0.0, 1.0).sqrt() - 1.0;
+  const Tensor places = torch::stack({x, y, step}, 2).view({1, 1, h, w, 3});
+  constexpr std::int64_t kLinear = 0;
+  constexpr std::int64_t kBorder = 1;
+  const Tensor volume = table.permute({3, 2, 0, 1}).unsqueeze(0).contiguous();
+  const Tensor haze = torch::grid_sampler(volume, places, kLinear, kBorder, /*align_corners=*/true);
+  return haze.view({3, h, w}).permute({1, 2, 0}) * light.glow.to(options);
+}
+
+}  // namespace apvi::splat
