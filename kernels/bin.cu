@@ -8,13 +8,12 @@
 
 #include "look_back.cuh"
 #include "radix_sort.cuh"
+#include "tile_count.cuh"
 
 namespace apvi::splat::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-
-constexpr int kTileBits = 6;  // of a digit
 
 struct SplatCount {
   const Counts* counts;
@@ -65,6 +64,7 @@ unsigned blocks_for(std::uint64_t count) {
 /// What is zeros in the beginning.
 struct State {
   Packed* list;  // [blocks of the listing + 1]
+  TileState tiles;
   SortState by_depth, by_tile;
   std::size_t bytes;
 
@@ -73,6 +73,9 @@ struct State {
     const int by_depths = depth_passes(frame.camera.near_m);
     const int passes = tile_passes(frame.tiles());
     list = cutter.take<Packed>(blocks_for(capacity) + 1);
+    const auto tile_count = static_cast<std::size_t>(frame.tiles());
+    tiles.slots = cutter.take<std::uint32_t>(tile_count + 1);
+    tiles.ended = tiles.slots + tile_count;
     by_depth = cut_sort_state<kDepthBits>(
         cutter.take<std::uint32_t>(sort_state_words<kDepthBits>(capacity, by_depths)), by_depths);
     by_tile = cut_sort_state<kTileBits>(
@@ -206,78 +209,6 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-/// Where each tile begins.
-template <typename Key>
-__global__ void find_tiles_kernel(const Key* keys, SlotCount count, int tiles,
-                                  std::uint32_t* tile_begin) {
-  const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
-  const std::uint32_t n = count();
-  if (k > n) return;
-  const int before = k == 0 ? -1 : static_cast<int>(keys[k - 1]);
-  const int here = k == n ? tiles : static_cast<int>(keys[k]);
-  for (int tile = before + 1; tile <= here; ++tile) tile_begin[tile] = k;
-}
-
-constexpr int kChunkThreads = 1024;
-// Chunks begin by kinds: full ones by how many lie before them in their tile, at first one by one,
-// then by twos' powers; then those half full; then the rest.
-constexpr int kKinds = kChunkKinds;
-constexpr int kHalfFull = kKinds - 2;
-
-/// Calls f(kind, number of the first chunk in its tile, how many) for the chunks of a tile.
-template <typename F>
-__device__ void for_each_kind(std::uint32_t slots, std::uint32_t chunk_slots, std::uint32_t chunks,
-                              F&& f) {
-  const std::uint32_t full = slots / chunk_slots;
-  int kind = 0;
-  for (std::uint32_t first = 0; first < full; ++kind) {
-    const std::uint32_t last = kind < 4 ? first + 1 : 2 * first;
-    const std::uint32_t end = kind + 1 < kHalfFull ? min(last, full) : full;
-    f(kind, first, end - first);
-    first = end;
-  }
-  if (full == chunks) return;
-  f((slots - full * chunk_slots) * 2 >= chunk_slots ? kHalfFull : kHalfFull + 1, full, 1U);
-}
-
-/// One block: the first chunk of each tile, and how many there are of each kind, which become the
-/// places where those begin in the order of drawing.
-__global__ void __launch_bounds__(kChunkThreads) count_chunks_kernel(int tiles, BinPointers bins) {
-  using Scan = cub::BlockScan<std::uint32_t, kChunkThreads>;
-  __shared__ typename Scan::TempStorage storage;
-  __shared__ std::uint32_t kinds[kKinds];
-  if (threadIdx.x < kKinds) kinds[threadIdx.x] = 0;
-  std::uint32_t before = 0;
-  for (int first = 0; first < tiles; first += kChunkThreads) {
-    const int tile = first + static_cast<int>(threadIdx.x);
-    std::uint32_t slots = 0;
-    std::uint32_t own = 0;
-    if (tile < tiles) {
-      slots = bins.tile_begin[tile + 1] - bins.tile_begin[tile];
-      own = max(1U, (slots + bins.chunk_slots - 1) / bins.chunk_slots);
-    }
-    std::uint32_t at = 0;
-    std::uint32_t all = 0;
-    Scan(storage).ExclusiveSum(own, at, all);
-    __syncthreads();  // the storage is used again
-    if (tile < tiles) {
-      bins.chunk_begin[tile] = before + at;
-      for_each_kind(slots, bins.chunk_slots, own,
-                    [&](int kind, std::uint32_t, std::uint32_t n) { atomicAdd(kinds + kind, n); });
-    }
-    before += all;
-  }
-  __syncthreads();
-  if (threadIdx.x != 0) return;
-  bins.chunk_begin[tiles] = before;
-  *bins.drawing.begun = 0;
-  std::uint32_t at = 0;
-  for (int kind = 0; kind < kKinds; ++kind) {
-    bins.drawing.kinds[kind] = at;
-    at += kinds[kind];
-  }
-}
-
 /// One warp a tile: what is to be known of its chunks. Which tile comes first among chunks of one
 /// kind does not matter to what is drawn.
 __global__ void __launch_bounds__(kThreads) place_chunks_kernel(int tiles, BinPointers bins) {
@@ -302,39 +233,59 @@ __global__ void __launch_bounds__(kThreads) place_chunks_kernel(int tiles, BinPo
   });
 }
 
+/// What the parts of the binning hand to each other.
 template <typename Key>
-cudaError_t bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
-                cudaStream_t stream) {
-  const State state(out.state, splats.capacity, splats.slot_capacity, frame);
-  const Scratch<Key> scratch(out.scratch, splats.capacity, splats.slot_capacity);
-  const int by_depths = depth_passes(frame.camera.near_m);
-  cudaError_t error = sort_pairs<kDepthBits>(
+struct Binning {
+  State state;
+  Scratch<Key> scratch;
+  SlotCount count;
+  SortBuffers<Key> slots;
+
+  Binning(const Frame& frame, const SplatPointers& splats, const BinPointers& out)
+      : state(out.state, splats.capacity, splats.slot_capacity, frame),
+        scratch(out.scratch, splats.capacity, splats.slot_capacity),
+        count{splats.counts, splats.capacity, splats.slot_capacity},
+        slots{.keys = {scratch.keys[0], scratch.keys[1]},
+              .values = {out.tile_slots, scratch.slots},
+              .numbered = out.slot_splat != nullptr} {
+    // After as many passes as tiles have digits, the slots are where they are wanted.
+    if (tile_passes(frame.tiles()) % 2 != 0) std::swap(slots.values[0], slots.values[1]);
+  }
+};
+
+template <typename Key>
+cudaError_t list(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                 cudaStream_t stream) {
+  const Binning<Key> binning(frame, splats, out);
+  const State& state = binning.state;
+  const Scratch<Key>& scratch = binning.scratch;
+  const int passes = depth_passes(frame.camera.near_m);
+  const SplatCount count = {splats.counts, splats.capacity};
+  count_digits<kDepthBits>(splats.depth_keys, count, splats.capacity, passes, state.by_depth,
+                           stream);
+  const cudaError_t error = sort_pairs<kDepthBits>(
       SortBuffers<std::uint32_t>{.keys = {splats.depth_keys, scratch.depth_keys},
                                  .values = {scratch.orders[0], scratch.orders[1]},
-                                 .numbered = true,
-                                 .keep_keys = false},
-      SplatCount{splats.counts, splats.capacity}, splats.capacity, by_depths, state.by_depth,
-      stream);
+                                 .numbered = true},
+      count, splats.capacity, passes, state.by_depth, stream);
   if (error != cudaSuccess) return error;
-  // After as many passes as the tiles' numbers have digits, the slots are where they are wanted.
-  const int passes = tile_passes(frame.tiles());
-  const SlotCount count = {splats.counts, splats.capacity, splats.slot_capacity};
-  SortBuffers<Key> slots = {.keys = {scratch.keys[0], scratch.keys[1]},
-                            .values = {out.tile_slots, scratch.slots},
-                            .numbered = out.slot_splat != nullptr,
-                            .keep_keys = true};
-  if (passes % 2 != 0) std::swap(slots.values[0], slots.values[1]);
+  const SortBuffers<Key>& slots = binning.slots;
   list_kernel<<<blocks_for(splats.capacity), kThreads, 0, stream>>>(
-      frame, splats, count, scratch.orders[by_depths % 2], state.list,
+      frame, splats, binning.count, scratch.orders[passes % 2], state.list,
       List<Key>{slots.keys[0], slots.numbered ? out.slot_splat : slots.values[0]});
-  error = sort_pairs<kTileBits>(slots, count, splats.slot_capacity, passes, state.by_tile, stream);
-  if (error != cudaSuccess) return error;
-  find_tiles_kernel<<<blocks_for(std::uint64_t{splats.slot_capacity} + 1), kThreads, 0, stream>>>(
-      slots.keys[passes % 2], count, frame.tiles(), out.tile_begin);
-  count_chunks_kernel<<<1, kChunkThreads, 0, stream>>>(frame.tiles(), out);
-  place_chunks_kernel<<<blocks_for(std::uint64_t{kWarp} * frame.tiles()), kThreads, 0, stream>>>(
-      frame.tiles(), out);
+  constexpr unsigned kCountBlocks = 132;  // one for each multiprocessor of a large device
+  count_tiles_kernel<<<kCountBlocks, kCountThreads, 0, stream>>>(
+      slots.keys[0], binning.count, frame.tiles(), tile_passes(frame.tiles()), out, state.tiles,
+      state.by_tile.counts);
   return cudaGetLastError();
+}
+
+template <typename Key>
+cudaError_t sort(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                 cudaStream_t stream) {
+  const Binning<Key> binning(frame, splats, out);
+  return sort_pairs<kTileBits>(binning.slots, binning.count, splats.slot_capacity,
+                               tile_passes(frame.tiles()), binning.state.by_tile, stream);
 }
 
 constexpr int kShortKeys = 1 << 16;
@@ -360,10 +311,22 @@ std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacit
                             : Scratch<std::uint32_t>(nullptr, capacity, slot_capacity).bytes;
 }
 
-cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
-                       cudaStream_t stream) {
-  return frame.tiles() < kShortKeys ? bin<std::uint16_t>(frame, splats, out, stream)
-                                    : bin<std::uint32_t>(frame, splats, out, stream);
+cudaError_t launch_list(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                        cudaStream_t stream) {
+  return frame.tiles() < kShortKeys ? list<std::uint16_t>(frame, splats, out, stream)
+                                    : list<std::uint32_t>(frame, splats, out, stream);
+}
+
+cudaError_t launch_place_chunks(const Frame& frame, const BinPointers& out, cudaStream_t stream) {
+  place_chunks_kernel<<<blocks_for(std::uint64_t{kWarp} * frame.tiles()), kThreads, 0, stream>>>(
+      frame.tiles(), out);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_sort(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                        cudaStream_t stream) {
+  return frame.tiles() < kShortKeys ? sort<std::uint16_t>(frame, splats, out, stream)
+                                    : sort<std::uint32_t>(frame, splats, out, stream);
 }
 
 }  // namespace apvi::splat::cuda

@@ -23,7 +23,7 @@ struct RasterMemory {
   cuda::Counts last = {0, 0};
   Tensor host_counts = torch::empty({2}, torch::dtype(torch::kInt32).pinned_memory(true));
   at::cuda::CUDAEvent counted;
-  at::cuda::CUDAEvent projected, shaded;
+  at::cuda::CUDAEvent projected, listed, prepared;
 
   cuda::Counts* counts() {
     return reinterpret_cast<cuda::Counts*>(host_counts.data_ptr<std::int32_t>());
@@ -273,14 +273,18 @@ RasterBuffers launch_forward(const RasterInput& input, const RasterOutput& out,
   const cuda::StatisticsPointers statistics = to_pointers(out, buffers.row());
   C10_CUDA_CHECK(cuda::launch_project(gaussians, frame, splats, statistics, stream));
   memory.counted.record(stream);
-  // Sorting keeps few multiprocessors busy, and only drawing waits for colours.
+  // Sorting keeps few multiprocessors busy, and only drawing waits for colours and chunks.
   const auto other = at::cuda::getStreamFromPool(false, stream.device_index());
   memory.projected.record(stream);
   memory.projected.block(other);
   C10_CUDA_CHECK(cuda::launch_shade(gaussians, frame, splats, statistics, other));
-  memory.shaded.record(other);
-  C10_CUDA_CHECK(cuda::launch_bin(frame, splats, bins, stream));
-  memory.shaded.block(stream);
+  C10_CUDA_CHECK(cuda::launch_list(frame, splats, bins, stream));
+  memory.listed.record(stream);
+  memory.listed.block(other);
+  C10_CUDA_CHECK(cuda::launch_place_chunks(frame, bins, other));
+  memory.prepared.record(other);
+  C10_CUDA_CHECK(cuda::launch_sort(frame, splats, bins, stream));
+  memory.prepared.block(stream);
   const cuda::ImagePointers image = {.background = input.background.data_ptr<float>(),
                                      .color = out.color.data_ptr<float>(),
                                      .depth = out.depth.data_ptr<float>(),

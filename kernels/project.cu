@@ -107,11 +107,31 @@ __device__ Drawn find_footprint(const GaussianPointers& g, const Frame& frame, s
   return out;
 }
 
+constexpr int kParts = sizeof(Splat<float>) / sizeof(float4);
+
+/// The splats of a block, which go out in a row.
+struct Staged {
+  float4 parts[kProjectThreads * kParts];
+
+  /// Where a part of a splat is, so that neither side meets in a bank.
+  static __device__ int place(int rank, int part) {
+    return kParts * rank + (part ^ (rank >> 1 & (kParts - 1)));
+  }
+  __device__ void put(int rank, const Splat<float>& splat) {
+    const auto* const from = reinterpret_cast<const float4*>(&splat);
+    for (int k = 0; k < kParts; ++k) parts[place(rank, k)] = from[k];
+  }
+  __device__ void store(int count, Splat<float>* splats) const {
+    auto* const to = reinterpret_cast<float4*>(splats);
+    for (auto k = static_cast<int>(threadIdx.x); k < count * kParts; k += kProjectThreads) {
+      to[k] = parts[place(k / kParts, k % kParts)];
+    }
+  }
+};
+
 __device__ void store(const SplatPointers& out, std::uint32_t to, const Drawn& drawn,
                       const Frame& frame, std::uint32_t gaussian) {
   if (to >= out.capacity) return;
-  const auto* const from = reinterpret_cast<const float4*>(&drawn.splat);
-  for (int k = 0; k < 4; ++k) reinterpret_cast<float4*>(out.splats + to)[k] = from[k];
   out.gaussian[to] = gaussian;
   out.slots[to] = drawn.packed;
   out.depth_keys[to] = depth_key(drawn.splat.z, frame.camera.near_m);
@@ -124,6 +144,7 @@ __global__ void __launch_bounds__(kProjectThreads)
   __shared__ typename Scan::TempStorage scan_storage;
   __shared__ unsigned block_shared;
   __shared__ Packed before_shared;
+  __shared__ Staged staged;
   const unsigned block = take_turn(out.block_state, blocks, block_shared);
   const std::int64_t i = static_cast<std::int64_t>(block) * kProjectThreads + threadIdx.x;
   Drawn drawn;
@@ -140,10 +161,14 @@ __global__ void __launch_bounds__(kProjectThreads)
       *out.host_counts = *out.counts;
     }
   }
+  const bool shows = drawn.tiles != 0;
+  if (shows) staged.put(static_cast<int>(splats_in(at)), drawn.splat);
   __syncthreads();
+  const std::uint32_t begin = splats_in(before_shared);
+  const std::uint32_t room = out.capacity - min(out.capacity, begin);
+  staged.store(static_cast<int>(min(splats_in(own), room)), out.splats + begin);
   at += before_shared;
   if (i >= g.count) return;
-  const bool shows = drawn.tiles != 0;
   if (shows) store(out, splats_in(at), drawn, frame, static_cast<std::uint32_t>(i));
   if (statistics.visible == nullptr) return;
   statistics.visible[i] = shows;

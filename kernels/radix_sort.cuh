@@ -3,6 +3,7 @@
 
 #include <cub/block/block_scan.cuh>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "warp.cuh"
@@ -261,27 +262,34 @@ template <typename Key>
 struct SortBuffers {
   Key* keys[2];
   std::uint32_t* values[2];
-  bool numbered;   ///< the values are to be 0, 1, ..., whatever is there
-  bool keep_keys;  ///< the sorted keys are wanted too
+  bool numbered;  ///< the values are to be 0, 1, ..., whatever is there
 };
 
-/// `count`: callable on the device, how many pairs there are; `capacity`: no fewer than that.
+/// Where the keys of each digit begin, of no more than `capacity` keys.
+template <int kBits, typename Key, typename Count>
+void count_digits(const Key* keys, const Count& count, std::uint32_t capacity, int passes,
+                  const SortState& state, cudaStream_t stream) {
+  constexpr unsigned kMostBlocks = 264;
+  const unsigned blocks = (capacity + kSortPairs<kBits> - 1) / kSortPairs<kBits>;
+  if (blocks == 0) return;
+  const auto kernel = count_digits_kernel<kBits, Key, Count>;
+  kernel<<<std::min(blocks, kMostBlocks), kSortThreads, 0, stream>>>(keys, count, passes, state);
+}
+
+/// `count`: callable on the device, how many pairs there are; `capacity`: no fewer than that. The
+/// state's counts are there already.
 template <int kBits, typename Key, typename Count>
 cudaError_t sort_pairs(const SortBuffers<Key>& buffers, const Count& count, std::uint32_t capacity,
                        int passes, const SortState& state, cudaStream_t stream) {
   const unsigned blocks = (capacity + kSortPairs<kBits> - 1) / kSortPairs<kBits>;
   if (blocks == 0) return cudaSuccess;
-  constexpr unsigned kMostBlocks = 264;
-  const unsigned counting = blocks < kMostBlocks ? blocks : kMostBlocks;
-  const auto count_digits = count_digits_kernel<kBits, Key, Count>;
   const auto sort_pass = sort_pass_kernel<kBits, Key, Count>;
-  count_digits<<<counting, kSortThreads, 0, stream>>>(buffers.keys[0], count, passes, state);
   for (int pass = 0; pass < passes; ++pass) {
     const int from = pass % 2;
     const SortPass<Key> step = {
         .keys = buffers.keys[from],
         .values = pass == 0 && buffers.numbered ? nullptr : buffers.values[from],
-        .sorted_keys = pass + 1 < passes || buffers.keep_keys ? buffers.keys[1 - from] : nullptr,
+        .sorted_keys = pass + 1 < passes ? buffers.keys[1 - from] : nullptr,
         .sorted_values = buffers.values[1 - from],
         .pass = pass};
     sort_pass<<<blocks, kSortThreads, 0, stream>>>(step, count, state);

@@ -161,8 +161,14 @@ std::uint32_t chunk_capacity(std::uint32_t slot_capacity, std::uint32_t chunk_sl
 std::size_t bin_state_bytes(std::uint32_t capacity, std::uint32_t slot_capacity,
                             const Frame& frame);
 std::size_t bin_scratch_bytes(std::uint32_t capacity, std::uint32_t slot_capacity, int tiles);
-cudaError_t launch_bin(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
-                       cudaStream_t stream);
+/// In three parts: lists the slots by depth and finds where the tiles and their chunks begin; says
+/// what there is to know of the chunks; sorts the slots by tile. The latter two need only the first
+/// one's end.
+cudaError_t launch_list(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                        cudaStream_t stream);
+cudaError_t launch_place_chunks(const Frame& frame, const BinPointers& out, cudaStream_t stream);
+cudaError_t launch_sort(const Frame& frame, const SplatPointers& splats, const BinPointers& out,
+                        cudaStream_t stream);
 
 struct ImagePointers {
   const float* background;  ///< [3]
