@@ -73,11 +73,6 @@ function(apvi_precompile_torch target)
   target_compile_options(${target} PRIVATE -fPIC $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)
 endfunction()
 
-# apvi_optimise_less(<target>): for code that takes no time and whose optimisation would take much of it.
-function(apvi_optimise_less target)
-  target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:-O1>)
-endfunction()
-
 # Labels of tests: quick (the whole set takes a minute on two cores), slow, e2e, cuda (needs a GPU),
 # long (not run by scripts/test.sh).
 

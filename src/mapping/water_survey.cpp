@@ -45,7 +45,7 @@ struct Look {
   Tensor depth;    ///< [H,W] float64 on the CPU, 0 where nothing is
   Tensor points;   ///< [p,3] float64 of the world
   Tensor normals;  ///< [p,3] of the surface there
-  Tensor facing;   ///< [p,3] the same of more of the surface around
+  Tensor facing;   ///< [p,3] the same, for a lamp: of more of the surface around
 };
 
 /// Keyframes at least `spacing_m` apart; of many, some stretches.
@@ -130,7 +130,7 @@ Tensor averaged_normals(const Tensor& points, const Tensor& normals, double radi
 }
 
 /// Random points of the surfaces that the view shows, and how these lie.
-void draw_points(Look& look, std::int64_t count, Random& random) {
+void draw_points(Look& look, std::int64_t count, bool by_lamplight, Random& random) {
   const splat::Intrinsics& k = look.camera.intrinsics;
   std::array<std::vector<double>, 5> pixels;  // of the point and beside it
   std::array<std::vector<double>, 5> depths;
@@ -159,6 +159,8 @@ void draw_points(Look& look, std::int64_t count, Random& random) {
   const Tensor normals = torch::linalg_cross(at[2] - at[1], at[4] - at[3]);
   look.points = at[0];
   look.normals = unit(normals);
+  look.facing = look.normals;
+  if (!by_lamplight) return;
   const Tensor R = look.camera.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
   look.facing =
       broad_normals(look, torch::tensor(pixels[0], torch::kFloat64).reshape({-1, 2})).mm(R);
@@ -291,7 +293,7 @@ class Collector {
 };
 
 std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, double spacing_m,
-                              std::uint64_t seed) {
+                              bool by_lamplight, std::uint64_t seed) {
   std::vector<Look> looks;
   const auto clusters = clusters_of(keyframes, spacing_m);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
@@ -299,7 +301,7 @@ std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, do
   }
   Random random(seed);
   const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
-  for (Look& view : looks) draw_points(view, each, random);
+  for (Look& view : looks) draw_points(view, each, by_lamplight, random);
   return looks;
 }
 
@@ -329,7 +331,8 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
                                         double spacing_m, const WaterPrior& prior,
                                         std::uint64_t seed) {
   const torch::NoGradGuard no_grad;
-  const std::vector<Look> looks = look_around(map, keyframes, spacing_m, seed);
+  const std::vector<Look> looks =
+      look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
   if (looks.size() < 2) return std::nullopt;
   Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
   std::vector<Tensor> points;
@@ -350,9 +353,10 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
       facing.push_back(looks[i].facing);
       numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
     }
-    collector.add(looks[j], static_cast<std::int64_t>(j), torch::cat(near_points),
-                  torch::cat(normals),
-                  averaged_normals(torch::cat(near_points), torch::cat(facing), around_m),
+    const Tensor around = torch::cat(near_points);
+    Tensor faces = torch::cat(facing);
+    if (prior.lamp) faces = averaged_normals(around, faces, around_m);
+    collector.add(looks[j], static_cast<std::int64_t>(j), around, torch::cat(normals), faces,
                   torch::cat(numbers));
     survey.views.push_back(looks[j].keyframe);
   }
