@@ -110,7 +110,7 @@ Tensor light_on(const Tensor& means, const View& view, const Medium& medium) {
 Tensor see_through(const Tensor& color, const Tensor& depth, const Tensor& alpha,
                    const Intrinsics& intrinsics, const Medium& medium) {
   const Tensor range = depth_to_range(depth, intrinsics);
-  const Tensor image = apply_medium(color, range, alpha, medium);
+  Tensor image = apply_medium(color, range, alpha, medium);
   if (!medium.lamp) return image;
   const Tensor end = range.detach().masked_fill(alpha.detach() < kSolid, kOpenWater_m);
   return image + lamp_veil(*medium.lamp, medium.beta_d, intrinsics, end);
