@@ -106,7 +106,10 @@ void write_map_metrics(const std::filesystem::path& file, const MapFigures& figu
   if (speed.contains("sequence_s")) {
     speed["realtime_factor"] = speed["sequence_s"].get<double>() / std::max(1e-9, figures.wall_s);
   }
-  sections["build"] = {{"backend", kBackend}, {"git", kGitRevision}, {"torch", TORCH_VERSION}};
+  sections["build"] = {{"backend", kBackend},
+                       {"device", splat::active_device().str()},
+                       {"git", kGitRevision},
+                       {"torch", TORCH_VERSION}};
   if (figures.medium) {
     eval::Json& medium = sections["medium"];
     medium = {{"beta_d", numbers(figures.medium->beta_d)},

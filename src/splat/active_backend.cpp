@@ -5,6 +5,7 @@
 #include <c10/cuda/CUDACachingAllocator.h>
 #endif
 
+#include "apvi/core/log.hpp"
 #include "apvi/splat/adam_backend.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/loss_backend.hpp"
@@ -45,12 +46,18 @@ const AdamBackend& adam_backend(const torch::Device& device) {
   TORCH_CHECK(false, "this build has no optimiser for ", device);
 }
 
+#if APVI_WITH_CUDA
 torch::Device active_device() {
-  return APVI_WITH_CUDA ? torch::kCUDA : torch::kCPU;
+  static const bool usable = [] {
+    const bool found = torch::cuda::is_available();
+    if (!found) log::warning("no usable GPU: maps are made on the CPU, which is much slower");
+    return found;
+  }();
+  return usable ? torch::kCUDA : torch::kCPU;
 }
 
-#if APVI_WITH_CUDA
 std::optional<DeviceMemory> device_memory() {
+  if (!active_device().is_cuda()) return std::nullopt;
   const auto bytes = c10::cuda::CUDACachingAllocator::getDeviceStats(0).allocated_bytes[0];
   constexpr double kMib = 1024.0 * 1024.0;
   return DeviceMemory{static_cast<double>(bytes.current) / kMib,
@@ -58,9 +65,13 @@ std::optional<DeviceMemory> device_memory() {
 }
 
 void forget_peak_memory() {
-  c10::cuda::CUDACachingAllocator::resetPeakStats(0);
+  if (active_device().is_cuda()) c10::cuda::CUDACachingAllocator::resetPeakStats(0);
 }
 #else
+torch::Device active_device() {
+  return torch::kCPU;
+}
+
 std::optional<DeviceMemory> device_memory() {
   return std::nullopt;
 }

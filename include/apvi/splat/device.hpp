@@ -7,7 +7,8 @@
 
 namespace apvi::splat {
 
-/// Where this build keeps its tensors: the GPU when it was made with APVI_BACKEND=cuda.
+/// Where tensors are kept: on the GPU when this build was made with APVI_BACKEND=cuda and finds one
+/// that LibTorch can use; otherwise in the computer's memory, which such a build warns of once.
 torch::Device active_device();
 
 /// Memory of the GPU that tensors hold, LibTorch's unused reserve left out [MiB].
