@@ -31,6 +31,26 @@ cuda::MediumPointers to_pointers(const MediumInput& in) {
           .b_inf = in.b_inf.data_ptr<float>()};
 }
 
+cuda::LampPointers to_pointers(const LampInput& in) {
+  cuda::LampPointers out = {.count = in.means.size(0),
+                            .means = in.means.data_ptr<float>(),
+                            .beta_d = in.beta_d.data_ptr<float>(),
+                            .daylight = in.daylight.data_ptr<float>(),
+                            .from_lamp = {},
+                            .axis = {},
+                            .sharpness = static_cast<float>(lamp_sharpness(in.lamp)),
+                            .unit_range_m = static_cast<float>(in.unit_range_m),
+                            .nearest_m = static_cast<float>(kLampNearest_m)};
+  const auto T = in.T_camera_world.accessor<double, 2>();
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    for (int c = 0; c < 4; ++c) out.from_lamp[4 * k + c] = static_cast<float>(T[k][c]);
+    out.from_lamp[4 * k + 3] = static_cast<float>(T[k][3] - in.lamp.position_m[axis]);
+    out.axis[k] = static_cast<float>(in.lamp.axis[axis]);
+  }
+  return out;
+}
+
 class CudaMediumBackend final : public MediumBackend {
  public:
   std::string_view name() const override { return "cuda"; }
@@ -65,6 +85,14 @@ class CudaMediumBackend final : public MediumBackend {
     out.beta_b = scalars[1];
     out.b_inf = scalars[2];
     return out;
+  }
+
+  Tensor lamp_light(const LampInput& input) const override {
+    const c10::cuda::CUDAGuard guard(input.means.device());
+    Tensor light = torch::empty_like(input.means);
+    C10_CUDA_CHECK(cuda::launch_lamp_light(to_pointers(input), light.data_ptr<float>(),
+                                           at::cuda::getCurrentCUDAStream()));
+    return light;
   }
 };
 

@@ -66,6 +66,29 @@ __global__ void add_up_kernel(MediumGradientPointers out) {
   if (threadIdx.x == 0) out.scalars[blockIdx.x] = sum;
 }
 
+/// One thread a point.
+__global__ void lamp_light_kernel(LampPointers in, float* light) {
+  const std::int64_t i = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= in.count) return;
+  const float* const p = in.means + 3 * i;
+  float square = 0.0f;
+  float along = 0.0f;
+  for (int k = 0; k < 3; ++k) {
+    const float* const row = in.from_lamp + 4 * k;
+    const float x = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+    square += x * x;
+    along += x * in.axis[k];
+  }
+  const float distance = fmaxf(sqrtf(square), in.nearest_m);
+  const float cosine = along / distance;
+  const float beam = cosine > 0.0f ? expf(in.sharpness * (cosine - 1.0f)) : 0.0f;
+  const float ratio = in.unit_range_m / distance;
+  for (int c = 0; c < 3; ++c) {
+    const float shine = beam * ratio * ratio * expf(-in.beta_d[c] * (distance - in.unit_range_m));
+    light[3 * i + c] = in.daylight[c] + (1.0f - in.daylight[c]) * shine;
+  }
+}
+
 }  // namespace
 
 cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaStream_t stream) {
@@ -79,6 +102,13 @@ cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_i
                                    const MediumGradientPointers& out, cudaStream_t stream) {
   backward_kernel<<<kMediumBlocks, kThreads, 0, stream>>>(in, grad_image, out);
   add_up_kernel<<<kMediumScalars, kMediumBlocks, 0, stream>>>(out);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_lamp_light(const LampPointers& in, float* light, cudaStream_t stream) {
+  const auto blocks = static_cast<unsigned>((in.count + kThreads - 1) / kThreads);
+  if (blocks == 0) return cudaSuccess;
+  lamp_light_kernel<<<blocks, kThreads, 0, stream>>>(in, light);
   return cudaGetLastError();
 }
 

@@ -37,4 +37,19 @@ cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaSt
 cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,
                                    const MediumGradientPointers& out, cudaStream_t stream);
 
+/// A lamp's light on points, see LampLight: the beam is exp(sharpness (cos - 1)).
+struct LampPointers {
+  std::int64_t count;
+  const float* means;     ///< [count,3]
+  const float* beta_d;    ///< [3]
+  const float* daylight;  ///< [3]
+  float from_lamp[12];    ///< a point of the world, as seen from the lamp in the camera's axes
+  float axis[3];
+  float sharpness;
+  float unit_range_m;
+  float nearest_m;
+};
+/// `light` [count,3].
+cudaError_t launch_lamp_light(const LampPointers& in, float* light, cudaStream_t stream);
+
 }  // namespace apvi::splat::cuda

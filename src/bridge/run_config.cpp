@@ -10,8 +10,8 @@
 namespace apvi::bridge {
 namespace {
 
-constexpr int kMostOnCpu = 100000;  // a step of more is no use to a map that is made as one swims
-constexpr int kMostOnGpu = 400000;  // with room for all else in 3 GiB
+constexpr int kMostOnCpu = 100000;   // a step of more is no use to a map that is made as one swims
+constexpr int kMostOnGpu = 1000000;  // with room for all else in 3 GiB
 
 void check_power_of_two(const char* key, int value) {
   if ((value & (value - 1)) != 0)

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "apvi/mapping/open_water.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
@@ -20,7 +21,13 @@ using torch::Tensor;
 
 constexpr double kGainShare = 0.3;  // of a gain's error that one step takes away
 constexpr int kGainReduction = 4;   // of the picture that a new view's gain is found with
+// What changes slowly is looked after in one of so many steps: a step is as long on a GPU as its
+// operators are many, and these have as many as the rest together.
+constexpr std::int64_t kGainSteps = 4;
+constexpr std::int64_t kWaterSteps = 8;  // once the water is known about
 constexpr std::int64_t kReorderSteps = 1000;
+constexpr std::int64_t kOpenWaterSteps = 4;
+constexpr double kOpenWaterWeight = 1.0;  // of opacity there
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
 
@@ -94,40 +101,49 @@ MapLearner::MapLearner(const splat::Gaussians& initial, const TrainerOptions& op
   if (medium) medium_.emplace(on_device(*medium));
 }
 
-Tensor MapLearner::light_in(const splat::View& camera) const {
-  return medium_ ? splat::light_on(store_.view().means, camera, medium_->medium()) : Tensor();
+const splat::MediumView& MapLearner::water_before(const splat::Intrinsics& camera) {
+  const auto kept = waters_.find(camera.width);
+  if (kept != waters_.end()) return kept->second;
+  return waters_.emplace(camera.width, splat::MediumView(*medium(), camera)).first->second;
 }
 
-Tensor MapLearner::image_of(std::size_t view, const splat::View& camera,
-                            const splat::RenderOutput& out) {
-  Tensor image = out.color;
-  if (medium_) {
-    image = splat::see_through(image, out.depth, out.alpha, camera.intrinsics, medium_->medium());
-  }
-  return corrections_.expose(view, image, /*learn=*/true);
+bool MapLearner::learns_water() const {
+  return medium_ && (!medium_->held() || store_.steps() % kWaterSteps == 0);
 }
 
 Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                         const StepSettings& settings) {
   splat::View camera = keyframes.view(i, settings.reduction);
   camera.pose_delta = corrections_.pose_delta(i, settings.correct_pose);
-  const splat::RenderOutput out = splat::render(store_.view(), camera,
-                                                {.sh_degree = settings.sh_degree,
-                                                 .antialiased = options_.antialiased,
-                                                 .background = {},
-                                                 .light = light_in(camera),
-                                                 .rows = true});
-  const Tensor image = image_of(i, camera, out);
+  const bool learns = learns_water();
+  std::optional<splat::MediumView> learnt;
+  if (learns) learnt = water_before(camera.intrinsics).with(medium_->medium());
+  const splat::MediumView* const water =
+      learns ? &*learnt : (medium_ ? &water_before(camera.intrinsics) : nullptr);
+  const splat::RenderOutput out = splat::render(
+      store_.view(), camera,
+      {.sh_degree = settings.sh_degree,
+       .antialiased = options_.antialiased,
+       .background = {},
+       .light = water ? water->light_on(store_.view().means, camera.T_camera_world) : Tensor(),
+       .rows = true});
+  const Tensor seen = water ? water->see(out.color, out.depth, out.alpha) : out.color;
+  const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
   Tensor target = keyframes.image(i, settings.reduction, out.color.device());
   if (vignetting_ > 0.0) target = target / falloff(camera.intrinsics);
   if (options_.auto_gain) {
-    if (settings.match_gain) {
+    if (settings.match_gain && store_.steps() % kGainSteps == 0) {
       gains_.match(i, image.detach(), out.alpha.detach(), target, kGainShare);
     }
     target = target / gains_.gain(i);
   }
   const Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
-  loss.backward();
+  if (water != nullptr && store_.steps() % kOpenWaterSteps == 0) {
+    const Tensor open = open_water(target, water->open_water());
+    (loss + kOpenWaterWeight * (open * out.alpha).mean()).backward();
+  } else {
+    loss.backward();
+  }
   statistics_.observe(out.statistics);
   if (out.rows != nullptr) {
     store_.step(settings.rates, *out.rows, options_.sparse_adam);
@@ -135,7 +151,11 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
     store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
-  if (medium_) medium_->step();
+  if (learns) {
+    medium_->step();
+    const splat::Medium now = *medium();
+    for (auto& [width, kept] : waters_) kept = kept.with(now);
+  }
   return loss.detach();
 }
 
@@ -188,16 +208,10 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
   if (!options_.auto_gain || size() == 0) return;
   const torch::NoGradGuard no_grad;
   const splat::View camera = keyframes.view(i, kGainReduction);
-  const splat::RenderOutput out = splat::render(
-      store_.view(), camera,
-      {.antialiased = options_.antialiased, .background = {}, .light = light_in(camera)});
-  Tensor image = out.color;
-  if (medium_) {
-    image = splat::see_through(image, out.depth, out.alpha, camera.intrinsics, medium_->medium());
-  }
-  Tensor picture = keyframes.image(i, kGainReduction, image.device());
+  const Picture drawn = take_picture(whole_map(), camera);
+  Tensor picture = keyframes.image(i, kGainReduction, drawn.alpha.device());
   if (vignetting_ > 0.0) picture = picture / falloff(camera.intrinsics);
-  gains_.match(i, image, out.alpha, picture, 1.0);
+  gains_.match(i, drawn.as_seen, drawn.alpha, picture, 1.0);
 }
 
 void MapLearner::adopt(const splat::Medium& medium, const Tensor& known,
@@ -227,6 +241,7 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
   after.vignetting = survey.fit.vignetting;
   after.medium = water;
   wear(after, survey.fit.known, keyframes);
+  for (const std::size_t i : keyframes.training()) match_gain(keyframes, i);
 }
 
 void MapLearner::wear(const Map& after, const Tensor& known, const KeyframeStore& keyframes) {
@@ -236,6 +251,7 @@ void MapLearner::wear(const Map& after, const Tensor& known, const KeyframeStore
   falloffs_.clear();
   if (!medium_) medium_.emplace(on_device(*after.medium));
   medium_->hold(*after.medium, known);
+  waters_.clear();
 }
 
 void MapLearner::set_vio_failing(bool failing) {
@@ -301,6 +317,7 @@ void MapLearner::load(torch::serialize::InputArchive& archive) {
   archive.read("vignetting", vignetting);
   vignetting_ = vignetting.toDouble();
   falloffs_.clear();
+  waters_.clear();
   c10::IValue has_medium;
   archive.read("has_medium", has_medium);
   if (!has_medium.toBool()) return medium_.reset();

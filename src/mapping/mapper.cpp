@@ -24,7 +24,7 @@ constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
 
-constexpr double kLeastMove = 1e-4;  // [m], and [rad]
+constexpr double kLeastMove = 5e-4;  // [m], and [rad]
 
 double size_of(const Tensor& motion) {
   const Tensor t = motion.slice(0, 0, 3).select(1, 3);
@@ -66,7 +66,9 @@ Mapper::Mapper(const MapperOptions& options)
     : options_(options),
       schedule_(static_cast<std::size_t>(options.online.recent_keyframes),
                 options.online.recent_share),
-      points_(torch::empty({0, 3}, torch::kFloat64)) {}
+      points_(torch::empty({0, 3}, torch::kFloat64)) {
+  options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
+}
 
 Intake Mapper::judge(const Keyframe& keyframe) const {
   const Tensor& image = keyframe.image;
@@ -102,7 +104,9 @@ Intake Mapper::add(const MapperInput& input) {
   if (learner_) learner_->match_gain(keyframes_, view);
   insert_points(view, input);
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
-  if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
+  if (options_.trainer.densify.kind == Densification::quadtree) {
+    want_depth(view, input.hurry);
+  }
   make_memory();
   const bool has_water = learner_ && learner_->medium();
   if (!input.hurry || !has_water) maybe_survey_water();
@@ -208,7 +212,11 @@ void Mapper::survey_water() {
                                             {.medium = usual, .lamp = options_.trainer.lamp},
                                             options_.trainer.seed);
   if (survey) {
+    log::debug("water surveyed after {} keyframes, from {} of them, to {:.0f} %",
+               keyframes_.training().size(), survey->views.size(),
+               100.0 * survey->fit.sigmas.mean().item<double>());
     learner_->adopt(*survey, keyframes_);
+    schedule_.pardon();
   } else if (!learner_->medium()) {
     learner_->adopt(usual, torch::zeros({3, 3, 3}, torch::kFloat64), keyframes_);
   }
@@ -255,11 +263,13 @@ void Mapper::maybe_densify() {
 void Mapper::begin_final() {
   if (final_start_) return;
   const torch::NoGradGuard no_grad;
-  for (const std::size_t view : waiting_) fill_from_depth(view);
-  waiting_.clear();
-  // A survey changes colours, gains and water at once, which takes steps to settle.
-  const bool refines = options_.trainer.final_iterations > 0;
-  if (options_.medium && learner_ && size() > 0 && refines) survey_water();
+  // New Gaussians, and a survey, which changes colours, gains and water at once, take steps to
+  // settle.
+  if (options_.trainer.final_iterations > 0) {
+    for (const std::size_t view : waiting_) fill_from_depth(view);
+    waiting_.clear();
+    if (options_.medium && learner_ && size() > 0) survey_water();
+  }
   schedule_.forget_recency();
   final_start_ = iteration_;
 }

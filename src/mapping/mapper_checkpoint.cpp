@@ -85,13 +85,13 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   archive.write("extent", c10::IValue(extent_));
   archive.write("iteration", c10::IValue(iteration_));
   archive.write("heldout_stride", c10::IValue(static_cast<std::int64_t>(heldout_stride_)));
+  const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
+  archive.write("waiting", torch::tensor(waiting, torch::kInt64));
   archive.write("next_survey", c10::IValue(static_cast<std::int64_t>(next_survey_)));
   archive.write("heldout_seen", c10::IValue(static_cast<std::int64_t>(heldout_seen_)));
   write_archive(checkpoint, archive);
 }
 
-// Keyframes whose depth was still to be estimated are not among what is saved: `begin_final` comes
-// before the last save of a run.
 void Mapper::resume(const std::filesystem::path& checkpoint) {
   Mapper read(options_);
   read_archive(checkpoint, [&read](InputArchive& archive) {
@@ -119,6 +119,10 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.iteration_ = read_int(archive, "iteration");
     read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
     read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));
+    Tensor waiting;
+    archive.read("waiting", waiting);
+    const auto* const first = waiting.data_ptr<std::int64_t>();
+    read.waiting_.assign(first, first + waiting.numel());
     read.heldout_seen_ = static_cast<std::size_t>(read_int(archive, "heldout_seen"));
   });
   *this = std::move(read);

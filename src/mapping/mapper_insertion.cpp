@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/mapper.hpp"
+#include "apvi/mapping/open_water.hpp"
 #include "apvi/mapping/quadtree_insertion.hpp"
 #include "apvi/mapping/random_insertion.hpp"
 #include "apvi/splat/render.hpp"
@@ -27,7 +29,9 @@ constexpr double kExtentMemory = 0.9;   // of the mean over keyframes
 constexpr double kLeastRadiusPx = 1.0;  // of a Gaussian at a sparse point
 constexpr double kMostRadiusPx = 8.0;
 constexpr std::int64_t kMostPoints = 4096;  // sparse ones that are remembered
-constexpr double kMostReplaced = 0.1;       // of a full map, by one keyframe
+// Of a full map, by one keyframe: others have to learn what those showed that go.
+constexpr double kMostReplaced = 0.01;
+constexpr double kMostWidened = 3.0;  // of seeds that stand for more than their own
 
 double finite_median(const Tensor& values) {
   return values.median().item<double>();
@@ -38,6 +42,15 @@ Tensor spacing(const Tensor& pixels) {
   const Tensor flat = torch::cat({pixels, torch::zeros({pixels.size(0), 1}, pixels.options())}, 1);
   const Tensor distance = neighbour_distance(flat.to(torch::kFloat32)).to(torch::kFloat64);
   return (0.5 * distance).clamp(kLeastRadiusPx, kMostRadiusPx);
+}
+
+/// So many of them, evenly over the picture, and as much larger as they are fewer.
+Seeds thinned(const Seeds& seeds, std::int64_t count) {
+  const double each = static_cast<double>(seeds.size()) / static_cast<double>(count);
+  Seeds fewer =
+      seeds.select((torch::arange(0, count, torch::kFloat64) * each).floor().to(torch::kInt64));
+  fewer.radii_px = fewer.radii_px * std::min(kMostWidened, std::sqrt(each));
+  return fewer;
 }
 
 Tensor finite_rows(const Tensor& positions) {
@@ -114,8 +127,15 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (learner_) {
     const Map map = learner_->whole_map();
     const Picture shown = take_picture(map, camera);
-    drawn = (shown.as_seen * camera_response(map, keyframes_, view, 1)).to(torch::kCPU);
-    alpha = shown.alpha.to(torch::kCPU);
+    const Tensor response = camera_response(map, keyframes_, view, 1);
+    drawn = (shown.as_seen * response).to(torch::kCPU);
+    alpha = shown.alpha;
+    const Tensor water = water_alone(map, camera.intrinsics);
+    if (water.defined()) {  // which needs no surface
+      const Tensor clear = keyframes_.image(view, 1, alpha.device()) / response;
+      alpha = alpha.masked_fill(open_water(clear, water), 1.0);
+    }
+    alpha = alpha.to(torch::kCPU);
   }
   const SeenPoints seen = project(camera, points_);
   const Tensor pixels = seen.pixels.index({seen.in_view});
@@ -141,13 +161,7 @@ void Mapper::insert(std::size_t view, Seeds seeds) {
   extent_ = extent_ == 0.0 ? depth : kExtentMemory * extent_ + (1.0 - kExtentMemory) * depth;
   const std::int64_t room = make_room(seeds.size());
   if (room <= 0) return;
-  if (seeds.size() > room) {  // evenly over the picture
-    const Tensor kept = (torch::arange(0, room, torch::kFloat64) *
-                         (static_cast<double>(seeds.size()) / static_cast<double>(room)))
-                            .floor()
-                            .to(torch::kInt64);
-    seeds = seeds.select(kept);
-  }
+  if (seeds.size() > room) seeds = thinned(seeds, room);
   const std::optional<splat::Medium> medium = learner_ ? learner_->medium() : std::nullopt;
   const Tensor response =
       learner_ ? camera_response(learner_->whole_map(), keyframes_, view, 1) : Tensor();
@@ -171,8 +185,8 @@ std::int64_t Mapper::make_room(std::int64_t wanted) {
       std::min(views.size(), static_cast<std::size_t>(options_.online.recent_keyframes));
   const auto oldest_recent = static_cast<std::int64_t>(views[views.size() - recent]);
   const Tensor old = learner_->anchors() < oldest_recent;
-  const auto limit = static_cast<std::int64_t>(kMostReplaced * static_cast<double>(most));
-  const std::int64_t count = std::min({wanted - room, limit, old.sum().item<std::int64_t>()});
+  const auto few = static_cast<std::int64_t>(kMostReplaced * static_cast<double>(most));
+  const std::int64_t count = std::min({wanted - room, few, old.sum().item<std::int64_t>()});
   if (count <= 0) return std::min(room, wanted);
   const Tensor order =
       learner_->map().logit_opacities.masked_fill(~old, std::numeric_limits<float>::infinity());

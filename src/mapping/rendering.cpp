@@ -6,29 +6,41 @@
 #include <algorithm>
 
 #include "apvi/mapping/view_gains.hpp"
+#include "apvi/splat/medium_view.hpp"
 #include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
 
+namespace {
+
+std::optional<splat::MediumView> water_before(const Map& map, const splat::Intrinsics& camera) {
+  if (!map.medium) return std::nullopt;
+  const auto like = [&map](const torch::Tensor& t) { return t.to(map.gaussians.means.options()); };
+  return splat::MediumView({.beta_d = like(map.medium->beta_d),
+                            .beta_b = like(map.medium->beta_b),
+                            .b_inf = like(map.medium->b_inf),
+                            .lamp = map.medium->lamp},
+                           camera);
+}
+
+}  // namespace
+
 Picture take_picture(const Map& map, const splat::View& view) {
   const torch::NoGradGuard no_grad;
-  const auto like = [&map](const torch::Tensor& t) { return t.to(map.gaussians.means.options()); };
-  std::optional<splat::Medium> water = map.medium;
-  if (water) {
-    water->beta_d = like(water->beta_d);
-    water->beta_b = like(water->beta_b);
-    water->b_inf = like(water->b_inf);
-  }
+  const auto water = water_before(map, view.intrinsics);
   const torch::Tensor light =
-      water ? splat::light_on(map.gaussians.means, view, *water) : torch::Tensor();
+      water ? water->light_on(map.gaussians.means, view.T_camera_world) : torch::Tensor();
   const splat::RenderOutput out = splat::render(
       map.gaussians, view, {.antialiased = map.antialiased, .background = {}, .light = light});
   Picture picture = {
       .as_seen = out.color, .restored = out.color, .depth = out.depth, .alpha = out.alpha};
-  if (water) {
-    picture.as_seen = splat::see_through(out.color, out.depth, out.alpha, view.intrinsics, *water);
-  }
+  if (water) picture.as_seen = water->see(out.color, out.depth, out.alpha);
   return picture;
+}
+
+torch::Tensor water_alone(const Map& map, const splat::Intrinsics& camera) {
+  const auto water = water_before(map, camera);
+  return water ? water->open_water() : torch::Tensor();
 }
 
 torch::Tensor camera_gain(const Map& map, const KeyframeStore& keyframes, std::size_t i) {

@@ -35,7 +35,7 @@ ViewSchedule::Entry* ViewSchedule::find(std::size_t view) {
 double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_uses) const {
   const double loss = entry.uses == 0 || mean_loss <= 0.0 ? 1.0 : entry.loss / mean_loss;
   const double use = (mean_uses + 1.0) / (static_cast<double>(entry.uses) + 1.0);
-  if (entry.uses >= kPatience && loss > kContradicts) return kSeldom * use;
+  if (entry.tries >= kPatience && loss > kContradicts) return kSeldom * use;
   return std::max(1e-9, loss * use);
 }
 
@@ -68,7 +68,12 @@ void ViewSchedule::report(std::size_t view, double loss) {
   Entry* const entry = find(view);
   if (entry == nullptr) return;
   ++entry->uses;
+  ++entry->tries;
   entry->loss = loss;
+}
+
+void ViewSchedule::pardon() {
+  for (Entry& entry : entries_) entry.tries = 0;
 }
 
 std::int64_t ViewSchedule::uses(std::size_t view) const {
@@ -79,13 +84,14 @@ std::int64_t ViewSchedule::uses(std::size_t view) const {
 
 void ViewSchedule::save(torch::serialize::OutputArchive& archive) const {
   const auto n = static_cast<std::int64_t>(entries_.size());
-  torch::Tensor numbers = torch::empty({n, 3}, torch::kFloat64);
+  torch::Tensor numbers = torch::empty({n, 4}, torch::kFloat64);
   auto row = numbers.accessor<double, 2>();
   for (std::int64_t i = 0; i < n; ++i) {
     const Entry& e = entries_[static_cast<std::size_t>(i)];
     row[i][0] = static_cast<double>(e.view);
     row[i][1] = static_cast<double>(e.uses);
     row[i][2] = e.loss;
+    row[i][3] = static_cast<double>(e.tries);
   }
   archive.write("entries", numbers);
 }
@@ -94,13 +100,14 @@ void ViewSchedule::load(torch::serialize::InputArchive& archive) {
   torch::Tensor numbers;
   archive.read("entries", numbers);
   TORCH_CHECK(
-      numbers.dim() == 2 && numbers.size(1) == 3 && numbers.scalar_type() == torch::kFloat64,
+      numbers.dim() == 2 && numbers.size(1) == 4 && numbers.scalar_type() == torch::kFloat64,
       "view schedule: the archive's entries are none");
   entries_.clear();
   const auto row = numbers.accessor<double, 2>();
   for (std::int64_t i = 0; i < numbers.size(0); ++i) {
     entries_.push_back({.view = static_cast<std::size_t>(row[i][0]),
                         .uses = static_cast<std::int64_t>(row[i][1]),
+                        .tries = static_cast<std::int64_t>(row[i][3]),
                         .loss = row[i][2]});
   }
 }

@@ -10,6 +10,7 @@
 
 #include "apvi/core/random.hpp"
 #include "apvi/mapping/seeds.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
@@ -104,10 +105,11 @@ Tensor unit(const Tensor& vectors) {
 /// tells, which the roughness of a young map does not touch.
 Tensor broad_normals(const Look& look, const Tensor& pixels) {
   const splat::Intrinsics& k = look.camera.intrinsics;
-  const Tensor known = (look.depth > 0.0).to(torch::kFloat64);
-  const Tensor inverse = known / look.depth.clamp_min(1e-6);
+  const Tensor depth = look.depth.to(splat::active_device(), torch::kFloat32);
+  const Tensor known = (depth > 0.0).to(torch::kFloat32);
+  const Tensor inverse = known / depth.clamp_min(1e-6);
   const Tensor planes = blurred(torch::stack({inverse, known}).unsqueeze(1), kBroadPx).squeeze(1);
-  const Tensor w = planes[0] / planes[1].clamp_min(1e-9);
+  const Tensor w = (planes[0] / planes[1].clamp_min(1e-6)).to(torch::kCPU, torch::kFloat64);
   const Tensor u = pixels.select(1, 0).floor().to(torch::kInt64);
   const Tensor v = pixels.select(1, 1).floor().to(torch::kInt64);
   const auto at = [&](std::int64_t du, std::int64_t dv) {

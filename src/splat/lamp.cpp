@@ -12,8 +12,6 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kNearest = 0.05;  // [m] from the lamp; nearer, it is no point
-constexpr double kFarthest = 6.0;  // [m] what the water beyond sends back does not count
 constexpr std::int64_t kSteps = 16;
 constexpr std::int64_t kNodes = 20;  // of a picture, each way
 
@@ -29,41 +27,23 @@ struct Beam {
 
 Beam beam_at(const Lamp& lamp, double unit_range_m, const Tensor& points) {
   const Tensor from = points - row(lamp.position_m, points);
-  const Tensor d = from.norm(2, -1, true).clamp_min(kNearest);
+  const Tensor d = from.norm(2, -1, true).clamp_min(kLampNearest_m);
   const Tensor cosine = (from * row(lamp.axis, points)).sum(-1, true) / d;
-  const double sharpness = std::log(2.0) / (1.0 - std::cos(lamp.half_beam_rad));
-  const Tensor beam = torch::exp(sharpness * (cosine - 1.0)) * (cosine > 0.0);
+  const Tensor beam = torch::exp(lamp_sharpness(lamp) * (cosine - 1.0)) * (cosine > 0.0);
   return {.distance = d, .falloff = beam * (unit_range_m / d).square()};
 }
 
-/// Along a ray the steps grow with distance: t = kFarthest (j / kSteps)^2 at the ends of step j.
+/// Along a ray the steps grow with distance: t = kLampReach_m (j / kSteps)^2 at the ends of step j.
 double end_of_step(std::int64_t j) {
   const double part = static_cast<double>(j) / static_cast<double>(kSteps);
-  return kFarthest * part * part;
-}
-
-/// Integrals [kNodes,kNodes,kSteps+1,3] along the rays of nodes spread over the picture, up to the
-/// ends of all steps.
-Tensor haze_table(const LampLight& light, const Tensor& beta_d, const Intrinsics& k) {
-  const auto options = beta_d.options();
-  const Tensor u = torch::linspace(0.0, k.width, kNodes, options);
-  const Tensor v = torch::linspace(0.0, k.height, kNodes, options);
-  const Tensor x = ((u - k.cx) / k.fx).unsqueeze(0).expand({kNodes, kNodes});
-  const Tensor y = ((v - k.cy) / k.fy).unsqueeze(1).expand({kNodes, kNodes});
-  const Tensor rays = torch::stack({x, y, torch::ones_like(x)}, 2);
-  const Tensor unit = rays / rays.norm(2, 2, true);
-  const Tensor ends =
-      kFarthest *
-      (torch::arange(kSteps + 1, options) / static_cast<double>(kSteps)).square().view({-1, 1});
-  const Tensor middles = 0.5 * (ends.slice(0, 1) + ends.slice(0, 0, -1));
-  const Tensor lengths = ends.slice(0, 1) - ends.slice(0, 0, -1);
-  const Beam beam = beam_at(light.lamp, light.unit_range_m, middles * unit.unsqueeze(2));
-  const Tensor part =
-      beam.falloff * lengths * torch::exp(-beta_d * (beam.distance - light.unit_range_m + middles));
-  return torch::constant_pad_nd(part.cumsum(2), {0, 0, 1, 0});
+  return kLampReach_m * part * part;
 }
 
 }  // namespace
+
+double lamp_sharpness(const Lamp& lamp) {
+  return std::log(2.0) / (1.0 - std::cos(lamp.half_beam_rad));
+}
 
 Tensor to_numbers(const LampLight& light) {
   const auto flat = [](const Tensor& t) { return t.detach().to(torch::kCPU, torch::kFloat64); };
@@ -110,33 +90,34 @@ LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const Tensor& beta_d, 
 }
 
 Tensor lamp_light(const LampLight& light, const Tensor& beta_d, const Tensor& points) {
-  const torch::NoGradGuard no_grad;
-  const Tensor beta = beta_d.detach().to(points.options());
   const Tensor daylight = light.daylight.to(points.options());
-  const Tensor shine = lamp_shine(light.lamp, light.unit_range_m, beta, points.detach()).value;
+  const Tensor shine =
+      lamp_shine(light.lamp, light.unit_range_m, beta_d.to(points.options()), points).value;
   return daylight + (1.0 - daylight) * shine;
 }
 
-Tensor lamp_veil(const LampLight& light, const Tensor& beta_d, const Intrinsics& intrinsics,
-                 const Tensor& range) {
-  const torch::NoGradGuard no_grad;
-  const auto options = range.options().requires_grad(false);
-  const Tensor table = haze_table(light, beta_d.detach().to(options), intrinsics);
-  const std::int64_t h = intrinsics.height;
-  const std::int64_t w = intrinsics.width;
-  // Places in the table from -1, its first node, to 1.
-  const Tensor x =
-      ((torch::arange(w, options) + 0.5) * (2.0 / static_cast<double>(w)) - 1.0).expand({h, w});
-  const Tensor y = ((torch::arange(h, options) + 0.5) * (2.0 / static_cast<double>(h)) - 1.0)
-                       .unsqueeze(1)
-                       .expand({h, w});
-  const Tensor step = 2.0 * (range.detach() / kFarthest).clamp(0.0, 1.0).sqrt() - 1.0;
-  const Tensor places = torch::stack({x, y, step}, 2).view({1, 1, h, w, 3});
-  constexpr std::int64_t kLinear = 0;
-  constexpr std::int64_t kBorder = 1;
-  const Tensor volume = table.permute({3, 2, 0, 1}).unsqueeze(0).contiguous();
-  const Tensor haze = torch::grid_sampler(volume, places, kLinear, kBorder, /*align_corners=*/true);
-  return haze.view({3, h, w}).permute({1, 2, 0}) * light.glow.to(options);
+Tensor lamp_haze_table(const LampLight& light, const Tensor& beta_d, const Intrinsics& camera) {
+  const auto options = beta_d.options();
+  const Tensor u = torch::linspace(0.0, camera.width, kNodes, options);
+  const Tensor v = torch::linspace(0.0, camera.height, kNodes, options);
+  const Tensor x = ((u - camera.cx) / camera.fx).unsqueeze(0).expand({kNodes, kNodes});
+  const Tensor y = ((v - camera.cy) / camera.fy).unsqueeze(1).expand({kNodes, kNodes});
+  const Tensor rays = torch::stack({x, y, torch::ones_like(x)}, 2);
+  const Tensor unit = rays / rays.norm(2, 2, true);
+  const Tensor ends =
+      kLampReach_m *
+      (torch::arange(kSteps + 1, options) / static_cast<double>(kSteps)).square().view({-1, 1});
+  const Tensor middles = 0.5 * (ends.slice(0, 1) + ends.slice(0, 0, -1));
+  const Tensor lengths = ends.slice(0, 1) - ends.slice(0, 0, -1);
+  const Beam beam = beam_at(light.lamp, light.unit_range_m, middles * unit.unsqueeze(2));
+  const Tensor part = light.glow.to(options) * beam.falloff * lengths *
+                      torch::exp(-beta_d * (beam.distance - light.unit_range_m + middles));
+  const Tensor sums = torch::constant_pad_nd(part.cumsum(2), {0, 0, 1, 0});
+  return sums.permute({3, 2, 0, 1}).unsqueeze(0).contiguous();
+}
+
+Tensor lamp_haze_step(const Tensor& ranges) {
+  return (ranges / kLampReach_m).clamp(0.0, 1.0).sqrt();
 }
 
 }  // namespace apvi::splat

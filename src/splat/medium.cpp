@@ -4,7 +4,6 @@
 #include <torch/torch.h>
 
 #include "apvi/splat/medium_backend.hpp"
-#include "apvi/splat/render.hpp"
 
 namespace apvi::splat {
 namespace {
@@ -12,9 +11,6 @@ namespace {
 using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
-
-constexpr double kSolid = 0.5;          // alpha above which a ray ends at a surface
-constexpr double kOpenWater_m = 100.0;  // where it does not
 
 MediumInput to_input(const variable_list& tensors) {
   return {.color = tensors[0].contiguous(),
@@ -51,6 +47,15 @@ void check_like(const Tensor& tensor, const char* name, at::IntArrayRef shape,
 }
 
 }  // namespace
+
+Tensor MediumBackend::lamp_light(const LampInput& in) const {
+  const Tensor T = in.T_camera_world.to(in.means.options());
+  const Tensor points =
+      torch::addmm(T.slice(0, 0, 3).select(1, 3), in.means, T.slice(0, 0, 3).slice(1, 0, 3).t());
+  return splat::lamp_light(
+      {.lamp = in.lamp, .unit_range_m = in.unit_range_m, .daylight = in.daylight, .glow = {}},
+      in.beta_d, points);
+}
 
 MediumParameters MediumParameters::from(const Medium& medium) {
   TORCH_CHECK((medium.beta_d > 0).all().item<bool>() && (medium.beta_b > 0).all().item<bool>(),
@@ -96,24 +101,6 @@ SeenAs seen_as(const Tensor& points, const Medium& medium) {
               like(light.glow) *
                   lamp_haze(light.lamp, light.unit_range_m, beta_d, rays, range.squeeze(1)).value;
   return seen;
-}
-
-Tensor light_on(const Tensor& means, const View& view, const Medium& medium) {
-  if (!medium.lamp) return {};
-  const torch::NoGradGuard no_grad;
-  const Tensor T = view.T_camera_world.to(means.options().requires_grad(false));
-  const Tensor points =
-      means.detach().mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
-  return lamp_light(*medium.lamp, medium.beta_d, points);
-}
-
-Tensor see_through(const Tensor& color, const Tensor& depth, const Tensor& alpha,
-                   const Intrinsics& intrinsics, const Medium& medium) {
-  const Tensor range = depth_to_range(depth, intrinsics);
-  Tensor image = apply_medium(color, range, alpha, medium);
-  if (!medium.lamp) return image;
-  const Tensor end = range.detach().masked_fill(alpha.detach() < kSolid, kOpenWater_m);
-  return image + lamp_veil(*medium.lamp, medium.beta_d, intrinsics, end);
 }
 
 }  // namespace apvi::splat

@@ -64,7 +64,7 @@ Medium MediumOptimizer::medium() const {
 }
 
 double MediumOptimizer::rate() const {
-  const double usual = believed_.defined() ? kHeldRate * rate_ : rate_;
+  const double usual = held() ? kHeldRate * rate_ : rate_;
   return failing_ ? 2.0 * usual : usual;
 }
 
@@ -91,7 +91,7 @@ void MediumOptimizer::hold(const Medium& believed, const Tensor& known) {
 
 void MediumOptimizer::step(const AdamOptions& options) {
   const torch::NoGradGuard no_grad;
-  const Tensor before = believed_.defined() ? stacked(parameters_).clone() : Tensor();
+  const Tensor before = held() ? stacked(parameters_).clone() : Tensor();
   std::vector<AdamGroup> groups;
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     const Tensor& leaf = *tensors(parameters_)[k];
@@ -103,7 +103,7 @@ void MediumOptimizer::step(const AdamOptions& options) {
   }
   adam_step(groups, ++steps_, options);
   for (Tensor* leaf : tensors(parameters_)) leaf->mutable_grad() = Tensor();
-  if (!believed_.defined()) return;
+  if (!held()) return;
   const Tensor made = stacked(parameters_) - before;
   const Tensor after =
       before + torch::bmm(known_, made.unsqueeze(2)).squeeze(2) + kLean * (believed_ - before);
@@ -120,8 +120,8 @@ void MediumOptimizer::save(torch::serialize::OutputArchive& archive) const {
     archive.write(std::string("second.") + kNames[k], second_[k]);
   }
   archive.write("lamp", lamp_ ? to_numbers(*lamp_) : torch::empty({0}, torch::kFloat64));
-  archive.write("held", c10::IValue(believed_.defined()));
-  if (!believed_.defined()) return;
+  archive.write("held", c10::IValue(held()));
+  if (!held()) return;
   archive.write("believed", believed_);
   archive.write("known", known_);
 }

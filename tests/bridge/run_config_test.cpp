@@ -31,8 +31,8 @@ constexpr const char* kGiven = "localization: {enabled: false}\nmapping:\n  enab
 
 TEST(MappingConfig, AMapGrowsAsLargeAsItsDeviceBearsUnlessToldOtherwise) {
   const bool gpu = splat::active_device().is_cuda();
-  EXPECT_EQ(most_gaussians(load(kGiven)), gpu ? 400000 : 100000);
-  EXPECT_EQ(mapper_options(load(kGiven)).trainer.densify.max_gaussians, gpu ? 400000 : 100000);
+  EXPECT_EQ(most_gaussians(load(kGiven)), gpu ? 1000000 : 100000);
+  EXPECT_EQ(mapper_options(load(kGiven)).trainer.densify.max_gaussians, gpu ? 1000000 : 100000);
   EXPECT_EQ(most_gaussians(load(std::string(kGiven) + "  max_gaussians: 5\n")), 5);
 }
 

@@ -47,6 +47,9 @@ TEST(ViewSchedule, WhatTheMapNeverExplainsIsDrawnSeldom) {
   auto drawn = draws(schedule, 10000);
   EXPECT_LT(drawn[3], drawn[2]);
   EXPECT_GT(drawn[3], 0);
+  schedule.pardon();
+  drawn = draws(schedule, 10000);
+  EXPECT_GT(drawn[3], 4 * drawn[2]);
 }
 
 TEST(ViewSchedule, WhatWasTakenOutIsNeverDrawn) {

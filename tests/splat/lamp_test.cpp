@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "apvi/splat/medium.hpp"
+#include "apvi/splat/medium_view.hpp"
 #include "apvi/splat/render.hpp"
+#include "devices.hpp"
 #include "render_scene.hpp"
 #include "support/torch_reference.hpp"
 
@@ -119,7 +121,7 @@ Tensor camera_points(const Tensor& depth, const Intrinsics& k) {
   return torch::stack({x * depth, y.unsqueeze(1) * depth, depth}, 2);
 }
 
-TEST(SeeThrough, APictureAndItsPointsAgreeUnderALamp) {
+TEST(MediumView, APictureAndItsPointsAgreeUnderALamp) {
   torch::manual_seed(6);
   const Intrinsics camera = {
       .fx = 50.0, .fy = 50.0, .cx = 32.0, .cy = 24.0, .width = 64, .height = 48};
@@ -127,16 +129,16 @@ TEST(SeeThrough, APictureAndItsPointsAgreeUnderALamp) {
   const Tensor color = torch::rand({48, 64, 3}, kF64);
   const Medium water = lit_water();
   const Tensor points = camera_points(slope, camera).view({-1, 3});
-  const View view = {.intrinsics = camera, .T_camera_world = torch::eye(4, kF64), .pose_delta = {}};
-  const Tensor lit = color * light_on(points, view, water).view_as(color);
-  const Tensor picture = see_through(lit, slope, torch::ones_like(slope), camera, water);
+  const MediumView through(water, camera);
+  const Tensor lit = color * through.light_on(points, torch::eye(4, kF64)).view_as(color);
+  const Tensor picture = through.see(lit, slope, torch::ones_like(slope));
   const SeenAs seen = seen_as(points, water);
   const Tensor expected = seen.gain * color.view({-1, 3}) + seen.veil;
   EXPECT_TRUE(tensors_near(picture.view({-1, 3}), expected, 1e-3));
   EXPECT_GT((picture - color).abs().max().item<double>(), 0.2);
 }
 
-TEST(SeeThrough, WithoutALampIsEquationEightAlone) {
+TEST(MediumView, WithoutALampIsEquationEightAlone) {
   torch::manual_seed(7);
   const Intrinsics camera = {.fx = 50.0, .fy = 50.0, .cx = 4.0, .cy = 3.0, .width = 8, .height = 6};
   Medium water = lit_water();
@@ -144,15 +146,32 @@ TEST(SeeThrough, WithoutALampIsEquationEightAlone) {
   const Tensor depth = torch::rand({6, 8}, kF64) + 0.5;
   const Tensor color = torch::rand({6, 8, 3}, kF64);
   const Tensor alpha = torch::rand({6, 8}, kF64);
-  EXPECT_TRUE(torch::equal(see_through(color, depth, alpha, camera, water),
-                           apply_medium(color, depth_to_range(depth, camera), alpha, water)));
-  EXPECT_FALSE(light_on(color.view({-1, 3}), {}, water).defined());
+  const MediumView through(water, camera);
+  EXPECT_TRUE(tensors_near(through.see(color, depth, alpha),
+                           apply_medium(color, depth_to_range(depth, camera), alpha, water),
+                           1e-15));
+  EXPECT_FALSE(through.light_on(color.view({-1, 3}), torch::eye(4, kF64)).defined());
 }
 
-std::vector<torch::Device> devices_here() {
-  std::vector<torch::Device> devices = {torch::kCPU};
-  if (APVI_WITH_CUDA && torch::cuda::is_available()) devices.emplace_back(torch::kCUDA);
-  return devices;
+TEST(MediumView, LightIsThatOfTheCamerasFrameOnEveryDevice) {
+  torch::manual_seed(8);
+  const Intrinsics camera = {.fx = 50.0, .fy = 50.0, .cx = 4.0, .cy = 3.0, .width = 8, .height = 6};
+  const View view = test::make_view(8, 6);
+  const Tensor world = torch::rand({500, 3}, kF64) * 4.0 - 2.0;
+  const Tensor T = view.T_camera_world;
+  const Tensor points =
+      world.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
+  const Tensor expected = lamp_light(*lit_water().lamp, betas(), points);
+  ASSERT_GT((expected - lit_water().lamp->daylight).max().item<double>(), 0.1);
+  for (const torch::Device& device : apvi::test::devices_here()) {
+    const auto options = torch::dtype(torch::kFloat32).device(device);
+    Medium water = lit_water();
+    for (Tensor* t : {&water.beta_d, &water.beta_b, &water.b_inf}) *t = t->to(options);
+    const Tensor light = MediumView(water, camera).light_on(world.to(options), T);
+    EXPECT_TRUE(
+        tensors_near(light.cpu().to(torch::kFloat64) / expected, torch::ones_like(expected), 1e-4))
+        << device;
+  }
 }
 
 /// A picture in a light, and the derivatives of its sum by the parameters.
@@ -173,7 +192,7 @@ Lit draw(const Gaussians& from, const Tensor& light) {
 // A colour 0.5 + dc Y + rest Y' times L is that of dc L + 0.5 (L - 1) / Y and rest L.
 TEST(RenderInALight, IsAsIfTheColoursThemselvesWereSo) {
   constexpr double kShConstant = 0.28209479177387814;
-  for (const torch::Device& device : devices_here()) {
+  for (const torch::Device& device : apvi::test::devices_here()) {
     const auto type = device.is_cuda() ? torch::kFloat32 : torch::kFloat64;
     const Gaussians map = test::map_tensors(test::make_gaussians(60),
                                             [&](const Tensor& t) { return t.to(device, type); });

@@ -7,6 +7,7 @@
 
 #include <vector>
 
+#include "devices.hpp"
 #include "support/torch_reference.hpp"
 
 namespace apvi::splat {
@@ -55,12 +56,6 @@ std::vector<Tensor> gradients(const Scene& scene, const Tensor& image) {
   return torch::autograd::grad({(weights * image).sum()}, scene.leaves());
 }
 
-std::vector<torch::Device> devices_here() {
-  std::vector<torch::Device> devices = {torch::kCPU};
-  if (APVI_WITH_CUDA && torch::cuda::is_available()) devices.emplace_back(torch::kCUDA);
-  return devices;
-}
-
 class MediumOnEveryDevice : public testing::TestWithParam<torch::Device> {};
 
 TEST_P(MediumOnEveryDevice, AgreesWithAPlainTorchExpressionInFloat) {
@@ -93,7 +88,7 @@ TEST_P(MediumOnEveryDevice, EmptyPixelsShowTheWaterAlone) {
   EXPECT_TRUE(tensors_near(image, scene.medium.b_inf.expand({5, 7, 3}), 1e-7));
 }
 
-INSTANTIATE_TEST_SUITE_P(Devices, MediumOnEveryDevice, testing::ValuesIn(devices_here()),
+INSTANTIATE_TEST_SUITE_P(Devices, MediumOnEveryDevice, testing::ValuesIn(test::devices_here()),
                          [](const auto& device) {
                            return device.param.is_cuda() ? "cuda" : "cpu";
                          });

@@ -92,6 +92,9 @@ struct OnlineSection : mapping::OnlineOptions {
     v("heldout_views", heldout_views, Range{1, 1000000},
       "at most so many images are held out, spread over the whole run");
     v("medium_after", medium_after, Range{1, 1000000}, "keyframes before water is looked for");
+    v("sparse_adam", sparse_adam,
+      "as mapping.sparse_adam, while keyframes come in and after: what few of many views see stays "
+      "where it is in between");
     v("point_sigma", point_sigma, Range{0.0, 10.0},
       "of a sparse point's distance over the distance: worse ones make no Gaussian");
     v("opacity", opacity, Range{1e-3, 0.999}, "of new Gaussians");
@@ -142,7 +145,7 @@ struct MappingConfig {
     v("lamp", lamp,
       "whether with the water the light of the rig's lamp0 is estimated, if it has one");
     v("max_gaussians", densify.max_gaussians, Range{0, 100000000},
-      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 400,000 on a GPU");
+      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 1,000,000 on a GPU");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "more of them at the end, without growth and at falling rates");

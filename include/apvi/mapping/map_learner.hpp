@@ -18,6 +18,7 @@
 #include "apvi/mapping/water_survey.hpp"
 #include "apvi/splat/gaussian_store.hpp"
 #include "apvi/splat/medium_optimizer.hpp"
+#include "apvi/splat/medium_view.hpp"
 #include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
@@ -89,9 +90,8 @@ class MapLearner {
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  torch::Tensor light_in(const splat::View& camera) const;
-  torch::Tensor image_of(std::size_t view, const splat::View& camera,
-                         const splat::RenderOutput& out);
+  const splat::MediumView& water_before(const splat::Intrinsics& camera);
+  bool learns_water() const;
   void forget_statistics();
   torch::Tensor falloff(const splat::Intrinsics& camera);
   void wear(const Map& after, const torch::Tensor& known, const KeyframeStore& keyframes);
@@ -104,6 +104,8 @@ class MapLearner {
   double vignetting_ = 0.0;
   std::map<int, torch::Tensor> falloffs_;  ///< by width of the picture
   std::optional<splat::MediumOptimizer> medium_;
+  /// By width of the picture, without derivatives; as long as the water stays what it is.
+  std::map<int, splat::MediumView> waters_;
 };
 
 }  // namespace apvi::mapping

@@ -90,9 +90,13 @@ struct OnlineOptions {
   int recent_keyframes = 10;    ///< the newest, which are drawn more often
   double recent_share = 0.5;    ///< of the draws that are among them
   int pyramid_uses = 4;  ///< of a keyframe at each reduced size, from TrainerOptions::coarsest
-  double memory_mib = 1024.0;   ///< of the keyframes' images
-  int heldout_views = 100;      ///< at most so many are kept, spread over the whole run
-  int medium_after = 5;         ///< keyframes before the water is looked for
+  double memory_mib = 1024.0;  ///< of the keyframes' images
+  int heldout_views = 100;     ///< at most so many are kept, spread over the whole run
+  int medium_after = 5;        ///< keyframes before the water is looked for
+  /// As TrainerOptions::sparse_adam. What few views see would be thrown about by each of them: to
+  /// Adam's mean square, which falls while nobody looks, a gradient after a long time is a large
+  /// one.
+  bool sparse_adam = true;
   double point_sigma = 0.1;     ///< of a sparse point along its ray over its distance, at most
   double opacity = 0.2;         ///< of new Gaussians
   int depth_lag = 2;            ///< keyframes that a depth estimate waits for, to see both sides

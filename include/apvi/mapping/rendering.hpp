@@ -35,6 +35,8 @@ struct Picture {
 /// Draws the map without recording gradients, as a camera of gain one and without vignetting would
 /// see it.
 Picture take_picture(const Map& map, const splat::View& view);
+/// What it would see where nothing is [H,W,3]; undefined without water.
+torch::Tensor water_alone(const Map& map, const splat::Intrinsics& camera);
 
 /// The gain of a keyframe [1]: of one to learn from its own; of a held-out one, which was never
 /// looked at, what the two before and after it in time make likely.

@@ -36,6 +36,8 @@ class ViewSchedule {
   std::int64_t uses(std::size_t view) const;
   /// From now on all views are alike but for loss and use.
   void forget_recency() { share_ = 0.0; }
+  /// What the map shows has changed at once: views that it could not explain get another chance.
+  void pardon();
 
   void save(torch::serialize::OutputArchive& archive) const;
   void load(torch::serialize::InputArchive& archive);
@@ -44,6 +46,7 @@ class ViewSchedule {
   struct Entry {
     std::size_t view = 0;
     std::int64_t uses = 0;
+    std::int64_t tries = 0;  ///< uses since the last pardon
     double loss = 0.0;
   };
   Entry* find(std::size_t view);

@@ -38,6 +38,10 @@ struct LampLight {
   torch::Tensor glow;         ///< [3] RGB [1/m], not negative
 };
 
+inline constexpr double kLampNearest_m = 0.05;  ///< nearer, a lamp is no point
+/// Of a beam exp(sharpness (cos - 1)).
+double lamp_sharpness(const Lamp& lamp);
+
 inline constexpr int kLampNumbers = 14;
 /// As so many numbers, float64 on the CPU: position, axis, half beam [rad], unit range, daylight,
 /// glow.
@@ -53,17 +57,21 @@ struct LampTerm {
 /// E above at `points` [...,3] in the camera's frame.
 LampTerm lamp_shine(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
                     const torch::Tensor& points);
-/// The integral above along unit vectors `rays` [...,3], up to `ranges` [...] of the surfaces; 6 m
-/// stand for all that are farther.
+/// The integral above along unit vectors `rays` [...,3], up to `ranges` [...] of the surfaces;
+/// kLampReach_m stands for all that are farther.
 LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
                    const torch::Tensor& rays, const torch::Tensor& ranges);
 
-/// L at `points` [...,3] in the camera's frame: [...,3]. Not recorded by autograd.
+/// L at `points` [...,3] in the camera's frame: [...,3].
 torch::Tensor lamp_light(const LampLight& light, const torch::Tensor& beta_d,
                          const torch::Tensor& points);
-/// glow * integral for a whole picture [H,W,3], `range` [H,W]; a few nodes are computed and the
-/// rest interpolated. Not recorded by autograd.
-torch::Tensor lamp_veil(const LampLight& light, const torch::Tensor& beta_d,
-                        const Intrinsics& intrinsics, const torch::Tensor& range);
+
+inline constexpr double kLampReach_m = 6.0;  ///< what water farther off sends back does not count
+/// glow * integral for the pictures of a camera, as a volume [1,3,steps,nodes,nodes] to interpolate
+/// in: nodes spread over the picture from edge to edge, steps over the range.
+torch::Tensor lamp_haze_table(const LampLight& light, const torch::Tensor& beta_d,
+                              const Intrinsics& camera);
+/// Where in its steps ranges lie, 0 to 1.
+torch::Tensor lamp_haze_step(const torch::Tensor& ranges);
 
 }  // namespace apvi::splat

@@ -45,19 +45,7 @@ struct SeenAs {
   torch::Tensor gain;
   torch::Tensor veil;
 };
-/// At `points` [n,3] in the camera's frame, as `see_through` has it. Not recorded by autograd.
+/// At `points` [n,3] in the camera's frame, as `MediumView` has it. Not recorded by autograd.
 SeenAs seen_as(const torch::Tensor& points, const Medium& medium);
-
-/// The light that falls on the Gaussians at `means` [N,3] while the camera is at `view`, for
-/// RenderOptions::light: [N,3]; undefined without a lamp. Each has its own, so that what drifts
-/// before a surface does not change the surface's light.
-torch::Tensor light_on(const torch::Tensor& means, const View& view, const Medium& medium);
-
-/// What the camera sees of a rendering (`color` [H,W,3], drawn in the light there is, see
-/// `light_on`; `depth` [H,W] along the optical axis, `alpha` [H,W]): through the water, with what a
-/// lamp's light does in it. Differentiable in color, depth, alpha and beta_d, beta_b, b_inf.
-torch::Tensor see_through(const torch::Tensor& color, const torch::Tensor& depth,
-                          const torch::Tensor& alpha, const Intrinsics& intrinsics,
-                          const Medium& medium);
 
 }  // namespace apvi::splat

@@ -5,6 +5,8 @@
 
 #include <string_view>
 
+#include "apvi/splat/lamp.hpp"
+
 namespace apvi::splat {
 
 /// What the water model takes. All tensors on one device, of one floating type (CUDA: float32),
@@ -16,6 +18,16 @@ struct MediumInput {
   torch::Tensor beta_d;  ///< [3] attenuation of the direct light, RGB [1/m]
   torch::Tensor beta_b;  ///< [3] growth of the backscatter, RGB [1/m]
   torch::Tensor b_inf;   ///< [3] colour of water without end, RGB
+};
+
+/// What the light of a lamp is asked for with. Tensors as above.
+struct LampInput {
+  torch::Tensor means;           ///< [N,3] in the world [m]
+  torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
+  Lamp lamp;
+  double unit_range_m = 1.0;
+  torch::Tensor beta_d;    ///< [3]
+  torch::Tensor daylight;  ///< [3]
 };
 
 /// The seam between CPU and CUDA: both take and return the same tensors. Nothing here is recorded
@@ -32,6 +44,8 @@ class MediumBackend {
   virtual torch::Tensor forward(const MediumInput& input) const = 0;
   /// Derivatives of a loss by every member of `input`, from the one by the image [H,W,3].
   virtual MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const = 0;
+  /// Light [N,3] on points, see LampLight; by LibTorch's operators unless a backend knows better.
+  virtual torch::Tensor lamp_light(const LampInput& input) const;
 };
 
 /// cpu_fallback/medium.cpp; float32 and float64, the same bits with any number of threads.

@@ -35,6 +35,8 @@ class MediumOptimizer {
   /// can tell then stays as it is believed to be. A lamp's light is taken over, and not learnt.
   void hold(const Medium& believed, const torch::Tensor& known);
 
+  bool held() const { return believed_.defined(); }
+
   /// While visual odometry fails, the water has likely changed: then the rate is twice as high (the
   /// paper, section on the medium).
   void set_vio_failing(bool failing) { failing_ = failing; }

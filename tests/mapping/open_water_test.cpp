@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/open_water.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "apvi/mapping/map_learner.hpp"
+#include "apvi/splat/medium_view.hpp"
+#include "apvi/splat/ply.hpp"
+#include "support/posed_scene.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+const splat::Medium& blue_water() {
+  static const splat::Medium medium = {.beta_d = torch::tensor({0.30F, 0.13F, 0.14F}),
+                                       .beta_b = torch::tensor({0.26F, 0.09F, 0.10F}),
+                                       .b_inf = torch::tensor({0.13F, 0.55F, 0.75F})};
+  return medium;
+}
+
+double share(const Tensor& mask) {
+  return mask.to(torch::kFloat64).mean().item<double>();
+}
+
+TEST(OpenWater, IsEvenAndOfTheWatersColour) {
+  torch::manual_seed(3);
+  const Tensor water = blue_water().b_inf.expand({60, 80, 3});
+  const Tensor noise = 0.01 * torch::randn({60, 80, 3});
+  EXPECT_GT(share(open_water(water + noise, water)), 0.99);
+  EXPECT_GT(share(open_water(1.03 * water + noise, water)), 0.99);
+  // A surface: of another colour, or of the water's on the whole and not even.
+  EXPECT_LT(share(open_water(water + 0.06 + noise, water)), 0.01);
+  EXPECT_LT(share(open_water(water + 0.1 * torch::randn({60, 80, 1}), water)), 0.01);
+}
+
+TEST(OpenWater, EndsWhereASurfaceBegins) {
+  torch::manual_seed(4);
+  const Tensor water = blue_water().b_inf.expand({60, 80, 3});
+  Tensor picture = water + 0.005 * torch::randn({60, 80, 3});
+  picture.slice(0, 30).copy_(torch::tensor({0.4F, 0.5F, 0.3F}).expand({30, 80, 3}));
+  const Tensor open = open_water(picture, water);
+  EXPECT_EQ(share(open.slice(0, 30)), 0.0);
+  EXPECT_GT(share(open.slice(0, 0, 27)), 0.99);
+}
+
+/// A wall, open water above it; and a fog of the water's colour that nobody can see there.
+struct Fog {
+  splat::Gaussians world;
+  splat::Gaussians with_fog;
+  KeyframeStore keyframes;
+  std::int64_t walls = 0;
+};
+
+Fog wall_under_open_water() {
+  Fog scene;
+  scene.world = test::wall_of_gaussians(600);
+  const Tensor low = (scene.world.means.select(1, 1) > 0.0).nonzero().squeeze(1);
+  for (Tensor* tensor : scene.world.tensors()) *tensor = tensor->index_select(0, low);
+  scene.walls = low.size(0);
+  scene.with_fog = scene.world;
+  splat::Gaussians fog = test::wall_of_gaussians(200);
+  fog.means.select(1, 1).copy_(-0.4 - fog.means.select(1, 1).abs());
+  fog.sh_dc.copy_(splat::color_to_sh_dc(blue_water().b_inf.expand({200, 3})));
+  for (std::size_t k = 0; k < fog.tensors().size(); ++k) {
+    *scene.with_fog.tensors()[k] = torch::cat({*scene.world.tensors()[k], *fog.tensors()[k]});
+  }
+  for (std::int64_t i = 0; i < 6; ++i) {
+    Keyframe keyframe =
+        test::photograph(scene.world, test::camera_at(0.2 * static_cast<double>(i) - 0.5, 0.0), i);
+    const Map map = {.gaussians = scene.world, .medium = blue_water()};
+    const Picture picture = take_picture(map, {.intrinsics = keyframe.intrinsics,
+                                               .T_camera_world = keyframe.T_camera_world,
+                                               .pose_delta = {}});
+    keyframe.image = (picture.as_seen.clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+    scene.keyframes.add(keyframe);
+  }
+  return scene;
+}
+
+TEST(MapLearner, LetsGoOfWhatHidesOpenWaterInItsOwnColour) {
+  const Fog scene = wall_under_open_water();
+  TrainerOptions options;
+  options.auto_gain = false;
+  MapLearner learner(scene.with_fog, options, scene.keyframes.size(), blue_water());
+  const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
+  for (std::size_t k = 0; k < 480; ++k) learner.step(scene.keyframes, k % 6, settings);
+  const Tensor before = scene.with_fog.logit_opacities.sigmoid();
+  const Tensor after = learner.map().logit_opacities.sigmoid();
+  const auto mean = [&](const Tensor& t, std::int64_t from, std::int64_t to) {
+    return t.slice(0, from, to).mean().item<double>();
+  };
+  const std::int64_t all = before.size(0);
+  EXPECT_LT(mean(after, scene.walls, all), 0.5 * mean(before, scene.walls, all));
+  EXPECT_GT(mean(after, 0, scene.walls), 0.9 * mean(before, 0, scene.walls));
+}
+
+}  // namespace
+}  // namespace apvi::mapping
