@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
+#include "apvi/mapping/picture_alignment.hpp"
 #include "apvi/mapping/water_survey.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "seed_stream.hpp"
@@ -19,12 +21,17 @@ namespace {
 
 using torch::Tensor;
 
-// Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
 constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
 
+// Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
 constexpr double kLeastMove = 5e-4;  // [m], and [rad]
+constexpr double kRadians = 0.017453292519943295;
+constexpr int kAlignedWidth = 320;  // of the picture that a keyframe is aligned with, at least
+// Gaussians of keyframes before so many: among the others odometry drifts less than they can tell.
+constexpr std::int64_t kLongAgo = 20;
+constexpr double kMapKnows_m = 0.01;  // so well, where a keyframe stands on what it has seen before
 
 double size_of(const Tensor& motion) {
   const Tensor t = motion.slice(0, 0, 3).select(1, 3);
@@ -64,6 +71,8 @@ std::string_view to_string(Intake intake) {
 
 Mapper::Mapper(const MapperOptions& options)
     : options_(options),
+      drift_({.translation_m = options.online.drift_m,
+              .rotation_rad = kRadians * options.online.drift_deg}),
       schedule_(static_cast<std::size_t>(options.online.recent_keyframes),
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
@@ -102,11 +111,10 @@ Intake Mapper::add(const MapperInput& input) {
   const std::size_t view = keyframes_.size() - 1;
   schedule_.add(view);
   if (learner_) learner_->match_gain(keyframes_, view);
+  align(view);
   insert_points(view, input);
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
-  if (options_.trainer.densify.kind == Densification::quadtree) {
-    want_depth(view, input.hurry);
-  }
+  if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
   const bool has_water = learner_ && learner_->medium();
   if (!input.hurry || !has_water) maybe_survey_water();
@@ -128,16 +136,20 @@ void Mapper::want_depth(std::size_t view, bool hurry) {
   waiting_ = std::move(fewer);
 }
 
-// The keyframe's own Gaussians keep their place before its camera.
+// The keyframe's own Gaussians keep their place before its camera. A little is drift, not a move,
+// where the map has said how the keyframe stands on it.
 void Mapper::move(const MovedKeyframe& moved) {
   const auto known = by_stamp_.find(moved.stamp_ns);
   if (known == by_stamp_.end() || !is_rigid(moved.T_camera_world)) return;
   const std::size_t i = known->second;
-  const Tensor motion =
-      rigid_inverse(moved.T_camera_world).mm(keyframes_[i].T_camera_world);  // of the world
-  const Tensor in_camera = moved.T_camera_world.mm(rigid_inverse(keyframes_[i].T_camera_world));
+  const Tensor pose = drift_.in_map(i, moved.T_camera_world);
+  const Tensor motion = rigid_inverse(pose).mm(keyframes_[i].T_camera_world);  // of the world
+  const Tensor in_camera = pose.mm(rigid_inverse(keyframes_[i].T_camera_world));
+  if (drift_.is_found(i) && size_of(in_camera) < kMapKnows_m) {
+    return drift_.found(i, moved.T_camera_world, keyframes_[i].T_camera_world);
+  }
   if (size_of(in_camera) < kLeastMove) return;
-  keyframes_.set_pose(i, moved.T_camera_world);
+  keyframes_.set_pose(i, pose);
   move_followers(i, motion);
   if (!learner_) return;
   learner_->move(static_cast<std::int64_t>(i),
@@ -157,8 +169,37 @@ void Mapper::move_followers(std::size_t view, const Tensor& motion) {
 
 void Mapper::keep(const Keyframe& keyframe) {
   by_stamp_[keyframe.stamp_ns] = keyframes_.size();
-  keyframes_.add(keyframe);
+  drift_.add();
+  Keyframe placed = keyframe;
+  placed.T_camera_world = drift_.in_map(keyframes_.size(), keyframe.T_camera_world);
+  keyframes_.add(std::move(placed));
   if (learner_) learner_->add_view();
+}
+
+// What the map showed long ago says where the keyframe stands. Held-out ones are not looked at:
+// they have the drift of the keyframe before them.
+void Mapper::align(std::size_t view) {
+  if (!options_.online.align || !learner_) return;
+  const auto before = static_cast<std::int64_t>(view) - kLongAgo;
+  Map map = learner_->whole_map();
+  const Tensor old = (learner_->anchors() < before).nonzero().squeeze(1);
+  if (old.size(0) == 0) return;
+  for (Tensor* part : map.gaussians.tensors()) *part = part->index_select(0, old);
+  const int factor = keyframes_[view].intrinsics.width >= 2 * kAlignedWidth ? 2 : 1;
+  const splat::View camera = keyframes_.view(view, factor);
+  const Picture shown = take_picture(map, camera);
+  const Tensor picture = keyframes_.image(view, factor, shown.alpha.device()) /
+                         camera_response(map, keyframes_, view, factor);
+  const auto found =
+      align_picture(shown, picture, camera.intrinsics, drift_.sigmas(keyframes_[view].stamp_ns));
+  if (!found) return;
+  const Tensor pose = found->T_camera_believed.mm(camera.T_camera_world);
+  log::debug("{}: stands {:.1f} mm from where odometry has it; residual {:.4f} before, {:.4f} now",
+             keyframes_[view].name, 1e3 * size_of(found->T_camera_believed), found->before,
+             found->after);
+  drift_.found_newest(keyframes_[view].stamp_ns, drift_.in_odometry(view, camera.T_camera_world),
+                      pose);
+  keyframes_.set_pose(view, pose);
 }
 
 // Of the older keyframes goes the one whose neighbours in time stand closest together.

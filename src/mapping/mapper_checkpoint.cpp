@@ -72,6 +72,9 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
     write(inner, keyframes_[i]);
     archive.write("keyframe" + std::to_string(i), inner);
   }
+  OutputArchive drift;
+  drift_.save(drift);
+  archive.write("drift", drift);
   OutputArchive schedule;
   schedule_.save(schedule);
   archive.write("schedule", schedule);
@@ -103,6 +106,8 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
       read.by_stamp_[keyframe.stamp_ns] = read.keyframes_.size();
       read.keyframes_.add(keyframe);
     }
+    archive.read("drift", part);
+    read.drift_.load(part);
     archive.read("schedule", part);
     read.schedule_.load(part);
     c10::IValue learning;

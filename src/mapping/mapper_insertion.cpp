@@ -66,8 +66,9 @@ Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
   Tensor positions = torch::empty({0, 3}, torch::kFloat64);
   const SparsePoints& points = input.points;
   if (points.ids.defined() && points.ids.size(0) > 0) {
-    const SeenPoints seen = project(camera, points.positions);
-    const Tensor good = finite_rows(points.positions) & seen.in_view &
+    const Tensor placed = drift_.points_in_map(points.positions);
+    const SeenPoints seen = project(camera, placed);
+    const Tensor good = finite_rows(placed) & seen.in_view &
                         (points.sigmas <= options_.online.point_sigma * seen.depths);
     Tensor fresh = torch::zeros({points.ids.size(0)}, torch::kBool);
     const auto id = points.ids.accessor<std::int64_t, 1>();
@@ -79,11 +80,11 @@ Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
       is_fresh[i] = is_good[i] && !inserted && known.count(id[i]) == 0;
       known[id[i]] = inserted || is_good[i];
     }
-    positions = points.positions.index({fresh});
+    positions = placed.index({fresh});
   }
   known_ = std::move(known);
-  const Tensor& samples = input.depth_samples;
-  if (samples.defined() && samples.size(0) > 0) {
+  if (input.depth_samples.defined() && input.depth_samples.size(0) > 0) {
+    const Tensor samples = drift_.points_in_map(input.depth_samples);
     const Tensor usable = finite_rows(samples) & project(camera, samples).in_view;
     positions = torch::cat({positions, samples.index({usable})});
   }
@@ -113,8 +114,11 @@ void Mapper::fill_from_depth(std::size_t view) {
   std::stable_sort(others.begin(), others.end(), nearer);  // itself first
   others.resize(
       std::min<std::size_t>(others.size(), static_cast<std::size_t>(options_.depth.views)));
+  // Over a baseline as short as theirs nothing knows better than odometry how they stand.
   for (const std::size_t i : others) {
-    request.views.push_back({to_grey(keyframes_[i].image), keyframes_.view(i, 1)});
+    splat::View camera = keyframes_.view(i, 1);
+    camera.T_camera_world = drift_.in_map(view, drift_.in_odometry(i, camera.T_camera_world));
+    request.views.push_back({to_grey(keyframes_[i].image), camera});
   }
   const Stopwatch watch;
   const DepthEstimate estimate = estimate_depth(request, options_.depth);

@@ -268,6 +268,43 @@ TEST(Mapper, AFullMapKeepsWhatItShowed) {
   EXPECT_GT(*mean_psnr(mapper.snapshot(), mapper.keyframes(), early), before - 4.0);
 }
 
+/// Passes before the wall twice, the second time with poses and points that have drifted.
+Mapper seen_again(const splat::Gaussians& world, bool align, double drift_m) {
+  MapperOptions options = quick_options();
+  options.online.align = align;
+  options.online.drift_m = 0.02;
+  Mapper mapper(options);
+  for (int i = 0; i < 52; ++i) {
+    const bool again = i >= 26;
+    const double x = 0.06 * (i % 26) - 0.8;
+    MapperInput input = input_of(world, x, 0.0, i, !again && i % 5 == 2);
+    if (!again) input.points = points_of(world);
+    if (again) {
+      input.keyframe.T_camera_world = camera_at(x, drift_m);
+      input.points.positions.select(1, 1) += drift_m;
+    }
+    mapper.add(input);
+    for (int k = 0; k < 20 && mapper.ready(); ++k) mapper.step();
+  }
+  return mapper;
+}
+
+TEST(Mapper, WhatIsMetAgainIsWhereItWasThoughOdometryHasDrifted) {
+  const splat::Gaussians world = wall_of_gaussians(1200);
+  const double drift_m = 0.15;
+  const auto psnr = [](const Mapper& mapper) {
+    return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
+  };
+  const Mapper aligned = seen_again(world, true, drift_m);
+  const Mapper drifted = seen_again(world, false, drift_m);
+  EXPECT_GT(psnr(aligned), psnr(drifted) + 1.0);
+  for (const std::size_t i : {std::size_t{40}, std::size_t{51}}) {
+    const Tensor center = camera_center(aligned.pose(i));
+    EXPECT_LT(std::abs(center[1].item<double>()), 0.2 * drift_m);
+    EXPECT_NEAR(camera_center(drifted.pose(i))[1].item<double>(), drift_m, 1e-9);
+  }
+}
+
 TEST(Mapper, HeldOutImagesAreNeverLearntFrom) {
   const splat::Gaussians world = wall_of_gaussians();
   MapperOptions options = quick_options();

@@ -95,6 +95,12 @@ struct OnlineSection : mapping::OnlineOptions {
     v("sparse_adam", sparse_adam,
       "as mapping.sparse_adam, while keyframes come in and after: what few of many views see stays "
       "where it is in between");
+    v("align", align,
+      "whether a keyframe is put where the map shows what it sees: what is met again is not drawn "
+      "a "
+      "second time where odometry has drifted to");
+    v("drift_m", drift_m, Range{1e-6, 10.0}, "of odometry, thought possible a second [m]");
+    v("drift_deg", drift_deg, Range{1e-6, 180.0}, "the same of directions [deg]");
     v("point_sigma", point_sigma, Range{0.0, 10.0},
       "of a sparse point's distance over the distance: worse ones make no Gaussian");
     v("opacity", opacity, Range{1e-3, 0.999}, "of new Gaussians");

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apvi/mapping/drift.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/late_losses.hpp"
 #include "apvi/mapping/map_learner.hpp"
@@ -64,7 +65,8 @@ std::string_view to_string(Intake intake);
 /// and makes Gaussians where the map has none, `step` is one iteration. The same calls give the
 /// same map to the bit.
 ///
-/// A Gaussian belongs to the keyframe that made it, and moves with it.
+/// A Gaussian belongs to the keyframe that made it, and moves with it. What is said of poses is in
+/// odometry's world; the map's is the same until odometry has drifted (see Drift).
 class Mapper {
  public:
   explicit Mapper(const MapperOptions& options);
@@ -108,6 +110,7 @@ class Mapper {
   void move(const MovedKeyframe& moved);
   void move_followers(std::size_t view, const torch::Tensor& motion);
   void keep(const Keyframe& keyframe);
+  void align(std::size_t view);
   void make_memory();
   void thin_held_out();
 
@@ -124,7 +127,8 @@ class Mapper {
   int reduction(std::size_t view) const;
 
   MapperOptions options_;
-  KeyframeStore keyframes_;
+  KeyframeStore keyframes_;  ///< where the map has them
+  Drift drift_;
   std::map<std::int64_t, std::size_t> by_stamp_;
   ViewSchedule schedule_;
   std::optional<MapLearner> learner_;

@@ -97,6 +97,9 @@ struct OnlineOptions {
   /// Adam's mean square, which falls while nobody looks, a gradient after a long time is a large
   /// one.
   bool sparse_adam = true;
+  bool align = true;  ///< whether keyframes are put where the map that they meet again has them
+  double drift_m = 0.003;       ///< of odometry against the map, thought possible a second
+  double drift_deg = 0.02;      ///< the same of directions
   double point_sigma = 0.1;     ///< of a sparse point along its ray over its distance, at most
   double opacity = 0.2;         ///< of new Gaussians
   int depth_lag = 2;            ///< keyframes that a depth estimate waits for, to see both sides
