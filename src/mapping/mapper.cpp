@@ -11,7 +11,6 @@
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
-#include "apvi/mapping/picture_alignment.hpp"
 #include "apvi/mapping/water_survey.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "seed_stream.hpp"
@@ -25,19 +24,7 @@ constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
 
-// Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
-constexpr double kLeastMove = 5e-4;  // [m], and [rad]
 constexpr double kRadians = 0.017453292519943295;
-constexpr int kAlignedWidth = 320;  // of the picture that a keyframe is aligned with, at least
-// Gaussians of keyframes before so many: among the others odometry drifts less than they can tell.
-constexpr std::int64_t kLongAgo = 20;
-constexpr double kMapKnows_m = 0.01;  // so well, where a keyframe stands on what it has seen before
-
-double size_of(const Tensor& motion) {
-  const Tensor t = motion.slice(0, 0, 3).select(1, 3);
-  const Tensor R = motion.slice(0, 0, 3).slice(1, 0, 3) - torch::eye(3, torch::kFloat64);
-  return std::max(t.norm().item<double>(), R.norm().item<double>());
-}
 
 splat::Gaussians clone(const splat::Gaussians& gaussians) {
   splat::Gaussians copy;
@@ -73,6 +60,7 @@ Mapper::Mapper(const MapperOptions& options)
     : options_(options),
       drift_({.translation_m = options.online.drift_m,
               .rotation_rad = kRadians * options.online.drift_deg}),
+      first_sight_(options.trainer.densify.max_gaussians),
       schedule_(static_cast<std::size_t>(options.online.recent_keyframes),
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
@@ -136,37 +124,6 @@ void Mapper::want_depth(std::size_t view, bool hurry) {
   waiting_ = std::move(fewer);
 }
 
-// The keyframe's own Gaussians keep their place before its camera. A little is drift, not a move,
-// where the map has said how the keyframe stands on it.
-void Mapper::move(const MovedKeyframe& moved) {
-  const auto known = by_stamp_.find(moved.stamp_ns);
-  if (known == by_stamp_.end() || !is_rigid(moved.T_camera_world)) return;
-  const std::size_t i = known->second;
-  const Tensor pose = drift_.in_map(i, moved.T_camera_world);
-  const Tensor motion = rigid_inverse(pose).mm(keyframes_[i].T_camera_world);  // of the world
-  const Tensor in_camera = pose.mm(rigid_inverse(keyframes_[i].T_camera_world));
-  if (drift_.is_found(i) && size_of(in_camera) < kMapKnows_m) {
-    return drift_.found(i, moved.T_camera_world, keyframes_[i].T_camera_world);
-  }
-  if (size_of(in_camera) < kLeastMove) return;
-  keyframes_.set_pose(i, pose);
-  move_followers(i, motion);
-  if (!learner_) return;
-  learner_->move(static_cast<std::int64_t>(i),
-                 {.scale = 1.0,
-                  .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
-                  .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
-}
-
-// Held-out keyframes are no part of the window; they stay where its keyframes see them.
-void Mapper::move_followers(std::size_t view, const Tensor& motion) {
-  const auto found = followers_.find(view);
-  if (found == followers_.end()) return;
-  for (const std::size_t i : found->second) {
-    keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
-  }
-}
-
 void Mapper::keep(const Keyframe& keyframe) {
   by_stamp_[keyframe.stamp_ns] = keyframes_.size();
   drift_.add();
@@ -174,32 +131,6 @@ void Mapper::keep(const Keyframe& keyframe) {
   placed.T_camera_world = drift_.in_map(keyframes_.size(), keyframe.T_camera_world);
   keyframes_.add(std::move(placed));
   if (learner_) learner_->add_view();
-}
-
-// What the map showed long ago says where the keyframe stands. Held-out ones are not looked at:
-// they have the drift of the keyframe before them.
-void Mapper::align(std::size_t view) {
-  if (!options_.online.align || !learner_) return;
-  const auto before = static_cast<std::int64_t>(view) - kLongAgo;
-  Map map = learner_->whole_map();
-  const Tensor old = (learner_->anchors() < before).nonzero().squeeze(1);
-  if (old.size(0) == 0) return;
-  for (Tensor* part : map.gaussians.tensors()) *part = part->index_select(0, old);
-  const int factor = keyframes_[view].intrinsics.width >= 2 * kAlignedWidth ? 2 : 1;
-  const splat::View camera = keyframes_.view(view, factor);
-  const Picture shown = take_picture(map, camera);
-  const Tensor picture = keyframes_.image(view, factor, shown.alpha.device()) /
-                         camera_response(map, keyframes_, view, factor);
-  const auto found =
-      align_picture(shown, picture, camera.intrinsics, drift_.sigmas(keyframes_[view].stamp_ns));
-  if (!found) return;
-  const Tensor pose = found->T_camera_believed.mm(camera.T_camera_world);
-  log::debug("{}: stands {:.1f} mm from where odometry has it; residual {:.4f} before, {:.4f} now",
-             keyframes_[view].name, 1e3 * size_of(found->T_camera_believed), found->before,
-             found->after);
-  drift_.found_newest(keyframes_[view].stamp_ns, drift_.in_odometry(view, camera.T_camera_world),
-                      pose);
-  keyframes_.set_pose(view, pose);
 }
 
 // Of the older keyframes goes the one whose neighbours in time stand closest together.

@@ -75,6 +75,10 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   OutputArchive drift;
   drift_.save(drift);
   archive.write("drift", drift);
+  OutputArchive first_sight;
+  first_sight_.save(first_sight);
+  archive.write("first_sight", first_sight);
+  archive.write("remembered", c10::IValue(static_cast<std::int64_t>(remembered_)));
   OutputArchive schedule;
   schedule_.save(schedule);
   archive.write("schedule", schedule);
@@ -108,6 +112,9 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     }
     archive.read("drift", part);
     read.drift_.load(part);
+    archive.read("first_sight", part);
+    read.first_sight_.load(part, splat::active_device());
+    read.remembered_ = static_cast<std::size_t>(read_int(archive, "remembered"));
     archive.read("schedule", part);
     read.schedule_.load(part);
     c10::IValue learning;

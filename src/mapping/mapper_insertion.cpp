@@ -29,8 +29,8 @@ constexpr double kExtentMemory = 0.9;   // of the mean over keyframes
 constexpr double kLeastRadiusPx = 1.0;  // of a Gaussian at a sparse point
 constexpr double kMostRadiusPx = 8.0;
 constexpr std::int64_t kMostPoints = 4096;  // sparse ones that are remembered
-// Of a full map, by one keyframe: others have to learn what those showed that go.
-constexpr double kMostReplaced = 0.01;
+// For one keyframe, as long as there is room.
+constexpr std::int64_t kAtLeast = 1000;
 constexpr double kMostWidened = 3.0;  // of seeds that stand for more than their own
 
 double finite_median(const Tensor& values) {
@@ -179,25 +179,34 @@ void Mapper::insert(std::size_t view, Seeds seeds) {
   learner_->insert(made, anchors);
 }
 
-// A full map lets its faintest older Gaussians go for what is new.
+// One keyframe gets a share of the room there is, so that some is left for those that come, and in
+// a full map the place of the faintest older Gaussians: few, as others have to learn what those
+// showed.
 std::int64_t Mapper::make_room(std::int64_t wanted) {
   const std::int64_t most = options_.trainer.densify.max_gaussians;
-  const std::int64_t room = most - size();
-  if (room >= wanted || !learner_ || size() == 0) return std::min(room, wanted);
+  const std::int64_t room = std::max<std::int64_t>(0, most - size());
+  const auto part = [](double share, std::int64_t of) {
+    return static_cast<std::int64_t>(share * static_cast<double>(of));
+  };
+  const std::int64_t shared =
+      std::min(room, std::max(kAtLeast, part(options_.online.room_share, room)));
+  const std::int64_t granted =
+      std::min(wanted, std::max(shared, part(options_.online.replaced_share, most)));
+  if (granted <= room || !learner_ || size() == 0) return std::min(granted, room);
   const auto& views = keyframes_.training();
   const auto recent =
       std::min(views.size(), static_cast<std::size_t>(options_.online.recent_keyframes));
   const auto oldest_recent = static_cast<std::int64_t>(views[views.size() - recent]);
   const Tensor old = learner_->anchors() < oldest_recent;
-  const auto few = static_cast<std::int64_t>(kMostReplaced * static_cast<double>(most));
-  const std::int64_t count = std::min({wanted - room, few, old.sum().item<std::int64_t>()});
-  if (count <= 0) return std::min(room, wanted);
-  const Tensor order =
-      learner_->map().logit_opacities.masked_fill(~old, std::numeric_limits<float>::infinity());
-  Tensor remove = torch::zeros_like(old);
-  remove.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
-  learner_->remove(remove);
-  return std::min(most - size(), wanted);
+  const std::int64_t count = std::min(granted - room, old.sum().item<std::int64_t>());
+  if (count > 0) {
+    const Tensor order =
+        learner_->map().logit_opacities.masked_fill(~old, std::numeric_limits<float>::infinity());
+    Tensor remove = torch::zeros_like(old);
+    remove.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
+    learner_->remove(remove);
+  }
+  return std::min(most - size(), granted);
 }
 
 }  // namespace apvi::mapping

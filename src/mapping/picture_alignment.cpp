@@ -14,63 +14,62 @@ namespace {
 
 using torch::Tensor;
 
-constexpr std::int64_t kLeastWidth = 40; // of the coarsest picture [px]
-constexpr std::int64_t kSquare = 9;  // over which the local mean is taken [px]
-constexpr double kSolid = 0.9;       // alpha of a surface
-constexpr double kEven = 0.05;       // of its depth within a pixel's neighbours
-constexpr double kLeastGood = 0.3;   // of a reduced pixel
-constexpr double kLeastShare = 0.15; // of the picture
-constexpr int kMostSteps = 12;       // on a level
-constexpr double kStill_px =
-    0.01; // a step that moves the picture less is the last one
-constexpr double kHuber = 1.345;     // sigmas
-constexpr double kLeastSigma = 2e-3; // half a grey level
-constexpr double kAlike = 25.0; // pixels that err together, being of one patch
+constexpr std::int64_t kLeastWidth = 40;  // of the coarsest picture [px]
+constexpr std::int64_t kSquare = 9;       // over which the local mean is taken [px]
+constexpr double kSolid = 0.9;            // alpha of a surface
+constexpr double kEven = 0.05;            // of its depth within a pixel's neighbours
+constexpr double kLeastGood = 0.3;        // of a reduced pixel
+constexpr double kLeastShare = 0.15;      // of the picture
+constexpr int kMostSteps = 12;            // on a level
+constexpr double kStill_px = 0.01;        // a step that moves the picture less is the last one
+constexpr double kHuber = 1.345;          // sigmas
+constexpr double kLeastSigma = 2e-3;      // half a grey level
+constexpr double kAlike = 25.0;           // pixels that err together, being of one patch
 constexpr double kLeastGain = 0.5;
 constexpr double kMostGain = 2.0;
-constexpr double kBetter = 0.995; // of the residual before, at most
+constexpr double kLeastLikeness = 0.5;  // correlation; less is silt, or another place
+constexpr double kMostSigmas = 4.0;     // from where it is believed to be; else it is a mistake
+constexpr double kBetter = 0.998;       // of the residual before, at most
 
 /// Grey pictures of one size, [1,1,h,w], and what is known of their pixels.
 struct Level {
   Tensor drawn;
   Tensor seen;
   Tensor depth;
-  Tensor good; ///< share of a pixel that is a surface
+  Tensor good;  ///< share of a pixel that is a surface
   double scale = 1.0;
 };
 
 /// The pixels of a level that are compared.
 struct Pixels {
-  Tensor points; ///< [n,3] before the believed camera
-  Tensor drawn;  ///< [n] less its local mean
-  Tensor slopes; ///< [n,6] of `drawn` by a motion of the point: translation,
-                 ///< rotation
-  Tensor good;   ///< [n] how far to trust them, 0 to 1
-  Tensor seen;   ///< [1,1,h,w] the picture less its local mean
-  Tensor lens;   ///< [2,2] f and c over half of the size of the picture
+  Tensor points;  ///< [n,3] before the believed camera
+  Tensor drawn;   ///< [n] less its local mean
+  Tensor slopes;  ///< [n,6] of `drawn` by a motion of the point: translation, rotation
+  Tensor good;    ///< [n] how far to trust them, 0 to 1
+  Tensor seen;    ///< [1,1,h,w] the picture less its local mean
+  Tensor lens;    ///< [2,2] f and c over half of the size of the picture
   double focal_px = 0.0;
   double share = 0.0;
 };
 
-Tensor grey(const Tensor &picture) {
+Tensor grey(const Tensor& picture) {
   return picture.mean(2).unsqueeze(0).unsqueeze(0);
 }
 
-Tensor without_mean(const Tensor &image) {
+Tensor without_mean(const Tensor& image) {
   return image - torch::avg_pool2d(image, kSquare, 1, kSquare / 2,
                                    /*ceil_mode=*/false,
                                    /*count_include_pad=*/false);
 }
 
-// Least and largest, of depth over three pixels: an edge of a surface belongs
-// to neither side.
-Tensor is_even(const Tensor &depth) {
+// An edge of a surface belongs to neither side.
+Tensor is_even(const Tensor& depth) {
   const Tensor most = torch::max_pool2d(depth, 3, 1, 1);
   const Tensor least = -torch::max_pool2d(-depth, 3, 1, 1);
   return (most - least < kEven * depth).to(depth.options());
 }
 
-std::vector<Level> pyramid(const Picture &shown, const Tensor &picture) {
+std::vector<Level> pyramid(const Picture& shown, const Tensor& picture) {
   Level level;
   level.drawn = grey(shown.as_seen);
   level.seen = grey(picture);
@@ -81,8 +80,7 @@ std::vector<Level> pyramid(const Picture &shown, const Tensor &picture) {
     const Tensor good = torch::avg_pool2d(level.good, 2);
     level = {.drawn = torch::avg_pool2d(level.drawn, 2),
              .seen = torch::avg_pool2d(level.seen, 2),
-             .depth = torch::avg_pool2d(level.good * level.depth, 2) /
-                      good.clamp_min(1e-6),
+             .depth = torch::avg_pool2d(level.good * level.depth, 2) / good.clamp_min(1e-6),
              .good = good,
              .scale = 0.5 * level.scale};
     levels.push_back(level);
@@ -91,11 +89,11 @@ std::vector<Level> pyramid(const Picture &shown, const Tensor &picture) {
 }
 
 /// Central differences of [1,1,h,w] along an axis.
-Tensor slope(const Tensor &image, std::int64_t axis) {
+Tensor slope(const Tensor& image, std::int64_t axis) {
   return 0.5 * (image.roll(-1, axis) - image.roll(1, axis));
 }
 
-Pixels compared(const Level &level, const splat::Intrinsics &camera) {
+Pixels compared(const Level& level, const splat::Intrinsics& camera) {
   const auto options = level.drawn.options();
   const std::int64_t h = level.drawn.size(2);
   const std::int64_t w = level.drawn.size(3);
@@ -104,25 +102,20 @@ Pixels compared(const Level &level, const splat::Intrinsics &camera) {
   const double cx = level.scale * camera.cx;
   const double cy = level.scale * camera.cy;
   const Tensor drawn = without_mean(level.drawn);
-  Tensor inside =
-      torch::zeros_like(level.good); // whose neighbours are in the picture
+  Tensor inside = torch::zeros_like(level.good);  // whose neighbours are in the picture
   inside.slice(2, 1, h - 1).slice(3, 1, w - 1).fill_(1.0);
-  const Tensor which =
-      (level.good * inside > kLeastGood).flatten().nonzero().squeeze(1);
-  const auto pick = [&which](const Tensor &image) {
+  const Tensor which = (level.good * inside > kLeastGood).flatten().nonzero().squeeze(1);
+  const auto pick = [&which](const Tensor& image) {
     return image.flatten().index_select(0, which);
   };
   const Tensor z = pick(level.depth);
-  const Tensor a =
-      ((which % w).to(options) + 0.5 - cx) / fx; // the ray, at unit depth
+  const Tensor a = ((which % w).to(options) + 0.5 - cx) / fx;  // the ray, at unit depth
   const Tensor b = (torch::floor_divide(which, w).to(options) + 0.5 - cy) / fy;
   const Tensor gu = fx * pick(slope(drawn, 3));
   const Tensor gv = fy * pick(slope(drawn, 2));
   const Tensor along = a * gu + b * gv;
-  const Tensor slopes =
-      torch::stack({gu / z, gv / z, -along / z, -gv - b * along, gu + a * along,
-                    a * gv - b * gu},
-                   1);
+  const Tensor slopes = torch::stack(
+      {gu / z, gv / z, -along / z, -gv - b * along, gu + a * along, a * gv - b * gu}, 1);
   const double half_w = 0.5 * static_cast<double>(w);
   const double half_h = 0.5 * static_cast<double>(h);
   return {.points = torch::stack({a * z, b * z, z}, 1),
@@ -130,109 +123,92 @@ Pixels compared(const Level &level, const splat::Intrinsics &camera) {
           .slopes = slopes,
           .good = pick(level.good),
           .seen = without_mean(level.seen),
-          .lens = torch::tensor({fx / half_w, fy / half_h, cx / half_w - 1.0,
-                                 cy / half_h - 1.0},
+          .lens = torch::tensor({fx / half_w, fy / half_h, cx / half_w - 1.0, cy / half_h - 1.0},
                                 options)
                       .view({2, 2}),
           .focal_px = fx,
-          .share =
-              static_cast<double>(which.size(0)) / static_cast<double>(h * w)};
+          .share = static_cast<double>(which.size(0)) / static_cast<double>(h * w)};
 }
 
-/// What the picture shows of the pixels' points from a camera at `T`, and where
-/// it shows them.
+/// What the picture shows of the pixels' points from a camera at `T`, and where it shows them.
 struct Sight {
   Tensor seen;
-  Tensor visible; ///< how far to trust it; 0 where it is not in the picture
+  Tensor visible;  ///< how far to trust it; 0 where it is not in the picture
 };
 
-Sight look(const Pixels &pixels, const Tensor &T) {
+Sight look(const Pixels& pixels, const Tensor& T) {
   const Tensor M = T.to(pixels.points.options());
-  const Tensor points =
-      torch::addmm(M.slice(0, 0, 3).select(1, 3), pixels.points,
-                   M.slice(0, 0, 3).slice(1, 0, 3).t());
+  const Tensor points = torch::addmm(M.slice(0, 0, 3).select(1, 3), pixels.points,
+                                     M.slice(0, 0, 3).slice(1, 0, 3).t());
   const Tensor z = points.select(1, 2);
   const Tensor at =
-      points.slice(1, 0, 2) / z.clamp_min(1e-3).unsqueeze(1) * pixels.lens[0] +
-      pixels.lens[1];
+      points.slice(1, 0, 2) / z.clamp_min(1e-3).unsqueeze(1) * pixels.lens[0] + pixels.lens[1];
   constexpr std::int64_t kLinear = 0;
   constexpr std::int64_t kBorder = 1;
-  const Tensor seen =
-      torch::grid_sampler(pixels.seen, at.view({1, 1, -1, 2}), kLinear, kBorder,
-                          /*align_corners=*/false)
-          .flatten();
+  const Tensor seen = torch::grid_sampler(pixels.seen, at.view({1, 1, -1, 2}), kLinear, kBorder,
+                                          /*align_corners=*/false)
+                          .flatten();
   const Tensor visible = (at.abs() < 1.0).all(1) & (z > 1e-3);
   return {seen, pixels.good * visible};
 }
 
-/// Residuals with their robust weights; the pictures' factor is estimated with
-/// them.
+/// Residuals with their robust weights; the pictures' factor is estimated with them.
 struct Comparison {
   Tensor residuals;
   Tensor weights;
   double sigma = 0.0;
-  double mean =
-      0.0; ///< of what is visible, large ones as the weights have them
+  double mean = 0.0;  ///< of what is visible, large ones as the weights have them
+  double correlation = 0.0;
 };
 
-Comparison compare(const Pixels &pixels, const Tensor &T) {
+Comparison compare(const Pixels& pixels, const Tensor& T) {
   const Sight sight = look(pixels, T);
-  const Tensor products =
-      torch::stack({(sight.visible * pixels.drawn * sight.seen).sum(),
-                    (sight.visible * sight.seen.square()).sum()})
-          .to(torch::kCPU, torch::kFloat64);
+  const Tensor products = torch::stack({(sight.visible * pixels.drawn * sight.seen).sum(),
+                                        (sight.visible * sight.seen.square()).sum(),
+                                        (sight.visible * pixels.drawn.square()).sum()})
+                              .to(torch::kCPU, torch::kFloat64);
   const auto sums = products.accessor<double, 1>();
-  const double gain =
-      std::clamp(sums[0] / std::max(1e-12, sums[1]), kLeastGain, kMostGain);
+  const double gain = std::clamp(sums[0] / std::max(1e-12, sums[1]), kLeastGain, kMostGain);
   Comparison result;
+  result.correlation = sums[0] / std::sqrt(std::max(1e-12, sums[1] * sums[2]));
   result.residuals = pixels.drawn - gain * sight.seen;
   const Tensor size = result.residuals.abs();
   result.sigma = std::max(kLeastSigma, 1.4826 * size.median().item<double>());
-  result.weights =
-      sight.visible *
-      (kHuber * result.sigma / size.clamp_min(1e-9)).clamp_max(1.0);
-  result.mean =
-      ((result.weights * size).sum() / sight.visible.sum().clamp_min(1.0))
-          .item<double>();
+  result.weights = sight.visible * (kHuber * result.sigma / size.clamp_min(1e-9)).clamp_max(1.0);
+  result.mean = ((result.weights * size).sum() / sight.visible.sum().clamp_min(1.0)).item<double>();
   return result;
 }
 
-/// The motion while it is sought: how far it is from where it was believed to
-/// be, too.
+/// The motion while it is sought: how far it is from where it was believed to be, too.
 struct Estimate {
   Tensor T = torch::eye(4, torch::kFloat64);
   Tensor twist = torch::zeros({6}, torch::kFloat64);
 };
 
-void descend(const Pixels &pixels, const Tensor &prior, double depth,
-             Estimate &estimate) {
+void descend(const Pixels& pixels, const Tensor& prior, double depth, Estimate& estimate) {
   for (int k = 0; k < kMostSteps; ++k) {
     const Comparison now = compare(pixels, estimate.T);
     const Tensor weighted = pixels.slopes * now.weights.unsqueeze(1);
     const Tensor sums =
-        torch::cat({weighted.t().mm(pixels.slopes),
-                    weighted.t().mm(now.residuals.unsqueeze(1))},
-                   1)
+        torch::cat({weighted.t().mm(pixels.slopes), weighted.t().mm(now.residuals.unsqueeze(1))}, 1)
             .to(torch::kCPU, torch::kFloat64) /
         (kAlike * now.sigma * now.sigma);
     const Tensor information = sums.slice(1, 0, 6) + prior.diag();
     const Tensor pull = prior * estimate.twist - sums.select(1, 6);
     const Tensor step = torch::mv(torch::inverse(information), pull);
-    estimate.T =
-        estimate.T.mm(corrected_pose(torch::eye(4, torch::kFloat64), -step));
+    estimate.T = estimate.T.mm(corrected_pose(torch::eye(4, torch::kFloat64), -step));
     estimate.twist = estimate.twist - step;
-    const double moved = step.slice(0, 0, 3).norm().item<double>() / depth +
-                         step.slice(0, 3).norm().item<double>();
-    if (!(moved * pixels.focal_px > kStill_px))
-      return;
+    const double moved =
+        step.slice(0, 0, 3).norm().item<double>() / depth + step.slice(0, 3).norm().item<double>();
+    if (!(moved * pixels.focal_px > kStill_px)) return;
   }
 }
 
-} // namespace
+}  // namespace
 
-std::optional<PictureAlignment>
-align_picture(const Picture &shown, const Tensor &picture,
-              const splat::Intrinsics &intrinsics, const PoseSigmas &sigmas) {
+std::optional<PictureAlignment> align_picture(const Picture& shown, const Tensor& picture,
+                                              const splat::Intrinsics& intrinsics,
+                                              const PoseSigmas& sigmas) {
   const torch::NoGradGuard no_grad;
   const double t = 1.0 / (sigmas.translation_m * sigmas.translation_m);
   const double r = 1.0 / (sigmas.rotation_rad * sigmas.rotation_rad);
@@ -240,20 +216,23 @@ align_picture(const Picture &shown, const Tensor &picture,
   const std::vector<Level> levels = pyramid(shown, picture);
   Estimate estimate;
   PictureAlignment result;
+  double likeness = 0.0;
   for (auto level = levels.rbegin(); level != levels.rend(); ++level) {
     const Pixels pixels = compared(*level, intrinsics);
-    if (pixels.share < kLeastShare)
-      return std::nullopt;
+    if (pixels.share < kLeastShare) return std::nullopt;
     const double depth = pixels.points.select(1, 2).median().item<double>();
     descend(pixels, prior, depth, estimate);
+    const Comparison now = compare(pixels, estimate.T);
+    likeness = std::max(likeness, now.correlation);  // noise drowns it where pixels are small
     result = {.T_camera_believed = estimate.T,
               .before = compare(pixels, torch::eye(4, torch::kFloat64)).mean,
-              .after = compare(pixels, estimate.T).mean,
+              .after = now.mean,
               .share = pixels.share};
   }
-  const bool fits = torch::isfinite(estimate.T).all().item<bool>() &&
+  const double sigmas_off = (prior * estimate.twist.square()).sum().sqrt().item<double>();
+  const bool fits = sigmas_off < kMostSigmas && likeness > kLeastLikeness &&
                     result.after < kBetter * result.before;
   return fits ? std::optional(result) : std::nullopt;
 }
 
-} // namespace apvi::mapping
+}  // namespace apvi::mapping

@@ -219,6 +219,7 @@ TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
   options.trainer.densify.gradient_threshold = 1e-7;
   options.trainer.densify.random_per_round = 100;
   options.trainer.densify.max_gaussians = 300;
+  options.online.replaced_share = 0.01;
   options.online.recent_keyframes = 3;
   options.online.memory_mib = 20.0 * 48 * 32 * 3 / (1024.0 * 1024.0);
   options.online.heldout_views = 8;
@@ -246,6 +247,7 @@ TEST(Mapper, AFullMapKeepsWhatItShowed) {
   const splat::Gaussians world = wall_of_gaussians();
   MapperOptions options = quick_options();
   options.trainer.densify.max_gaussians = 260;
+  options.online.replaced_share = 0.01;
   options.online.recent_keyframes = 3;
   Mapper mapper(options);
   const auto pass = [&](int first, int last) {

@@ -95,6 +95,10 @@ struct OnlineSection : mapping::OnlineOptions {
     v("sparse_adam", sparse_adam,
       "as mapping.sparse_adam, while keyframes come in and after: what few of many views see stays "
       "where it is in between");
+    v("room_share", room_share, Range{1e-6, 1.0},
+      "of what the map may still grow by, at most so much goes to one keyframe");
+    v("replaced_share", replaced_share, Range{0.0, 1.0},
+      "of a full map: one keyframe's Gaussians may take the place of so many older ones");
     v("align", align,
       "whether a keyframe is put where the map shows what it sees: what is met again is not drawn "
       "a "

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "apvi/mapping/drift.hpp"
+#include "apvi/mapping/first_sight.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/late_losses.hpp"
 #include "apvi/mapping/map_learner.hpp"
@@ -110,6 +111,7 @@ class Mapper {
   void move(const MovedKeyframe& moved);
   void move_followers(std::size_t view, const torch::Tensor& motion);
   void keep(const Keyframe& keyframe);
+  void remember_until(std::int64_t stamp_ns);
   void align(std::size_t view);
   void make_memory();
   void thin_held_out();
@@ -129,6 +131,8 @@ class Mapper {
   MapperOptions options_;
   KeyframeStore keyframes_;  ///< where the map has them
   Drift drift_;
+  FirstSight first_sight_;
+  std::size_t remembered_ = 0;  ///< keyframes before are in it
   std::map<std::int64_t, std::size_t> by_stamp_;
   ViewSchedule schedule_;
   std::optional<MapLearner> learner_;

@@ -98,14 +98,16 @@ struct OnlineOptions {
   /// one.
   bool sparse_adam = true;
   bool align = true;  ///< whether keyframes are put where the map that they meet again has them
-  double drift_m = 0.003;       ///< of odometry against the map, thought possible a second
-  double drift_deg = 0.02;      ///< the same of directions
-  double point_sigma = 0.1;     ///< of a sparse point along its ray over its distance, at most
-  double opacity = 0.2;         ///< of new Gaussians
-  int depth_lag = 2;            ///< keyframes that a depth estimate waits for, to see both sides
-  int depth_every = 1;          ///< keyframes from one estimate to the next
-  double covered_alpha = 0.9;   ///< a block that is drawn so densely
-  double covered_error = 0.05;  ///< and so well (mean absolute error) needs no Gaussian
+  double room_share = 0.02;       ///< of what the map may still grow by, for one keyframe at most
+  double replaced_share = 0.002;  ///< of a full map, that one keyframe may have the place of
+  double drift_m = 0.002;         ///< of odometry against the map, thought possible a second
+  double drift_deg = 0.01;        ///< the same of directions
+  double point_sigma = 0.1;       ///< of a sparse point along its ray over its distance, at most
+  double opacity = 0.2;           ///< of new Gaussians
+  int depth_lag = 2;              ///< keyframes that a depth estimate waits for, to see both sides
+  int depth_every = 1;            ///< keyframes from one estimate to the next
+  double covered_alpha = 0.9;     ///< a block that is drawn so densely
+  double covered_error = 0.05;    ///< and so well (mean absolute error) needs no Gaussian
 };
 
 struct MapperOptions {

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/first_sight.hpp"
+
+#include <torch/torch.h>
+
+#include <array>
+#include <cstddef>
+
+#include "apvi/mapping/seeds.hpp"
+#include "apvi/splat/render.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kKnown = 0.5;  // alpha
+
+constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
+                                               "logit_opacities", "sh_dc",      "sh_rest"};
+
+/// Which of `means` [n,3] stand in the picture where `known` draws nothing: indices.
+Tensor unknown(const splat::Gaussians& known, const Tensor& means, const splat::View& camera) {
+  const SeenPoints seen = project(camera, means.to(torch::kCPU, torch::kFloat64));
+  Tensor fresh = seen.in_view;
+  if (known.size() > 0) {
+    const Tensor alpha = splat::render(known, camera, {}).alpha.to(torch::kCPU);
+    const Tensor pixel = seen.pixels.floor().to(torch::kInt64);
+    const Tensor x = pixel.select(1, 0).clamp(0, alpha.size(1) - 1);
+    const Tensor y = pixel.select(1, 1).clamp(0, alpha.size(0) - 1);
+    fresh = fresh & (alpha.index({y, x}) < kKnown);
+  }
+  return fresh.nonzero().squeeze(1).to(means.device());
+}
+
+}  // namespace
+
+// What is in the middle of being seen for the first time is of several keyframes.
+splat::Gaussians FirstSight::before(std::int64_t stamp_ns) const {
+  splat::Gaussians known;
+  if (kept_.size() == 0) return known;
+  const std::int64_t count = (stamps_ < stamp_ns).sum().item<std::int64_t>();
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    *known.tensors()[k] = kept_.tensors()[k]->slice(0, 0, count);
+  }
+  return known;
+}
+
+void FirstSight::remember(const splat::Gaussians& gaussians, const splat::View& camera,
+                          std::int64_t stamp_ns) {
+  const torch::NoGradGuard no_grad;
+  if (gaussians.size() == 0) return;
+  const Tensor which = unknown(before(stamp_ns - kLongAgo_ns), gaussians.means, camera);
+  const bool first = kept_.size() == 0;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    Tensor part = gaussians.tensors()[k]->index_select(0, which);
+    if (k + 1 == kNames.size()) part = part.slice(1, 0, 0).contiguous();
+    Tensor& kept = *kept_.tensors()[k];
+    kept = first ? part : torch::cat({kept, part});
+    if (kept.size(0) > most_) kept = kept.slice(0, kept.size(0) - most_).clone();
+  }
+  stamps_ = torch::cat({stamps_, torch::full({which.size(0)}, stamp_ns, torch::kInt64)});
+  if (stamps_.size(0) > most_) stamps_ = stamps_.slice(0, stamps_.size(0) - most_).clone();
+}
+
+void FirstSight::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("stamps", stamps_);
+  archive.write("any", c10::IValue(kept_.size() > 0));
+  if (kept_.size() == 0) return;
+  for (std::size_t k = 0; k < kNames.size(); ++k) archive.write(kNames[k], *kept_.tensors()[k]);
+}
+
+void FirstSight::load(torch::serialize::InputArchive& archive, const torch::Device& device) {
+  kept_ = {};
+  archive.read("stamps", stamps_);
+  c10::IValue any;
+  archive.read("any", any);
+  if (!any.toBool()) return;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    Tensor read;
+    archive.read(kNames[k], read);
+    *kept_.tensors()[k] = read.to(device);
+  }
+}
+
+}  // namespace apvi::mapping

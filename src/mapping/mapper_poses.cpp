@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Where the mapper's keyframes stand.
+#include <torch/torch.h>
+
+#include <algorithm>
+
+#include "apvi/core/log.hpp"
+#include "apvi/mapping/mapper.hpp"
+#include "apvi/mapping/picture_alignment.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+// Smaller corrections of a pose are not worth moving Gaussians for; they add up until they are.
+constexpr double kLeastMove = 5e-4;   // [m], and [rad]
+constexpr int kAlignedWidth = 320;    // of the picture that a keyframe is aligned with, at least
+constexpr int kRememberedFactor = 4;  // by which pictures are reduced that say what is known
+constexpr double kMapKnows_m = 0.01;  // so well, where a keyframe stands on what it has seen before
+
+double size_of(const Tensor& motion) {
+  const Tensor t = motion.slice(0, 0, 3).select(1, 3);
+  const Tensor R = motion.slice(0, 0, 3).slice(1, 0, 3) - torch::eye(3, torch::kFloat64);
+  return std::max(t.norm().item<double>(), R.norm().item<double>());
+}
+
+}  // namespace
+
+// The keyframe's own Gaussians keep their place before its camera. A little is drift, not a move,
+// where the map has said how the keyframe stands on it.
+void Mapper::move(const MovedKeyframe& moved) {
+  const auto known = by_stamp_.find(moved.stamp_ns);
+  if (known == by_stamp_.end() || !is_rigid(moved.T_camera_world)) return;
+  const std::size_t i = known->second;
+  const Tensor pose = drift_.in_map(i, moved.T_camera_world);
+  const Tensor motion = rigid_inverse(pose).mm(keyframes_[i].T_camera_world);  // of the world
+  const Tensor in_camera = pose.mm(rigid_inverse(keyframes_[i].T_camera_world));
+  if (drift_.is_found(i) && size_of(in_camera) < kMapKnows_m) {
+    return drift_.found(i, moved.T_camera_world, keyframes_[i].T_camera_world);
+  }
+  if (size_of(in_camera) < kLeastMove) return;
+  keyframes_.set_pose(i, pose);
+  move_followers(i, motion);
+  if (!learner_) return;
+  learner_->move(static_cast<std::int64_t>(i),
+                 {.scale = 1.0,
+                  .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
+                  .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
+}
+
+// Held-out keyframes are no part of the window; they stay where its keyframes see them.
+void Mapper::move_followers(std::size_t view, const Tensor& motion) {
+  const auto found = followers_.find(view);
+  if (found == followers_.end()) return;
+  for (const std::size_t i : found->second) {
+    keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
+  }
+}
+
+// What odometry may have drifted from: keyframes of some time ago, once each.
+void Mapper::remember_until(std::int64_t stamp_ns) {
+  const std::vector<std::size_t>& views = keyframes_.training();
+  auto next = std::lower_bound(views.begin(), views.end(), remembered_);
+  for (; next != views.end() && keyframes_[*next].stamp_ns < stamp_ns; ++next) {
+    const Tensor own =
+        (learner_->anchors() == static_cast<std::int64_t>(*next)).nonzero().squeeze(1);
+    splat::Gaussians made = learner_->map();
+    for (Tensor* part : made.tensors()) *part = part->index_select(0, own);
+    first_sight_.remember(made, keyframes_.view(*next, kRememberedFactor),
+                          keyframes_[*next].stamp_ns);
+    remembered_ = *next + 1;
+  }
+}
+
+// What was seen long ago says where the keyframe stands. Held-out ones are not looked at: they have
+// the drift of the keyframe before them.
+void Mapper::align(std::size_t view) {
+  if (!options_.online.align || !learner_) return;
+  const std::int64_t stamp = keyframes_[view].stamp_ns;
+  remember_until(stamp - kLongAgo_ns);
+  Map map = learner_->whole_map();
+  map.gaussians = first_sight_.gaussians();
+  if (map.gaussians.size() == 0) return;
+  const int factor = keyframes_[view].intrinsics.width >= 2 * kAlignedWidth ? 2 : 1;
+  const splat::View camera = keyframes_.view(view, factor);
+  const Picture shown = take_picture(map, camera);
+  const Tensor picture = keyframes_.image(view, factor, shown.alpha.device()) /
+                         camera_response(map, keyframes_, view, factor);
+  const auto found = align_picture(shown, picture, camera.intrinsics, drift_.sigmas(stamp));
+  if (!found) return;
+  const Tensor pose = found->T_camera_believed.mm(camera.T_camera_world);
+  log::debug("{}: stands {:.1f} mm from where odometry has it; residual {:.4f} before, {:.4f} now",
+             keyframes_[view].name, 1e3 * size_of(found->T_camera_believed), found->before,
+             found->after);
+  drift_.found_newest(stamp, drift_.in_odometry(view, camera.T_camera_world), pose);
+  keyframes_.set_pose(view, pose);
+}
+
+}  // namespace apvi::mapping
