@@ -90,9 +90,11 @@ void Mapper::align(std::size_t view) {
   const auto found = align_picture(shown, picture, camera.intrinsics, drift_.sigmas(stamp));
   if (!found) return;
   const Tensor pose = found->T_camera_believed.mm(camera.T_camera_world);
-  log::debug("{}: stands {:.1f} mm from where odometry has it; residual {:.4f} before, {:.4f} now",
-             keyframes_[view].name, 1e3 * size_of(found->T_camera_believed), found->before,
-             found->after);
+  log::debug(
+      "{}: stands {:.1f} mm from where odometry has it; residual {:.4f}, was {:.4f}; "
+      "correlation {:.2f} over {:.0f} % of the picture",
+      keyframes_[view].name, 1e3 * size_of(found->T_camera_believed), found->after, found->before,
+      found->likeness, 100.0 * found->share);
   drift_.found_newest(stamp, drift_.in_odometry(view, camera.T_camera_world), pose);
   keyframes_.set_pose(view, pose);
 }

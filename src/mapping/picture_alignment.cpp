@@ -216,21 +216,21 @@ std::optional<PictureAlignment> align_picture(const Picture& shown, const Tensor
   const std::vector<Level> levels = pyramid(shown, picture);
   Estimate estimate;
   PictureAlignment result;
-  double likeness = 0.0;
   for (auto level = levels.rbegin(); level != levels.rend(); ++level) {
     const Pixels pixels = compared(*level, intrinsics);
     if (pixels.share < kLeastShare) return std::nullopt;
     const double depth = pixels.points.select(1, 2).median().item<double>();
     descend(pixels, prior, depth, estimate);
     const Comparison now = compare(pixels, estimate.T);
-    likeness = std::max(likeness, now.correlation);  // noise drowns it where pixels are small
     result = {.T_camera_believed = estimate.T,
               .before = compare(pixels, torch::eye(4, torch::kFloat64)).mean,
               .after = now.mean,
+              // Noise drowns it where pixels are small.
+              .likeness = std::max(result.likeness, now.correlation),
               .share = pixels.share};
   }
   const double sigmas_off = (prior * estimate.twist.square()).sum().sqrt().item<double>();
-  const bool fits = sigmas_off < kMostSigmas && likeness > kLeastLikeness &&
+  const bool fits = sigmas_off < kMostSigmas && result.likeness > kLeastLikeness &&
                     result.after < kBetter * result.before;
   return fits ? std::optional(result) : std::nullopt;
 }

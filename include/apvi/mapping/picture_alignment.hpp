@@ -21,6 +21,7 @@ struct PictureAlignment {
   torch::Tensor T_camera_believed;  ///< [4,4] float64: from where it was thought to be
   double before = 0.0;              ///< mean residual, grey levels of 0 to 1, where it was thought
   double after = 0.0;               ///< and where it is
+  double likeness = 0.0;            ///< correlation of the pictures less their local means, there
   double share = 0.0;               ///< of the picture that could be compared
 };
 
