@@ -9,6 +9,11 @@
 
 #include "apvi/mapping/picture_alignment.hpp"
 
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
 namespace apvi::mapping {
 
 /// How odometry has drifted against the map: where what it saw long ago is seen again, the map says

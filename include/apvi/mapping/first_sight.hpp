@@ -8,6 +8,11 @@
 #include "apvi/splat/gaussians.hpp"
 #include "apvi/splat/view.hpp"
 
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
 namespace apvi::mapping {
 
 /// Odometry drifts less in so much time than pictures can tell.
