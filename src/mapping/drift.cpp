@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/seeds.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -39,8 +40,7 @@ Tensor Drift::in_odometry(std::size_t i, const Tensor& T_camera_map) const {
 }
 
 Tensor Drift::points_in_map(const Tensor& points) const {
-  const Tensor T = rigid_inverse(now_);
-  return torch::addmm(T.slice(0, 0, 3).select(1, 3), points, T.slice(0, 0, 3).slice(1, 0, 3).t());
+  return moved(rigid_inverse(now_), points);
 }
 
 PoseSigmas Drift::sigmas(std::int64_t stamp_ns) const {

@@ -24,11 +24,9 @@ Tensor unknown(const splat::Gaussians& known, const Tensor& means, const splat::
   const SeenPoints seen = project(camera, means.to(torch::kCPU, torch::kFloat64));
   Tensor fresh = seen.in_view;
   if (known.size() > 0) {
-    const Tensor alpha = splat::render(known, camera, {}).alpha.to(torch::kCPU);
-    const Tensor pixel = seen.pixels.floor().to(torch::kInt64);
-    const Tensor x = pixel.select(1, 0).clamp(0, alpha.size(1) - 1);
-    const Tensor y = pixel.select(1, 1).clamp(0, alpha.size(0) - 1);
-    fresh = fresh & (alpha.index({y, x}) < kKnown);
+    const Tensor alpha = splat::render(known, camera, {}).alpha.to(torch::kCPU).flatten();
+    const Tensor pixels = pixel_index(camera.intrinsics, seen.pixels);
+    fresh = fresh & (alpha.index_select(0, pixels) < kKnown);
   }
   return fresh.nonzero().squeeze(1).to(means.device());
 }

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
+#include "apvi/mapping/seeds.hpp"
 #include "apvi/mapping/view_corrections.hpp"
 
 namespace apvi::mapping {
@@ -137,9 +139,7 @@ struct Sight {
 };
 
 Sight look(const Pixels& pixels, const Tensor& T) {
-  const Tensor M = T.to(pixels.points.options());
-  const Tensor points = torch::addmm(M.slice(0, 0, 3).select(1, 3), pixels.points,
-                                     M.slice(0, 0, 3).slice(1, 0, 3).t());
+  const Tensor points = moved(T.to(pixels.points.options()), pixels.points);
   const Tensor z = points.select(1, 2);
   const Tensor at =
       points.slice(1, 0, 2) / z.clamp_min(1e-3).unsqueeze(1) * pixels.lens[0] + pixels.lens[1];
@@ -198,9 +198,9 @@ void descend(const Pixels& pixels, const Tensor& prior, double depth, Estimate& 
     const Tensor step = torch::mv(torch::inverse(information), pull);
     estimate.T = estimate.T.mm(corrected_pose(torch::eye(4, torch::kFloat64), -step));
     estimate.twist = estimate.twist - step;
-    const double moved =
+    const double change =
         step.slice(0, 0, 3).norm().item<double>() / depth + step.slice(0, 3).norm().item<double>();
-    if (!(moved * pixels.focal_px > kStill_px)) return;
+    if (!(change * pixels.focal_px > kStill_px)) return;
   }
 }
 
@@ -222,12 +222,13 @@ std::optional<PictureAlignment> align_picture(const Picture& shown, const Tensor
     const double depth = pixels.points.select(1, 2).median().item<double>();
     descend(pixels, prior, depth, estimate);
     const Comparison now = compare(pixels, estimate.T);
-    result = {.T_camera_believed = estimate.T,
-              .before = compare(pixels, torch::eye(4, torch::kFloat64)).mean,
-              .after = now.mean,
-              // Noise drowns it where pixels are small.
-              .likeness = std::max(result.likeness, now.correlation),
-              .share = pixels.share};
+    // Noise drowns it where pixels are small.
+    result.likeness = std::max(result.likeness, now.correlation);
+    if (std::next(level) != levels.rend()) continue;
+    result.T_camera_believed = estimate.T;
+    result.before = compare(pixels, torch::eye(4, torch::kFloat64)).mean;
+    result.after = now.mean;
+    result.share = pixels.share;
   }
   const double sigmas_off = (prior * estimate.twist.square()).sum().sqrt().item<double>();
   const bool fits = sigmas_off < kMostSigmas && result.likeness > kLeastLikeness &&

@@ -19,17 +19,6 @@ Tensor in_camera(const splat::Intrinsics& k, const Tensor& pixels, const Tensor&
   return torch::stack({x, y, depths}, 1);
 }
 
-Tensor moved(const Tensor& T, const Tensor& points) {
-  return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
-}
-
-// Index of the pixel that holds a position in the picture.
-Tensor pixel_index(const splat::Intrinsics& k, const Tensor& pixels) {
-  const Tensor u = pixels.select(1, 0).floor().clamp(0, k.width - 1).to(torch::kInt64);
-  const Tensor v = pixels.select(1, 1).floor().clamp(0, k.height - 1).to(torch::kInt64);
-  return v * k.width + u;
-}
-
 }  // namespace
 
 Seeds Seeds::select(const Tensor& index) const {
@@ -52,6 +41,16 @@ Seeds Seeds::none() {
           .depths = empty,
           .radii_px = empty,
           .opacities = empty};
+}
+
+Tensor moved(const Tensor& T, const Tensor& points) {
+  return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
+}
+
+Tensor pixel_index(const splat::Intrinsics& k, const Tensor& pixels) {
+  const Tensor u = pixels.select(1, 0).floor().clamp(0, k.width - 1).to(torch::kInt64);
+  const Tensor v = pixels.select(1, 1).floor().clamp(0, k.height - 1).to(torch::kInt64);
+  return v * k.width + u;
 }
 
 SeenPoints project(const splat::View& view, const Tensor& positions) {

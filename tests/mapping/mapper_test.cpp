@@ -155,7 +155,7 @@ TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
   Mapper mapper(options);
   for (int i = 0; i < 4; ++i) {
     MapperInput input = input_of(world, 0.15 * i - 0.3, 0.0, i);
-    input.points = points_of(world, 1000 * i);
+    input.points = points_of(world, std::int64_t{1000} * i);
     mapper.add(input);
     for (int k = 0; k < 25; ++k) mapper.step();
   }
@@ -226,7 +226,7 @@ TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
   Mapper mapper(options);
   for (int i = 0; i < 150; ++i) {
     MapperInput input = input_of(world, 0.01 * i - 0.7, 0.05 * (i % 3), i, i % 4 == 0);
-    if (!input.keyframe.held_out) input.points = points_of(world, 1000 * i);
+    if (!input.keyframe.held_out) input.points = points_of(world, std::int64_t{1000} * i);
     mapper.add(input);
     ASSERT_LE(mapper.size(), 300);
     ASSERT_LE(mapper.keyframes().training().size(), 20U);

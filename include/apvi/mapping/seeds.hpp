@@ -26,6 +26,12 @@ struct Seeds {
   static Seeds none();
 };
 
+/// Points [n,3] after a motion T [4,4], of one type.
+torch::Tensor moved(const torch::Tensor& T, const torch::Tensor& points);
+
+/// Index [n] int64 of the pixel that holds each position [n,2] in the picture, row by row.
+torch::Tensor pixel_index(const splat::Intrinsics& intrinsics, const torch::Tensor& pixels);
+
 /// Points of the world as one view sees them.
 struct SeenPoints {
   torch::Tensor points;   ///< [n,3] float64 in the camera's frame [m]
