@@ -14,6 +14,7 @@ using splat::Gaussians;
 using torch::Tensor;
 
 constexpr double kSplitShrink = 1.6;
+constexpr double kImportanceKept = 0.98;  // by a view that gives less weight
 constexpr double kLeastViews = 2.0;  // that must have seen a Gaussian before it is judged by weight
 
 Gaussians select(const Gaussians& from, const Tensor& index) {
@@ -74,7 +75,14 @@ Tensor growing(const Tensor& gradient, double threshold, std::int64_t room) {
 DensityStatistics::DensityStatistics(std::int64_t count, const torch::Device& device)
     : gradient_sum_(torch::zeros({count}, device)),
       views_(torch::zeros({count}, device)),
-      max_weight_(torch::zeros({count}, device)) {}
+      max_weight_(torch::zeros({count}, device)),
+      importance_(torch::ones({count}, device)) {}
+
+void DensityStatistics::begin_round() {
+  const torch::NoGradGuard no_grad;
+  importance_ = torch::maximum(importance_ * torch::pow(kImportanceKept, views_), max_weight_);
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) t->zero_();
+}
 
 void DensityStatistics::observe(const splat::RenderStatistics& statistics) {
   const torch::NoGradGuard no_grad;
@@ -88,20 +96,24 @@ void DensityStatistics::extend(std::int64_t count) {
   for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) {
     *t = torch::cat({*t, torch::zeros({count}, t->options())});
   }
+  importance_ = torch::cat({importance_, torch::ones({count}, importance_.options())});
 }
 
 void DensityStatistics::keep(const Tensor& which) {
-  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->index({which});
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_, &importance_}) *t = t->index({which});
 }
 
 void DensityStatistics::reorder(const Tensor& order) {
-  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) *t = t->index_select(0, order);
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_, &importance_}) {
+    *t = t->index_select(0, order);
+  }
 }
 
 void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
   archive.write("gradient_sum", gradient_sum_, true);
   archive.write("views", views_, true);
   archive.write("max_weight", max_weight_, true);
+  archive.write("importance", importance_, true);
 }
 
 void DensityStatistics::load(torch::serialize::InputArchive& archive) {
@@ -114,6 +126,7 @@ void DensityStatistics::load(torch::serialize::InputArchive& archive) {
   gradient_sum_ = read("gradient_sum");
   views_ = read("views");
   max_weight_ = read("max_weight");
+  importance_ = read("importance");
 }
 
 Tensor useless(const Gaussians& gaussians, const DensityStatistics& statistics,
@@ -126,7 +139,7 @@ Tensor useless(const Gaussians& gaussians, const DensityStatistics& statistics,
   return faint | idle | large;
 }
 
-DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& statistics,
+DensifyResult densify(splat::GaussianStore& store, DensityStatistics& statistics,
                       const DensifyOptions& options, double extent, std::int64_t limit,
                       std::uint64_t seed) {
   const torch::NoGradGuard no_grad;
@@ -150,9 +163,12 @@ DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& stat
   const Tensor owners = torch::cat({cloned, split_index, split_index});
   store.insert(join(select(map, cloned), split_halves(select(map, split_index), seed)),
                store.anchors().index_select(0, owners));
-  const Tensor remove = bad | split;
-  store.prune(
-      torch::cat({remove, torch::zeros({store.size() - remove.size(0)}, remove.options())}));
+  const Tensor gone = bad | split;
+  const Tensor remove =
+      torch::cat({gone, torch::zeros({store.size() - gone.size(0)}, gone.options())});
+  store.prune(remove);
+  statistics.extend(owners.size(0));
+  statistics.keep(remove.logical_not());
   return {.cloned = cloned.size(0), .split = split_index.size(0), .pruned = pruned};
 }
 

@@ -159,14 +159,10 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   return loss.detach();
 }
 
-void MapLearner::forget_statistics() {
-  statistics_ = DensityStatistics(store_.size(), splat::active_device());
-}
-
 DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64_t seed) {
   const DensifyResult result =
       mapping::densify(store_, statistics_, options_.densify, extent, limit, seed);
-  forget_statistics();
+  statistics_.begin_round();
   // Whether it is time can be told from what checkpoints hold.
   if (store_.steps() % kReorderSteps < options_.densify.interval) reorder();
   return result;
@@ -226,6 +222,7 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
   const torch::NoGradGuard no_grad;
   Map after = whole_map();
   splat::Medium water = survey.fit.medium;
+  surveys_ = survey.fit.surveys;
   if (options_.auto_gain) {
     Tensor logs = survey_gains(gains_.logs().to(torch::kCPU, torch::kFloat64), survey);
     const auto& views = keyframes.training();
@@ -298,6 +295,7 @@ void MapLearner::save(torch::serialize::OutputArchive& archive) const {
   child("statistics", statistics_);
   child("corrections", corrections_);
   child("gains", gains_);
+  child("water", surveys_);
   archive.write("vignetting", torch::IValue(vignetting_));
   if (medium_) child("medium", *medium_);
   archive.write("has_medium", torch::IValue(medium_.has_value()));
@@ -313,6 +311,8 @@ void MapLearner::load(torch::serialize::InputArchive& archive) {
   corrections_.load(part);
   archive.read("gains", part);
   gains_.load(part);
+  archive.read("water", part);
+  surveys_.load(part);
   c10::IValue vignetting;
   archive.read("vignetting", vignetting);
   vignetting_ = vignetting.toDouble();

@@ -22,6 +22,7 @@ using torch::Tensor;
 
 constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 
+constexpr double kSurveyGrowth = 1.4;   // in keyframes, from one survey to the next
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
 
 constexpr double kRadians = 0.017453292519943295;
@@ -100,6 +101,7 @@ Intake Mapper::add(const MapperInput& input) {
   schedule_.add(view);
   if (learner_) learner_->match_gain(keyframes_, view);
   align(view);
+  growth_ += options_.online.growth_share * static_cast<double>(room());
   insert_points(view, input);
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
   if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
@@ -166,13 +168,13 @@ void Mapper::thin_held_out() {
   heldout_stride_ *= 2;
 }
 
-// Again whenever there are twice as many keyframes.
+// Again whenever there are so many more keyframes.
 void Mapper::maybe_survey_water() {
   if (!options_.medium || !learner_ || size() == 0) return;
   const auto taken = counts_[Intake::taken];
   const auto first = static_cast<std::size_t>(std::max(1, options_.online.medium_after));
   if (taken < std::max(first, next_survey_)) return;
-  next_survey_ = 2 * taken;
+  next_survey_ = static_cast<std::size_t>(std::ceil(kSurveyGrowth * static_cast<double>(taken)));
   survey_water();
 }
 
@@ -180,8 +182,9 @@ void Mapper::survey_water() {
   const torch::NoGradGuard no_grad;
   const Map map = learner_->whole_map();
   const splat::Medium usual = splat::coastal_medium();
-  const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_,
-                                            {.medium = usual, .lamp = options_.trainer.lamp},
+  const WaterPrior prior = {
+      .medium = usual, .lamp = options_.trainer.lamp, .surveys = learner_->surveys()};
+  const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_, prior,
                                             options_.trainer.seed);
   if (survey) {
     log::debug("water surveyed after {} keyframes, from {} of them, to {:.0f} %",
@@ -226,8 +229,11 @@ double Mapper::step() {
 void Mapper::maybe_densify() {
   const DensifyOptions& d = options_.trainer.densify;
   if (final_start_ || d.kind == Densification::none || iteration_ % d.interval != 0) return;
-  const DensifyResult result = learner_->densify(
-      extent_, d.max_gaussians, seed_of(options_.trainer.seed, Stream::split, iteration_));
+  const std::int64_t before = size();
+  const std::int64_t most = before + std::min(static_cast<std::int64_t>(growth_), room());
+  const DensifyResult result =
+      learner_->densify(extent_, most, seed_of(options_.trainer.seed, Stream::split, iteration_));
+  growth_ -= static_cast<double>(std::max<std::int64_t>(0, size() - before));
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());
 }

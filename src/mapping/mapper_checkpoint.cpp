@@ -90,6 +90,7 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   }
   archive.write("points", points_);
   archive.write("extent", c10::IValue(extent_));
+  archive.write("growth", c10::IValue(growth_));
   archive.write("iteration", c10::IValue(iteration_));
   archive.write("heldout_stride", c10::IValue(static_cast<std::int64_t>(heldout_stride_)));
   const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
@@ -128,6 +129,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     }
     archive.read("points", read.points_);
     read.extent_ = read_double(archive, "extent");
+    read.growth_ = read_double(archive, "growth");
     read.iteration_ = read_int(archive, "iteration");
     read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
     read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));

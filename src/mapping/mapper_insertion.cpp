@@ -29,9 +29,7 @@ constexpr double kExtentMemory = 0.9;   // of the mean over keyframes
 constexpr double kLeastRadiusPx = 1.0;  // of a Gaussian at a sparse point
 constexpr double kMostRadiusPx = 8.0;
 constexpr std::int64_t kMostPoints = 4096;  // sparse ones that are remembered
-// For one keyframe, as long as there is room.
-constexpr std::int64_t kAtLeast = 1000;
-constexpr double kMostWidened = 3.0;  // of seeds that stand for more than their own
+constexpr double kMostWidened = 3.0;        // of seeds that stand for more than their own
 
 double finite_median(const Tensor& values) {
   return values.median().item<double>();
@@ -163,9 +161,9 @@ void Mapper::insert_random(std::size_t view) {
 void Mapper::insert(std::size_t view, Seeds seeds) {
   const double depth = kExtentOverDepth * finite_median(seeds.depths);
   extent_ = extent_ == 0.0 ? depth : kExtentMemory * extent_ + (1.0 - kExtentMemory) * depth;
-  const std::int64_t room = make_room(seeds.size());
-  if (room <= 0) return;
-  if (seeds.size() > room) seeds = thinned(seeds, room);
+  const std::int64_t granted = make_room(seeds.size());
+  if (granted <= 0) return;
+  if (seeds.size() > granted) seeds = thinned(seeds, granted);
   const std::optional<splat::Medium> medium = learner_ ? learner_->medium() : std::nullopt;
   const Tensor response =
       learner_ ? camera_response(learner_->whole_map(), keyframes_, view, 1) : Tensor();
@@ -179,29 +177,27 @@ void Mapper::insert(std::size_t view, Seeds seeds) {
   learner_->insert(made, anchors);
 }
 
-// One keyframe gets a share of the room there is, so that some is left for those that come, and in
-// a full map the place of the faintest older Gaussians: few, as others have to learn what those
-// showed.
+std::int64_t Mapper::room() const {
+  return std::max<std::int64_t>(0, options_.trainer.densify.max_gaussians - size());
+}
+
+// One keyframe gets a share of the map, so that some is left for those that come, and in a full map
+// the place of the older Gaussians that views miss least.
 std::int64_t Mapper::make_room(std::int64_t wanted) {
   const std::int64_t most = options_.trainer.densify.max_gaussians;
-  const std::int64_t room = std::max<std::int64_t>(0, most - size());
-  const auto part = [](double share, std::int64_t of) {
-    return static_cast<std::int64_t>(share * static_cast<double>(of));
-  };
-  const std::int64_t shared =
-      std::min(room, std::max(kAtLeast, part(options_.online.room_share, room)));
-  const std::int64_t granted =
-      std::min(wanted, std::max(shared, part(options_.online.replaced_share, most)));
-  if (granted <= room || !learner_ || size() == 0) return std::min(granted, room);
+  const std::int64_t free = room();
+  const double share = options_.online.keyframe_share * static_cast<double>(most);
+  const std::int64_t granted = std::min(wanted, static_cast<std::int64_t>(std::ceil(share)));
+  if (granted <= free || !learner_ || size() == 0) return std::min(granted, free);
   const auto& views = keyframes_.training();
   const auto recent =
       std::min(views.size(), static_cast<std::size_t>(options_.online.recent_keyframes));
   const auto oldest_recent = static_cast<std::int64_t>(views[views.size() - recent]);
   const Tensor old = learner_->anchors() < oldest_recent;
-  const std::int64_t count = std::min(granted - room, old.sum().item<std::int64_t>());
+  const std::int64_t count = std::min(granted - free, old.sum().item<std::int64_t>());
   if (count > 0) {
     const Tensor order =
-        learner_->map().logit_opacities.masked_fill(~old, std::numeric_limits<float>::infinity());
+        learner_->importance().masked_fill(~old, std::numeric_limits<float>::infinity());
     Tensor remove = torch::zeros_like(old);
     remove.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
     learner_->remove(remove);

@@ -13,6 +13,8 @@ namespace {
 constexpr double kContradicts = 2.5;
 constexpr std::int64_t kPatience = 8;
 constexpr double kSeldom = 0.05;
+// Draws after which a use counts 1/e, for each view there is: about so often is each drawn then.
+constexpr double kMemory = 20.0;
 
 }  // namespace
 
@@ -34,7 +36,7 @@ ViewSchedule::Entry* ViewSchedule::find(std::size_t view) {
 // A view that was never used counts as one of mean loss.
 double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_uses) const {
   const double loss = entry.uses == 0 || mean_loss <= 0.0 ? 1.0 : entry.loss / mean_loss;
-  const double use = (mean_uses + 1.0) / (static_cast<double>(entry.uses) + 1.0);
+  const double use = (mean_uses + 1.0) / (entry.lately + 1.0);
   if (entry.tries >= kPatience && loss > kContradicts) return kSeldom * use;
   return std::max(1e-9, loss * use);
 }
@@ -48,7 +50,7 @@ std::size_t ViewSchedule::draw(Random& random) const {
   double uses = 0.0;
   double used = 0.0;
   for (auto e = first; e != entries_.end(); ++e) {
-    uses += static_cast<double>(e->uses);
+    uses += e->lately;
     loss += e->loss;
     used += e->uses > 0 ? 1.0 : 0.0;
   }
@@ -67,6 +69,9 @@ std::size_t ViewSchedule::draw(Random& random) const {
 void ViewSchedule::report(std::size_t view, double loss) {
   Entry* const entry = find(view);
   if (entry == nullptr) return;
+  const double keep = 1.0 - 1.0 / (kMemory * static_cast<double>(entries_.size()));
+  for (Entry& e : entries_) e.lately *= keep;
+  entry->lately += 1.0;
   ++entry->uses;
   ++entry->tries;
   entry->loss = loss;
@@ -84,7 +89,7 @@ std::int64_t ViewSchedule::uses(std::size_t view) const {
 
 void ViewSchedule::save(torch::serialize::OutputArchive& archive) const {
   const auto n = static_cast<std::int64_t>(entries_.size());
-  torch::Tensor numbers = torch::empty({n, 4}, torch::kFloat64);
+  torch::Tensor numbers = torch::empty({n, 5}, torch::kFloat64);
   auto row = numbers.accessor<double, 2>();
   for (std::int64_t i = 0; i < n; ++i) {
     const Entry& e = entries_[static_cast<std::size_t>(i)];
@@ -92,6 +97,7 @@ void ViewSchedule::save(torch::serialize::OutputArchive& archive) const {
     row[i][1] = static_cast<double>(e.uses);
     row[i][2] = e.loss;
     row[i][3] = static_cast<double>(e.tries);
+    row[i][4] = e.lately;
   }
   archive.write("entries", numbers);
 }
@@ -100,7 +106,7 @@ void ViewSchedule::load(torch::serialize::InputArchive& archive) {
   torch::Tensor numbers;
   archive.read("entries", numbers);
   TORCH_CHECK(
-      numbers.dim() == 2 && numbers.size(1) == 4 && numbers.scalar_type() == torch::kFloat64,
+      numbers.dim() == 2 && numbers.size(1) == 5 && numbers.scalar_type() == torch::kFloat64,
       "view schedule: the archive's entries are none");
   entries_.clear();
   const auto row = numbers.accessor<double, 2>();
@@ -108,7 +114,8 @@ void ViewSchedule::load(torch::serialize::InputArchive& archive) {
     entries_.push_back({.view = static_cast<std::size_t>(row[i][0]),
                         .uses = static_cast<std::int64_t>(row[i][1]),
                         .tries = static_cast<std::int64_t>(row[i][3]),
-                        .loss = row[i][2]});
+                        .loss = row[i][2],
+                        .lately = row[i][4]});
   }
 }
 

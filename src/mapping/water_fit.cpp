@@ -23,6 +23,9 @@ constexpr double kLeastNoise = 0.003;  // of a colour: rounding to a byte, and a
 constexpr double kTextureNoise = 0.5;  // of a colour's change around, by a patch that is off
 constexpr double kInformation = 0.3;   // errors of neighbouring sightings are alike
 constexpr double kGauge = 1e4;         // holds the mean of the gains
+constexpr double kHeld = 1e-3;         // sigma of what surveys have settled
+constexpr std::int64_t kWater = 3;     // parameters of a channel's water; a lamp's are behind
+constexpr std::int64_t kShared = 2;    // of these, those that surveys have in common
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 /// Parameters: those of the water by channel, the vignetting, the logarithms of the views' gains.
@@ -43,6 +46,7 @@ class Solver {
     }
     sigma_[vignetting_] = prior.vignetting_sigma;
     theta_ = mean_.clone();
+    before_ = torch::diag(water_.sigma().slice(0, 0, kWater).square().reciprocal());
   }
 
   void solve() {
@@ -59,8 +63,47 @@ class Solver {
     }
   }
 
-  WaterFit result() const {
+  /// Adds what these sightings alone say of attenuation.
+  void tell(WaterBelief& surveys) const {
+    const Tensor prior = before_.slice(0, 0, kShared).slice(1, 0, kShared);
+    const Tensor found = water_parameters().slice(1, 0, kShared);
     const Tensor covariance = torch::inverse(information_);
+    Tensor information = torch::empty({3, kShared, kShared}, kF64);
+    Tensor weighted = torch::empty({3, kShared}, kF64);
+    for (std::int64_t c = 0; c < 3; ++c) {
+      const Tensor all = torch::inverse(own(covariance, c, kShared));
+      information[c].copy_(all - prior);
+      weighted[c].copy_(all.mv(found[c]) - prior.mv(own(mean_, c, kShared)));
+    }
+    surveys.add(information, weighted, found);
+  }
+
+  /// Of each channel's water [3,3,3].
+  Tensor covariances() const {
+    const Tensor all = torch::inverse(information_);
+    return torch::stack({own(all, 0, kWater), own(all, 1, kWater), own(all, 2, kWater)});
+  }
+
+  /// From now on attenuation is what surveys say together; brings `covariances` [3,3,3] up to it.
+  void settle(const WaterBelief& surveys, Tensor& covariances) {
+    const Tensor prior = before_.slice(0, 0, kShared).slice(1, 0, kShared);
+    for (std::int64_t c = 0; c < 3; ++c) {
+      const Tensor shared = torch::inverse(prior + surveys.information()[c]);
+      const Tensor mean = shared.mv(prior.mv(own(mean_, c, kShared)) + surveys.weighted()[c]);
+      own(mean_, c, kShared).copy_(mean);
+      own(sigma_, c, kShared).fill_(kHeld);
+      own(theta_, c, kShared).copy_(mean);
+      // The veil's brightness goes with attenuation as it did (conditioning of a normal).
+      Tensor all = covariances[c];
+      const Tensor before = all.slice(0, 0, kShared).slice(1, 0, kShared);
+      const Tensor by = all.slice(0, kShared).slice(1, 0, kShared).mm(torch::inverse(before));
+      const Tensor to = torch::cat({torch::eye(kShared, kF64), by});
+      const Tensor change = to.mm(shared - before).mm(to.t());
+      all += change;
+    }
+  }
+
+  WaterFit result(const Tensor& covariances) const {
     WaterFit fit;
     fit.medium = water_.medium(water_parameters());
     fit.vignetting = std::clamp(theta_[vignetting_].item<double>(), 0.0, 0.9);
@@ -71,10 +114,8 @@ class Solver {
     const Tensor to_logs =
         torch::tensor({1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0}, kF64).reshape({3, 3});
     for (std::int64_t c = 0; c < 3; ++c) {
-      const std::int64_t k = own_ * c;
-      const Tensor own = covariance.slice(0, k, k + 3).slice(1, k, k + 3);
-      const Tensor prior = torch::diag(sigma_.slice(0, k, k + 3).square().reciprocal());
-      const Tensor known = torch::eye(3, kF64) - own.mm(prior);
+      const Tensor& own = covariances[c];
+      const Tensor known = torch::eye(3, kF64) - own.mm(before_);
       fit.known[c].copy_(to_logs.mm(known).mm(torch::inverse(to_logs)));
       fit.sigmas[c].copy_(to_logs.mm(own).mm(to_logs.t()).diagonal().clamp_min(0.0).sqrt());
     }
@@ -84,6 +125,11 @@ class Solver {
 
  private:
   Tensor water_parameters() const { return theta_.slice(0, 0, 3 * own_).view({3, own_}); }
+  /// The part of a vector or matrix of all parameters that is of a channel's first `count`.
+  Tensor own(const Tensor& all, std::int64_t c, std::int64_t count) const {
+    Tensor part = all.slice(0, own_ * c, own_ * c + count);
+    return all.dim() == 1 ? part : part.slice(1, own_ * c, own_ * c + count);
+  }
   Tensor falloff() const { return 1.0 - theta_[vignetting_] * s_.corners2; }
   Tensor responses() const {
     return theta_.slice(0, gains_).exp().index_select(0, s_.views) * falloff();
@@ -162,6 +208,7 @@ class Solver {
   std::int64_t own_;  ///< parameters of a channel
   std::int64_t vignetting_, gains_;
   Tensor mean_, sigma_, theta_, information_;
+  Tensor before_;  ///< information [3,3] about a channel's water before anything was seen
   Tensor noise_ = torch::zeros({3}, kF64);
   std::array<Tensor, 3> weights_;
 };
@@ -175,7 +222,16 @@ std::optional<WaterFit> fit_water(const Sightings& sightings, const WaterPrior& 
   const torch::NoGradGuard no_grad;
   Solver solver(sightings, prior);
   solver.solve();
-  WaterFit fit = solver.result();
+  Tensor covariances = solver.covariances();
+  if (!torch::isfinite(covariances).all().item<bool>()) return std::nullopt;
+  WaterBelief surveys = prior.surveys;
+  solver.tell(surveys);
+  if (!prior.surveys.empty()) {
+    solver.settle(surveys, covariances);
+    solver.solve();
+  }
+  WaterFit fit = solver.result(covariances);
+  fit.surveys = surveys;
   const bool finite = torch::isfinite(fit.sigmas).all().item<bool>() &&
                       torch::isfinite(fit.log_gains).all().item<bool>() &&
                       torch::isfinite(fit.medium.beta_d).all().item<bool>();

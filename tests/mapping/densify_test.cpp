@@ -37,6 +37,10 @@ DensityStatistics statistics(const Tensor& gradient, const Tensor& weight) {
   return result;
 }
 
+DensifyResult grow(splat::GaussianStore& store, DensityStatistics statistics, std::int64_t limit) {
+  return densify(store, statistics, options(), kExtent, limit, 0);
+}
+
 splat::Gaussians three() {
   splat::Gaussians map = test::wall_of_gaussians(3);
   map.log_scales[1].fill_(std::log(0.5F));
@@ -47,8 +51,7 @@ TEST(Densify, DoublesSmallGaussiansAndSplitsLargeOnes) {
   const splat::Gaussians map = three();
   splat::GaussianStore store(map);
   const DensifyResult result =
-      densify(store, statistics(torch::tensor({0.6F, 0.6F, 0.1F}), torch::ones({3})), options(),
-              kExtent, 100, 0);
+      grow(store, statistics(torch::tensor({0.6F, 0.6F, 0.1F}), torch::ones({3})), 100);
   EXPECT_EQ(result.cloned, 1);
   EXPECT_EQ(result.split, 1);
   ASSERT_EQ(store.size(), 5);  // 0, 2, the double of 0, the halves of 1
@@ -62,8 +65,7 @@ TEST(Densify, DoublesSmallGaussiansAndSplitsLargeOnes) {
 
 TEST(Densify, TheTwoLetThroughWhatTheOneDid) {
   splat::GaussianStore store(three());
-  densify(store, statistics(torch::tensor({0.6F, 0.1F, 0.1F}), torch::ones({3})), options(),
-          kExtent, 100, 0);
+  grow(store, statistics(torch::tensor({0.6F, 0.1F, 0.1F}), torch::ones({3})), 100);
   const Tensor opacity = store.view().logit_opacities.detach().sigmoid();
   const double one = 1.0 / (1.0 + std::exp(-2.0));
   EXPECT_NEAR(opacity[0].item<float>(), opacity[3].item<float>(), 1e-6);
@@ -74,7 +76,7 @@ TEST(Densify, GrowsTheStrongestWhenThereIsNotRoomForAll) {
   const splat::Gaussians map = test::wall_of_gaussians(10);
   splat::GaussianStore store(map);
   const Tensor gradient = torch::arange(1, 11).to(torch::kFloat32);
-  densify(store, statistics(gradient, torch::ones({10})), options(), kExtent, 12, 0);
+  grow(store, statistics(gradient, torch::ones({10})), 12);
   ASSERT_EQ(store.size(), 12);
   EXPECT_TRUE(torch::equal(store.view().means.slice(0, 10), map.means.slice(0, 8)));
 }
@@ -86,8 +88,7 @@ TEST(Densify, RemovesWhatIsFaintHugeOrIdle) {
   splat::GaussianStore store(map);
   Tensor weight = torch::ones({5});
   weight[2] = 0.001;
-  const DensifyResult result =
-      densify(store, statistics(torch::zeros({5}), weight), options(), kExtent, 100, 0);
+  const DensifyResult result = grow(store, statistics(torch::zeros({5}), weight), 100);
   EXPECT_EQ(result.pruned, 3);
   EXPECT_TRUE(torch::equal(store.view().means, map.means.slice(0, 3)));
 }
@@ -115,6 +116,43 @@ TEST(DensityStatistics, AverageOverTheViewsThatSaw) {
   stats.extend(1);
   EXPECT_EQ(stats.size(), 3);
   EXPECT_EQ(stats.views()[2].item<float>(), 0.0F);
+}
+
+TEST(DensityStatistics, ImportanceIsTheLargestWeightAndFadesWithViewsThatGiveLess) {
+  DensityStatistics stats(3);
+  const auto see = [&stats](float first, float second) {
+    stats.observe({.visible = torch::tensor({true, true, false}),
+                   .radii_px = torch::ones({3}),
+                   .max_weight = torch::tensor({first, second, 0.0F}),
+                   .mean2d_gradient = torch::zeros({3})});
+  };
+  for (int i = 0; i < 300; ++i) see(0.1F, i == 299 ? 0.8F : 0.1F);
+  stats.begin_round();
+  EXPECT_TRUE(tensors_near(stats.importance(), torch::tensor({0.1F, 0.8F, 1.0F}), 1e-6));
+  EXPECT_EQ(stats.views().sum().item<float>(), 0.0F);
+  for (int i = 0; i < 10; ++i) see(0.2F, 0.2F);
+  stats.begin_round();
+  const auto faded = static_cast<float>(0.8 * std::pow(0.98, 10));
+  EXPECT_TRUE(tensors_near(stats.importance(), torch::tensor({0.2F, faded, 1.0F}), 1e-5));
+}
+
+TEST(DensityStatistics, StayWithTheirGaussiansWhenThoseDoubleOrGo) {
+  splat::Gaussians map = test::wall_of_gaussians(4);
+  map.logit_opacities[0] = -8.0;  // goes
+  splat::GaussianStore store(map);
+  DensityStatistics stats =
+      statistics(torch::tensor({0.0F, 0.1F, 0.6F, 0.1F}), torch::tensor({1.0F, 0.3F, 0.4F, 0.5F}));
+  stats.begin_round();
+  stats.observe({.visible = torch::ones({4}, torch::kBool),
+                 .radii_px = torch::ones({4}),
+                 .max_weight = torch::ones({4}),
+                 .mean2d_gradient = torch::tensor({0.0F, 0.1F, 0.6F, 0.1F})});
+  const Tensor before = stats.importance().clone();
+  densify(store, stats, options(), kExtent, 100, 0);
+  ASSERT_EQ(store.size(), 4);  // 1, 2, 3, the double of 2
+  ASSERT_EQ(stats.size(), 4);
+  EXPECT_TRUE(torch::equal(stats.importance().slice(0, 0, 3), before.slice(0, 1, 4)));
+  EXPECT_EQ(stats.importance()[3].item<float>(), 1.0F);
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ MapperOptions quick_options() {
   options.trainer.coarsest = 1;
   options.trainer.densify.kind = Densification::none;
   options.trainer.densify.max_gaussians = 900;
+  options.online.keyframe_share = 1.0;
   return options;
 }
 

@@ -5,6 +5,7 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <vector>
 
 #include "apvi/splat/lamp.hpp"
 #include "apvi/splat/medium_estimate.hpp"
@@ -168,6 +169,59 @@ TEST(FitWater, BearsThatATenthOfTheSightingsAreOfSomethingElse) {
   ASSERT_TRUE(fit);
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, water_of_a_lake().beta_d), 0.15);
   EXPECT_LT(worst_relative_error(fit->medium.b_inf, 0.7 * water_of_a_lake().b_inf), 0.4);
+}
+
+/// What a camera does that exposes by what is before it: all is the darker the farther it is.
+Sightings see_darker_with_distance(double by_m) {
+  Sightings s = see(1.5, 5.0);
+  s.colors = s.colors * torch::exp(-by_m * s.ranges).unsqueeze(1);
+  return s;
+}
+
+double worst_beta_error(const WaterFit& fit) {
+  return worst_relative_error(fit.medium.beta_d, water_of_a_lake().beta_d);
+}
+
+TEST(FitWater, SurveysThatAreEachOffInTheirOwnWayAreRightTogether) {
+  WaterPrior prior = usual_prior();
+  double together = 0.0;
+  for (const double by_m : {0.04, -0.03, 0.02, -0.04, 0.03, -0.02}) {
+    const Sightings s = see_darker_with_distance(by_m);
+    const auto alone = fit_water(s, usual_prior());
+    const auto fit = fit_water(s, prior);
+    ASSERT_TRUE(alone && fit);
+    EXPECT_GT(worst_beta_error(*alone), 0.15);
+    together = worst_beta_error(*fit);
+    prior.surveys = fit->surveys;
+  }
+  EXPECT_LT(together, 0.1);
+}
+
+TEST(FitWater, ALaterSurveyCountsForMoreThanAnEarlierOne) {
+  WaterPrior prior = usual_prior();
+  std::vector<double> errors;
+  for (int i = 0; i < 10; ++i) {
+    const auto fit = fit_water(see_darker_with_distance(i < 3 ? 0.06 : 0.0), prior);
+    ASSERT_TRUE(fit);
+    prior.surveys = fit->surveys;
+    errors.push_back(worst_beta_error(*fit));
+  }
+  EXPECT_GT(errors[2], 0.4);
+  EXPECT_LT(errors[9], 0.15);
+}
+
+TEST(FitWater, SurveysThatAgreeMakeWaterBetterKnown) {
+  WaterPrior prior = usual_prior();
+  const auto first = fit_water(see(1.5, 5.0), prior);
+  prior.surveys = first->surveys;
+  const auto second = fit_water(see(1.5, 5.0), prior);
+  prior.surveys = second->surveys;
+  const auto third = fit_water(see(1.5, 5.0), prior);
+  ASSERT_TRUE(first && second && third);
+  EXPECT_TRUE((third->sigmas < second->sigmas).all().item<bool>());
+  EXPECT_LT(worst_relative_error(third->medium.beta_d, water_of_a_lake().beta_d), 0.1);
+  EXPECT_LT(worst_relative_error(third->medium.b_inf, 0.7 * water_of_a_lake().b_inf), 0.15);
+  EXPECT_GT(third->known.select(1, 0).select(1, 0).min().item<double>(), 0.95);
 }
 
 TEST(FitWater, AFewSightingsAreNone) {

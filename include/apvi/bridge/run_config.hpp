@@ -95,10 +95,12 @@ struct OnlineSection : mapping::OnlineOptions {
     v("sparse_adam", sparse_adam,
       "as mapping.sparse_adam, while keyframes come in and after: what few of many views see stays "
       "where it is in between");
-    v("room_share", room_share, Range{1e-6, 1.0},
-      "of what the map may still grow by, at most so much goes to one keyframe");
-    v("replaced_share", replaced_share, Range{0.0, 1.0},
-      "of a full map: one keyframe's Gaussians may take the place of so many older ones");
+    v("keyframe_share", keyframe_share, Range{1e-6, 1.0},
+      "of mapping.max_gaussians, at most so many for one keyframe; in a full map they take the "
+      "place of older ones");
+    v("growth_share", growth_share, Range{0.0, 1.0},
+      "of the room that a keyframe finds, so much may go to cloning and splitting, which would "
+      "take all of it in seconds");
     v("align", align,
       "whether a keyframe is put where the map shows what it sees: what is met again is not drawn "
       "a "

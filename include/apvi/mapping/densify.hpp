@@ -16,12 +16,14 @@ class OutputArchive;
 
 namespace apvi::mapping {
 
-/// What the views since the last round say about each Gaussian.
+/// What views say about each Gaussian: those since the last round, and for its importance all.
 class DensityStatistics {
  public:
   explicit DensityStatistics(std::int64_t count, const torch::Device& device = torch::kCPU);
 
   std::int64_t size() const { return gradient_sum_.size(0); }
+  /// From now on what views say counts for the next round; what they said goes into importance.
+  void begin_round();
   /// Takes in a view's statistics, after its backward pass.
   void observe(const splat::RenderStatistics& statistics);
   /// Makes room for `count` more Gaussians at the end, of which nothing is known.
@@ -35,12 +37,16 @@ class DensityStatistics {
   /// Number of views that saw it [N], and its largest blend weight there [N].
   const torch::Tensor& views() const { return views_; }
   const torch::Tensor& max_weight() const { return max_weight_; }
+  /// The largest blend weight that a view gave it until this round [N], 2 % less with every view
+  /// that saw it since; one to begin with. What has little is missed least (Niemeyer et al.,
+  /// "RadSplat", 2024, who take the largest over all views).
+  const torch::Tensor& importance() const { return importance_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  torch::Tensor gradient_sum_, views_, max_weight_;  // [N] float32
+  torch::Tensor gradient_sum_, views_, max_weight_, importance_;  // [N] float32
 };
 
 struct DensifyResult {
@@ -53,9 +59,9 @@ struct DensifyResult {
 /// are doubled (with the opacity that keeps the two together as opaque as the one was; Bulò et al.,
 /// "Revising densification in Gaussian splatting", 2024) and large ones replaced by two of 1/1.6 of
 /// the size drawn from them (Kerbl et al., 2023); the strongest first, until the map has `limit`
-/// Gaussians. Those that are too faint, too large or that no view needs are removed. The same for
-/// the same `seed`.
-DensifyResult densify(splat::GaussianStore& store, const DensityStatistics& statistics,
+/// Gaussians. Those that are too faint, too large or that no view needs are removed. `statistics`
+/// are of the new Gaussians afterwards. The same for the same `seed`.
+DensifyResult densify(splat::GaussianStore& store, DensityStatistics& statistics,
                       const DensifyOptions& options, double extent, std::int64_t limit,
                       std::uint64_t seed);
 

@@ -80,7 +80,11 @@ class MapLearner {
   Map whole_map() const;
   std::int64_t size() const { return store_.size(); }
   torch::Tensor anchors() const { return store_.anchors(); }
+  /// See DensityStatistics.
+  const torch::Tensor& importance() const { return statistics_.importance(); }
   std::optional<splat::Medium> medium() const;
+  /// What was found of the water by all surveys that were adopted.
+  const WaterBelief& surveys() const { return surveys_; }
   /// Adam's rate of the water.
   std::optional<double> medium_rate() const;
   const ViewCorrections& corrections() const { return corrections_; }
@@ -92,7 +96,6 @@ class MapLearner {
  private:
   const splat::MediumView& water_before(const splat::Intrinsics& camera);
   bool learns_water() const;
-  void forget_statistics();
   torch::Tensor falloff(const splat::Intrinsics& camera);
   void wear(const Map& after, const torch::Tensor& known, const KeyframeStore& keyframes);
 
@@ -102,6 +105,7 @@ class MapLearner {
   ViewCorrections corrections_;
   ViewGains gains_;
   double vignetting_ = 0.0;
+  WaterBelief surveys_;
   std::map<int, torch::Tensor> falloffs_;  ///< by width of the picture
   std::optional<splat::MediumOptimizer> medium_;
   /// By width of the picture, without derivatives; as long as the water stays what it is.

@@ -122,6 +122,7 @@ class Mapper {
   void fill_from_depth(std::size_t view);
   void insert_random(std::size_t view);
   void insert(std::size_t view, Seeds seeds);
+  std::int64_t room() const;
   std::int64_t make_room(std::int64_t wanted);
   void maybe_survey_water();
   void survey_water();
@@ -143,6 +144,7 @@ class Mapper {
   std::deque<std::size_t> waiting_;  ///< keyframes whose depth is still to be estimated
   std::map<Intake, std::size_t> counts_;
   std::size_t next_survey_ = 0;  ///< of the water: when there are so many keyframes
+  double growth_ = 0.0;          ///< Gaussians that may still come from doubling and splitting
   double extent_ = 0.0;          ///< what sizes and rates are measured in [m]; 0: nothing seen
   std::int64_t iteration_ = 0;
   std::optional<std::int64_t> final_start_;

@@ -88,7 +88,7 @@ struct TrainerOptions {
 struct OnlineOptions {
   int steps_per_keyframe = 30;  ///< when nobody waits for the clock
   int recent_keyframes = 10;    ///< the newest, which are drawn more often
-  double recent_share = 0.5;    ///< of the draws that are among them
+  double recent_share = 0.15;   ///< of the draws that are among them
   int pyramid_uses = 4;  ///< of a keyframe at each reduced size, from TrainerOptions::coarsest
   double memory_mib = 1024.0;  ///< of the keyframes' images
   int heldout_views = 100;     ///< at most so many are kept, spread over the whole run
@@ -98,16 +98,16 @@ struct OnlineOptions {
   /// one.
   bool sparse_adam = true;
   bool align = true;  ///< whether keyframes are put where the map that they meet again has them
-  double room_share = 0.02;       ///< of what the map may still grow by, for one keyframe at most
-  double replaced_share = 0.002;  ///< of a full map, that one keyframe may have the place of
-  double drift_m = 0.002;         ///< of odometry against the map, thought possible a second
-  double drift_deg = 0.01;        ///< the same of directions
-  double point_sigma = 0.1;       ///< of a sparse point along its ray over its distance, at most
-  double opacity = 0.2;           ///< of new Gaussians
-  int depth_lag = 2;              ///< keyframes that a depth estimate waits for, to see both sides
-  int depth_every = 1;            ///< keyframes from one estimate to the next
-  double covered_alpha = 0.9;     ///< a block that is drawn so densely
-  double covered_error = 0.05;    ///< and so well (mean absolute error) needs no Gaussian
+  double keyframe_share = 0.02;  ///< of the largest map, for one keyframe's Gaussians at most
+  double growth_share = 0.01;    ///< of the room left at a keyframe, for cloning and splitting
+  double drift_m = 0.002;        ///< of odometry against the map, thought possible a second
+  double drift_deg = 0.01;       ///< the same of directions
+  double point_sigma = 0.1;      ///< of a sparse point along its ray over its distance, at most
+  double opacity = 0.2;          ///< of new Gaussians
+  int depth_lag = 2;             ///< keyframes that a depth estimate waits for, to see both sides
+  int depth_every = 1;           ///< keyframes from one estimate to the next
+  double covered_alpha = 0.9;    ///< a block that is drawn so densely
+  double covered_error = 0.05;   ///< and so well (mean absolute error) needs no Gaussian
 };
 
 struct MapperOptions {

@@ -17,7 +17,8 @@ class OutputArchive;
 namespace apvi::mapping {
 
 /// Which keyframe is learnt from next, while new ones come in: more likely the larger its last loss
-/// is and the less it was used, and with a given share of all draws one of the newest.
+/// is and the less it was used lately, and with a given share of all draws one of the newest. Uses
+/// of long ago do not count: what came after may have undone them.
 class ViewSchedule {
  public:
   /// `share` in [0, 1] of the draws is among the `recent` newest views.
@@ -48,6 +49,7 @@ class ViewSchedule {
     std::int64_t uses = 0;
     std::int64_t tries = 0;  ///< uses since the last pardon
     double loss = 0.0;
+    double lately = 0.0;  ///< uses, those of the past less and less
   };
   Entry* find(std::size_t view);
   double weight(const Entry& entry, double mean_loss, double mean_uses) const;

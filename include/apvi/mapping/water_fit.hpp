@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "apvi/mapping/water_belief.hpp"
 #include "apvi/splat/medium.hpp"
 
 namespace apvi::mapping {
@@ -39,8 +40,9 @@ struct WaterPrior {
   std::optional<splat::Lamp> lamp = std::nullopt;
   double daylight = 0.1;  ///< its part of the light where the lamp's counts as one
   double daylight_sigma = 0.1;
-  double glow = 0.02;       ///< of the water before the camera over the brightness of that light
-  double glow_sigma = 1.5;  ///< of its logarithm
+  double glow = 0.02;        ///< of the water before the camera over the brightness of that light
+  double glow_sigma = 1.5;   ///< of its logarithm
+  WaterBelief surveys = {};  ///< what was found before
 };
 
 /// Water and camera that explain how the same surfaces look from near and far.
@@ -54,6 +56,7 @@ struct WaterFit {
   torch::Tensor known;
   torch::Tensor sigmas;  ///< [3,3] float64, by channel: one sigma of the same logarithms
   torch::Tensor noise;   ///< [3] float64, of a sighting's colour
+  WaterBelief surveys;   ///< the prior's and this one
 };
 
 /// The most probable water: I = g (1 - v r^2) (J exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) for
@@ -61,7 +64,8 @@ struct WaterFit {
 /// With a lamp the direct light is L J and there is its glow besides (splat::LampLight); there L
 /// knows the angle at which the lamp shines on the surface. Robust Gauss-Newton; the colours are
 /// eliminated (variable projection). What the sightings do not tell stays as the prior has it.
-/// Nothing when they are too few.
+/// Where the prior has surveys, attenuation is what all say together, and the rest is fitted to
+/// that. Nothing when the sightings are too few.
 std::optional<WaterFit> fit_water(const Sightings& sightings, const WaterPrior& prior);
 
 }  // namespace apvi::mapping

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/water_belief.hpp"
+
+#include <torch/torch.h>
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kKept = 0.8;  // of what is known, from one survey to the next
+// What a survey may be off besides what its sightings say, one sigma. Gains that follow distance
+// pass for the same attenuation in all channels.
+constexpr double kStray_per_m = 0.03;  // of beta_d
+constexpr double kRatioStray = 0.05;   // of log(beta_b / beta_d)
+
+}  // namespace
+
+void WaterBelief::add(const Tensor& information, const Tensor& weighted, const Tensor& logs) {
+  if (empty()) {
+    information_ = torch::zeros({3, 2, 2}, torch::kFloat64);
+    weighted_ = torch::zeros({3, 2}, torch::kFloat64);
+  }
+  information_ = kKept * information_;
+  weighted_ = kKept * weighted_;
+  for (std::int64_t c = 0; c < 3; ++c) {
+    const double beta = kStray_per_m / logs[c][0].exp().item<double>();
+    const Tensor stray = torch::diag(torch::tensor({beta, kRatioStray}, torch::kFloat64).square());
+    // (L^-1 + Q)^-1 = (1 + L Q)^-1 L, which needs no inverse of L: some directions are not seen.
+    const Tensor damped = torch::inverse(torch::eye(2, torch::kFloat64) + information[c].mm(stray));
+    information_[c] += damped.mm(information[c]);
+    weighted_[c] += damped.mv(weighted[c]);
+  }
+}
+
+void WaterBelief::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("empty", torch::IValue(empty()));
+  if (empty()) return;
+  archive.write("information", information_);
+  archive.write("weighted", weighted_);
+}
+
+void WaterBelief::load(torch::serialize::InputArchive& archive) {
+  c10::IValue none;
+  archive.read("empty", none);
+  if (none.toBool()) {
+    *this = {};
+    return;
+  }
+  archive.read("information", information_);
+  archive.read("weighted", weighted_);
+  TORCH_CHECK(information_.sizes() == at::IntArrayRef({3, 2, 2}) &&
+                  weighted_.sizes() == at::IntArrayRef({3, 2}),
+              "water: the archive's surveys are none");
+}
+
+}  // namespace apvi::mapping
