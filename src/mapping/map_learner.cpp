@@ -232,9 +232,12 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
             .median()
             .item<double>();
     after.log_gains = (logs - median).to(gains_.logs().options());
-    water.b_inf = (water.b_inf * std::exp(median)).clamp(kLeastVeil, kMostVeil);
+    water.b_inf = water.b_inf * std::exp(median);
     if (water.lamp) water.lamp->glow = water.lamp->glow * std::exp(median);
   }
+  water.b_inf = surveys_.add_veil(water.b_inf.log(), survey.fit.sigmas.select(1, 2))
+                    .exp()
+                    .clamp(kLeastVeil, kMostVeil);
   after.vignetting = survey.fit.vignetting;
   after.medium = water;
   wear(after, survey.fit.known, keyframes);

@@ -13,14 +13,19 @@ constexpr double kKept = 0.8;  // of what is known, from one survey to the next
 // pass for the same attenuation in all channels.
 constexpr double kStray_per_m = 0.03;  // of beta_d
 constexpr double kRatioStray = 0.05;   // of log(beta_b / beta_d)
+constexpr double kVeilStray = 0.2;     // of log(b_inf)
 
 }  // namespace
 
+void WaterBelief::begin() {
+  if (!empty()) return;
+  information_ = torch::zeros({3, 2, 2}, torch::kFloat64);
+  weighted_ = torch::zeros({3, 2}, torch::kFloat64);
+  veil_ = torch::zeros({2, 3}, torch::kFloat64);
+}
+
 void WaterBelief::add(const Tensor& information, const Tensor& weighted, const Tensor& logs) {
-  if (empty()) {
-    information_ = torch::zeros({3, 2, 2}, torch::kFloat64);
-    weighted_ = torch::zeros({3, 2}, torch::kFloat64);
-  }
+  begin();
   information_ = kKept * information_;
   weighted_ = kKept * weighted_;
   for (std::int64_t c = 0; c < 3; ++c) {
@@ -33,11 +38,19 @@ void WaterBelief::add(const Tensor& information, const Tensor& weighted, const T
   }
 }
 
+Tensor WaterBelief::add_veil(const Tensor& logs, const Tensor& sigmas) {
+  begin();
+  const Tensor weights = 1.0 / (sigmas.square() + kVeilStray * kVeilStray);
+  veil_ = kKept * veil_ + torch::stack({weights, weights * logs});
+  return veil_[1] / veil_[0];
+}
+
 void WaterBelief::save(torch::serialize::OutputArchive& archive) const {
   archive.write("empty", torch::IValue(empty()));
   if (empty()) return;
   archive.write("information", information_);
   archive.write("weighted", weighted_);
+  archive.write("veil", veil_);
 }
 
 void WaterBelief::load(torch::serialize::InputArchive& archive) {
@@ -49,8 +62,10 @@ void WaterBelief::load(torch::serialize::InputArchive& archive) {
   }
   archive.read("information", information_);
   archive.read("weighted", weighted_);
+  archive.read("veil", veil_);
   TORCH_CHECK(information_.sizes() == at::IntArrayRef({3, 2, 2}) &&
-                  weighted_.sizes() == at::IntArrayRef({3, 2}),
+                  weighted_.sizes() == at::IntArrayRef({3, 2}) &&
+                  veil_.sizes() == at::IntArrayRef({2, 3}),
               "water: the archive's surveys are none");
 }
 
