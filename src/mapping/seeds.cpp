@@ -47,10 +47,10 @@ Tensor moved(const Tensor& T, const Tensor& points) {
   return points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
 }
 
-Tensor pixel_index(const splat::Intrinsics& k, const Tensor& pixels) {
-  const Tensor u = pixels.select(1, 0).floor().clamp(0, k.width - 1).to(torch::kInt64);
-  const Tensor v = pixels.select(1, 1).floor().clamp(0, k.height - 1).to(torch::kInt64);
-  return v * k.width + u;
+Tensor pixel_index(const splat::Intrinsics& camera, const Tensor& pixels) {
+  const Tensor u = pixels.select(1, 0).floor().clamp(0, camera.width - 1).to(torch::kInt64);
+  const Tensor v = pixels.select(1, 1).floor().clamp(0, camera.height - 1).to(torch::kInt64);
+  return v * camera.width + u;
 }
 
 SeenPoints project(const splat::View& view, const Tensor& positions) {

@@ -30,7 +30,7 @@ struct Seeds {
 torch::Tensor moved(const torch::Tensor& T, const torch::Tensor& points);
 
 /// Index [n] int64 of the pixel that holds each position [n,2] in the picture, row by row.
-torch::Tensor pixel_index(const splat::Intrinsics& intrinsics, const torch::Tensor& pixels);
+torch::Tensor pixel_index(const splat::Intrinsics& camera, const torch::Tensor& pixels);
 
 /// Points of the world as one view sees them.
 struct SeenPoints {
