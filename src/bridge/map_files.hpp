@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/mapping/evaluation.hpp"
@@ -54,6 +56,7 @@ struct MapFigures {
   std::optional<splat::Medium> medium;
   std::optional<splat::Medium> true_medium;
   std::optional<std::size_t> dropped_keyframes = std::nullopt;
+  std::map<std::string, std::size_t> not_mapped = {};  ///< keyframes, by why
 };
 
 /// Lays the figures over metrics.json; what localization has written there stays.

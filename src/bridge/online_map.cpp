@@ -12,6 +12,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/core/progress.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/mapping/picture_content.hpp"
 
 namespace apvi::bridge {
 namespace {
@@ -46,6 +47,11 @@ mapping::SparsePoints to_points(const std::vector<pipeline::MapPoint>& points) {
   return {.ids = torch::tensor(ids, torch::kInt64),
           .positions = to_rows(positions),
           .sigmas = torch::tensor(sigmas, torch::kFloat64)};
+}
+
+bool is_refusal(mapping::Intake intake) {
+  using enum mapping::Intake;
+  return intake != taken && intake != held_out && intake != no_picture;
 }
 
 }  // namespace
@@ -104,12 +110,10 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
   const mapping::Intake intake = mapper_.add(input);
   busy_s_ += watch.seconds();
   if (intake == mapping::Intake::taken) ++shown_keyframes_;
-  using enum mapping::Intake;
-  if (intake != taken && intake != held_out && intake != no_picture &&
-      mapper_.counts().at(intake) == 1) {
+  if (is_refusal(intake) && mapper_.counts().at(intake) == 1) {
     log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(intake));
   }
-  if (intake == taken || config_.run.mode == pipeline::RunMode::realtime) learn();
+  if (intake == mapping::Intake::taken || config_.run.mode == pipeline::RunMode::realtime) learn();
   shown_gaussians_ = mapper_.size();
   look_after();
 }
@@ -139,6 +143,14 @@ bool OnlineMap::frames_wait() const {
   return config_.run.mode == pipeline::RunMode::realtime && worker_ && worker_->waiting() > 0;
 }
 
+std::map<std::string, std::size_t> OnlineMap::not_mapped() const {
+  std::map<std::string, std::size_t> counts;
+  for (const auto& [intake, count] : mapper_.counts()) {
+    if (is_refusal(intake)) counts[std::string(mapping::to_string(intake))] = count;
+  }
+  return counts;
+}
+
 // What a long run leaves in its folder on the way.
 void OnlineMap::look_after() {
   if (curve_->due(watch_.seconds()) && mapper_.size() > 0) {
@@ -162,6 +174,7 @@ mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) const 
   input.keyframe.intrinsics = undistort_->intrinsics();
   input.keyframe.T_camera_world = camera_pose(frame.T_world_body);
   input.keyframe.image = to_tensor((*undistort_)(frame.image));
+  input.murky = mapping::is_murky(to_tensor(frame.image));
   input.keyframe.held_out = frame.held_out;
   input.points = to_points(frame.points);
   if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;

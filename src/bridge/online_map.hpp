@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -45,6 +46,8 @@ class OnlineMap : public pipeline::MapSink {
   /// In optimisation steps [s].
   double training_s() const { return training_s_; }
   std::size_t dropped_keyframes() const { return dropped_; }
+  /// Keyframes that the mapper would not have, and held-out ones, by why.
+  std::map<std::string, std::size_t> not_mapped() const;
 
  private:
   void try_to_process(const pipeline::MapFrame& frame);

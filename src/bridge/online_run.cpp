@@ -96,7 +96,8 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
                      .wall_s = wall_s,
                      .medium = made.medium,
                      .true_medium = truth ? truth->medium() : std::nullopt,
-                     .dropped_keyframes = map.dropped_keyframes()});
+                     .dropped_keyframes = map.dropped_keyframes(),
+                     .not_mapped = map.not_mapped()});
   return {.interrupted = !refined,
           .iterations = mapper.iteration(),
           .gaussians = mapper.size(),

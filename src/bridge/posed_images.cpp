@@ -13,6 +13,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/mapping/picture_content.hpp"
 #include "apvi/sensors/rig.hpp"
 
 namespace apvi::bridge {
@@ -62,10 +63,14 @@ class Loader {
       ++images_.without_pose;
       return;
     }
-    const auto image = decode(frame);
-    if (!image) return;
-    if (mapping::is_black(*image)) {
+    const auto picture = decode(frame);
+    if (!picture) return;
+    if (mapping::is_black(picture->image)) {
       if (images_.black++ == 0) log::warning("image {}: black; left out", frame.stamp.ns);
+      return;
+    }
+    if (picture->murky) {
+      if (images_.murky++ == 0) log::warning("image {}: murky; left out", frame.stamp.ns);
       return;
     }
     mapping::Keyframe keyframe;
@@ -73,7 +78,7 @@ class Loader {
     keyframe.name = std::to_string(frame.stamp.ns);
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = to_tensor((*T_world_body * camera_.T_body_camera).inverse());
-    keyframe.image = *image;
+    keyframe.image = picture->image;
     keyframe.held_out = heldout_every_ > 0 && index % static_cast<std::size_t>(heldout_every_) == 0;
     images_.store.add(std::move(keyframe));
   }
@@ -82,9 +87,15 @@ class Loader {
   PosedImages result() { return std::move(images_); }
 
  private:
-  std::optional<torch::Tensor> decode(const ImageFrame& frame) {
+  struct Picture {
+    torch::Tensor image;  ///< undistorted
+    bool murky = false;
+  };
+
+  std::optional<Picture> decode(const ImageFrame& frame) {
     try {
-      return to_tensor(undistort_(frame.decode()));
+      const cv::Mat raw = frame.decode();
+      return Picture{to_tensor(undistort_(raw)), mapping::is_murky(to_tensor(raw))};
     } catch (const RunError& e) {
       if (images_.damaged++ == 0) log::warning("image {}: {}; left out", frame.stamp.ns, e.what());
       return std::nullopt;
@@ -105,14 +116,15 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
   if (store.training().empty()) {
     fail_input(
         "{}: none of its {} images can be used: {} without a pose at their time, {} damaged, "
-        "{} black",
-        path, count, images.without_pose, images.damaged, images.black);
+        "{} black, {} murky",
+        path, count, images.without_pose, images.damaged, images.black, images.murky);
   }
-  if (images.without_pose + images.damaged + images.black > 0) {
+  if (store.size() < count) {
     log::warning(
-        "{} of {} images are left out: {} without a pose at their time, {} damaged, {} "
-        "black",
-        count - store.size(), count, images.without_pose, images.damaged, images.black);
+        "{} of {} images are left out: {} without a pose at their time, {} damaged, {} black, {} "
+        "murky",
+        count - store.size(), count, images.without_pose, images.damaged, images.black,
+        images.murky);
   }
   const auto& camera = store[0].intrinsics;
   log::info("{} images of {} x {}, {} of them held out", store.size(), camera.width, camera.height,

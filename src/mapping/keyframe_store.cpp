@@ -11,7 +11,6 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kBlackLevel = 3.0;   // grey levels of 255: mean and spread in the dark
 constexpr double kLeastExtent = 0.1;  // [m] a camera that only turns still needs a scale
 
 splat::Intrinsics reduced(const splat::Intrinsics& full, int factor) {
@@ -74,11 +73,6 @@ splat::View KeyframeStore::view(std::size_t i, int factor) const {
   return {.intrinsics = reduced(keyframe.intrinsics, factor),
           .T_camera_world = keyframe.T_camera_world,
           .pose_delta = {}};
-}
-
-bool is_black(const Tensor& image) {
-  const Tensor grey = image.to(torch::kFloat32);
-  return grey.mean().item<double>() < kBlackLevel && grey.std().item<double>() < kBlackLevel;
 }
 
 bool is_rigid(const Tensor& T) {

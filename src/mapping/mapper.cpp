@@ -11,6 +11,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
+#include "apvi/mapping/picture_content.hpp"
 #include "apvi/mapping/water_survey.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "seed_stream.hpp"
@@ -53,6 +54,8 @@ std::string_view to_string(Intake intake) {
       return "bad_picture";
     case Intake::black:
       return "black";
+    case Intake::murky:
+      return "murky";
   }
   return "unknown";
 }
@@ -68,7 +71,8 @@ Mapper::Mapper(const MapperOptions& options)
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
 }
 
-Intake Mapper::judge(const Keyframe& keyframe) const {
+Intake Mapper::judge(const MapperInput& input) const {
+  const Keyframe& keyframe = input.keyframe;
   const Tensor& image = keyframe.image;
   if (!image.defined()) return Intake::no_picture;
   if (!is_rigid(keyframe.T_camera_world)) return Intake::bad_pose;
@@ -79,6 +83,7 @@ Intake Mapper::judge(const Keyframe& keyframe) const {
   }
   if (by_stamp_.count(keyframe.stamp_ns) > 0) return Intake::duplicate;
   if (is_black(image)) return Intake::black;
+  if (input.murky) return Intake::murky;
   return keyframe.held_out ? Intake::held_out : Intake::taken;
 }
 
@@ -87,7 +92,7 @@ Intake Mapper::add(const MapperInput& input) {
   for (const MovedKeyframe& moved : input.moved) move(moved);
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);
-  const Intake intake = judge(input.keyframe);
+  const Intake intake = judge(input);
   ++counts_[intake];
   if (intake == Intake::held_out) {
     keep(input.keyframe);

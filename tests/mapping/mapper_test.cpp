@@ -98,6 +98,9 @@ TEST(Mapper, RefusesWhatIsNoKeyframeAndSaysWhy) {
   MapperInput black = input_of(world, 0.1, 0.0, 1);
   black.keyframe.image = torch::ones_like(black.keyframe.image);
   EXPECT_EQ(mapper.add(black), Intake::black);
+  MapperInput murky = input_of(world, 0.1, 0.0, 1);
+  murky.murky = true;
+  EXPECT_EQ(mapper.add(murky), Intake::murky);
   MapperInput small = input_of(world, 0.1, 0.0, 1);
   small.keyframe.image = small.keyframe.image.slice(0, 0, 8).contiguous();
   EXPECT_EQ(mapper.add(small), Intake::bad_picture);

@@ -21,11 +21,12 @@ struct PosedImages {
   std::size_t without_pose = 0;
   std::size_t damaged = 0;
   std::size_t black = 0;  ///< nothing can be seen in them
+  std::size_t murky = 0;  ///< nothing but water, silt or glare can
 };
 
 /// Reads the images of camera 0 with the poses that are given for them, undistorted and reduced,
-/// with every `eval.heldout_every`-th held out. Images without a pose, damaged and black ones are
-/// left out, counted and logged. Throws InputError when the recording has no images, no poses or no
+/// with every `eval.heldout_every`-th held out. Images without a pose, damaged, black and murky
+/// ones are left out, counted and logged. Throws InputError when the recording has no images, no poses or no
 /// camera in its rig, or when nothing of it is left.
 PosedImages load_posed_images(const RunConfig& config);
 

@@ -61,8 +61,6 @@ class KeyframeStore {
   std::size_t image_bytes_ = 0;
 };
 
-/// Whether nothing can be seen in a picture [H,W,3] uint8: noise of a sensor in the dark.
-bool is_black(const torch::Tensor& image);
 /// Whether a tensor is a rigid motion [4,4] float64 of finite numbers.
 bool is_rigid(const torch::Tensor& T);
 /// The inverse of a rigid motion [4,4].

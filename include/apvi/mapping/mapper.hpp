@@ -46,6 +46,7 @@ struct MapperInput {
   /// Stamp of the keyframe that a held-out one moves with; optional.
   std::optional<std::int64_t> follows_ns;
   bool vio_failing = false;
+  bool murky = false;  ///< its picture, as the camera made it, shows nothing (is_murky)
   /// Others wait: no depth is estimated now. The newest keyframes that want it keep waiting.
   bool hurry = false;
 };
@@ -59,6 +60,7 @@ enum class Intake {
   bad_pose,     ///< no rigid motion, or not finite
   bad_picture,  ///< no [H,W,3] bytes of the camera's size
   black,
+  murky,  ///< there is light, but nothing to see
 };
 std::string_view to_string(Intake intake);
 
@@ -107,7 +109,7 @@ class Mapper {
   void resume(const std::filesystem::path& checkpoint);
 
  private:
-  Intake judge(const Keyframe& keyframe) const;
+  Intake judge(const MapperInput& input) const;
   void move(const MovedKeyframe& moved);
   void move_followers(std::size_t view, const torch::Tensor& motion);
   void keep(const Keyframe& keyframe);
