@@ -144,8 +144,10 @@ cv::Mat Undistorter::apply(const cv::Mat& image, int remap_by, int resize_by) co
     fail_run("a picture is {} x {}, but the rig says {} x {}", image.cols, image.rows,
              source_.width, source_.height);
   }
-  cv::Mat pinhole = image;
-  if (!map_x_.empty()) {
+  cv::Mat pinhole;  // a header of `image` would have OpenCV write into the caller's picture
+  if (map_x_.empty()) {
+    pinhole = image;
+  } else {
     cv::remap(image, pinhole, map_x_, map_y_, remap_by, cv::BORDER_REPLICATE);
   }
   if (pinhole.cols == intrinsics_.width && pinhole.rows == intrinsics_.height)

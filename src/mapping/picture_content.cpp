@@ -13,13 +13,11 @@ using torch::Tensor;
 
 constexpr double kBlackLevel = 3.0;  // grey levels of 255: mean and spread in the dark
 
-constexpr std::int64_t kSquares = 80;       // along a picture's width
-constexpr std::int64_t kLeastSide = 4;      // [px] else noise and detail look alike
-constexpr std::int64_t kAround = 5;         // squares
-constexpr std::int64_t kStride = 2;         // [px] neighbours of a resampled picture are alike
-constexpr double kShown = 0.9;              // quantile
-constexpr double kOfNoise = 1.645 * 0.98;   // that quantile, of noise less its mean around
-constexpr double kStandsOut = 2.5;          // times what noise does
+constexpr std::int64_t kSquares = 80;   // along a picture's width
+constexpr std::int64_t kLeastSide = 4;  // [px] else noise and detail look alike
+constexpr std::int64_t kAround = 5;     // squares
+constexpr std::int64_t kStride = 2;     // [px] neighbours are alike where colours are interpolated
+constexpr double kShown = 0.9;          // quantile
 constexpr double kMedianOfNormal = 0.6745;  // sigmas
 constexpr double kSaturated = 254.0;        // grey levels
 constexpr double kQuantised = 0.29;         // grey levels: a byte's own noise
@@ -53,7 +51,7 @@ bool is_murky(const Tensor& image) {
   const Tensor detail = (inner - torch::avg_pool2d(squares, kAround, 1)).abs().flatten();
   const auto rank = static_cast<std::int64_t>(kShown * static_cast<double>(detail.numel() - 1));
   const double shown = std::get<0>(detail.kthvalue(rank + 1)).item<double>();
-  return shown < kStandsOut * kOfNoise * noise_of(grey) / static_cast<double>(side);
+  return shown < noise_of(grey);
 }
 
 }  // namespace apvi::mapping

@@ -98,6 +98,17 @@ TEST(CameraConversion, PicturesOfAnotherSizeAreRefused) {
   EXPECT_THROW(undistort(cv::Mat(10, 10, CV_8U, cv::Scalar(0))), RunError);
 }
 
+TEST(CameraConversion, TheCallersPictureStaysAsItWas) {
+  const Undistorter undistort(CameraModel(euroc_camera()), 1.0);
+  cv::Mat image(480, 752, CV_8UC3);
+  cv::RNG random(11);
+  random.fill(image, cv::RNG::UNIFORM, 0, 256);
+  const cv::Mat before = image.clone();
+  const cv::Mat undistorted = undistort(image);
+  EXPECT_EQ(cv::norm(image, before, cv::NORM_INF), 0.0);
+  EXPECT_GT(cv::norm(undistorted, before, cv::NORM_INF), 0.0);
+}
+
 TEST(CameraConversion, PosesComeBackAsTheyWere) {
   const SE3 pose{Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), {1.0, -2.0, 3.0}};
   EXPECT_THAT(to_se3(to_tensor(pose)), test::PoseNear(pose, 1e-12));

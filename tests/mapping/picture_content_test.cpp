@@ -61,12 +61,6 @@ TEST(PictureContent, MarineSnowIsNoScene) {
   EXPECT_TRUE(is_murky(picture(grey, 4.0)));
 }
 
-TEST(PictureContent, WhatIsResampledStaysMurky) {
-  const Tensor noisy = picture(glow(), 6.0).to(torch::kFloat32).permute({2, 0, 1}).unsqueeze(0);
-  const Tensor between = torch::avg_pool2d(noisy, 2, 1)[0].permute({1, 2, 0});
-  EXPECT_TRUE(is_murky(between.round().to(torch::kUInt8)));
-}
-
 TEST(PictureContent, GlareIsMurkyAndDarknessBlack) {
   EXPECT_TRUE(is_murky(picture(170.0 + 2.0 * glow(), 4.0)));
   EXPECT_TRUE(is_black(picture(torch::ones({kHeight, kWidth}), 1.0)));

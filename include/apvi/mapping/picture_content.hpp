@@ -10,11 +10,11 @@ bool is_black(const torch::Tensor& image);
 
 /// Whether a picture [H,W,3] uint8, as a camera made it, shows nothing of a scene though there is
 /// light: a cloud of silt, open water, or over-exposure. Less than a tenth of its squares (an
-/// eightieth of its width) stand out from those around them by more than noise makes them; or half
-/// of its pixels are saturated. The noise is what differs between a pixel and its neighbours
-/// (Immerkaer, Fast noise variance estimation, 1996), so bare sand, of little but real detail, is
-/// something. A picture of less than 320 pixels' width is never called murky: too few pixels to
-/// tell.
+/// eightieth of its width) stand out from those around them by as much as noise makes a pixel do,
+/// several times what it makes a square do; or half of its pixels are saturated. The noise is what
+/// differs between a pixel and its neighbours (Immerkaer, Fast noise variance estimation, 1996), so
+/// bare sand, of little but real detail, is something. A picture of less than 320 pixels' width is
+/// never called murky: too few pixels to tell.
 bool is_murky(const torch::Tensor& image);
 
 }  // namespace apvi::mapping
