@@ -10,8 +10,8 @@
 namespace apvi::bridge {
 namespace {
 
-constexpr int kMostOnCpu = 100000;   // a step of more is no use to a map that is made as one swims
-constexpr int kMostOnGpu = 1000000;  // with room for all else in 3 GiB
+constexpr int kMostOnCpu = 100000;  // a step of more is no use to a map that is made as one swims
+constexpr int kMostOnGpu = 600000;  // more follow the noise of 640 x 480 pixels, and depth suffers
 
 void check_power_of_two(const char* key, int value) {
   if ((value & (value - 1)) != 0)
