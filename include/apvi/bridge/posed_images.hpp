@@ -26,8 +26,8 @@ struct PosedImages {
 
 /// Reads the images of camera 0 with the poses that are given for them, undistorted and reduced,
 /// with every `eval.heldout_every`-th held out. Images without a pose, damaged, black and murky
-/// ones are left out, counted and logged. Throws InputError when the recording has no images, no poses or no
-/// camera in its rig, or when nothing of it is left.
+/// ones are left out, counted and logged. Throws InputError when the recording has no images, no
+/// poses or no camera in its rig, or when nothing of it is left.
 PosedImages load_posed_images(const RunConfig& config);
 
 }  // namespace apvi::bridge
