@@ -21,6 +21,7 @@ constexpr double kShown = 0.9;          // quantile
 constexpr double kMedianOfNormal = 0.6745;  // sigmas
 constexpr double kSaturated = 254.0;        // grey levels
 constexpr double kQuantised = 0.29;         // grey levels: a byte's own noise
+constexpr double kNoisiest = 6.0;           // grey levels: what is more is fine texture
 
 /// Of one pixel [grey levels], by second differences along rows.
 double noise_of(const Tensor& grey) {
@@ -29,7 +30,7 @@ double noise_of(const Tensor& grey) {
                             2.0 * grey.slice(1, kStride, w - kStride) +
                             grey.slice(1, 2 * kStride, w);
   const double median = difference.abs().median().item<double>();
-  return std::max(kQuantised, median / (kMedianOfNormal * std::sqrt(6.0)));
+  return std::clamp(median / (kMedianOfNormal * std::sqrt(6.0)), kQuantised, kNoisiest);
 }
 
 }  // namespace

@@ -45,6 +45,12 @@ TEST(PictureContent, SandAsFaintAsTheNoiseIsStillSomething) {
   EXPECT_TRUE(is_murky(picture(glow() + ripples(0.5), 8.0)));
 }
 
+TEST(PictureContent, GravelAsFineAsPixelsIsNoNoise) {
+  torch::manual_seed(8);
+  const Tensor grains = 30.0 * torch::randn({kHeight, kWidth});
+  EXPECT_FALSE(is_murky(picture(glow() + grains, 2.0)));
+}
+
 TEST(PictureContent, AFifthOfThePictureIsEnough) {
   Tensor grey = glow();
   grey.slice(1, 0, kWidth / 5).add_(ripples(20.0).slice(1, 0, kWidth / 5));

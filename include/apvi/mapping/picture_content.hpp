@@ -13,8 +13,8 @@ bool is_black(const torch::Tensor& image);
 /// eightieth of its width) stand out from those around them by as much as noise makes a pixel do,
 /// several times what it makes a square do; or half of its pixels are saturated. The noise is what
 /// differs between a pixel and its neighbours (Immerkaer, Fast noise variance estimation, 1996), so
-/// bare sand, of little but real detail, is something. A picture of less than 320 pixels' width is
-/// never called murky: too few pixels to tell.
+/// bare sand, of little but real detail, is something; of gravel as fine as pixels no more passes
+/// for noise than sensors have. Of a picture narrower than 320 pixels only saturation is told.
 bool is_murky(const torch::Tensor& image);
 
 }  // namespace apvi::mapping
