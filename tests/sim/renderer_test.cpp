@@ -242,6 +242,53 @@ TEST(Renderer, DaylightOnALevelPlaneFadesWithDepthAsTheFormulaSays) {
   }
 }
 
+// What clear water before a camera sends back of a lamp's light, per unit of `backscatter`: an
+// integral along the ray, by the trapezoidal rule in a thousandth of a metre.
+Vector3d glow_along(const LampConfig& lamp, const Medium& medium, const Vector3d& ray,
+                    double range) {
+  const Vector3d position(lamp.position_m[0], lamp.position_m[1], lamp.position_m[2]);
+  const Vector3d colour(lamp.colour[0], lamp.colour[1], lamp.colour[2]);
+  const auto at = [&](double t) -> Vector3d {
+    const Vector3d from = t * ray - position;
+    const double d = from.norm();
+    const Vector3d water = (-medium.beta_d * (d + t)).array().exp();
+    return lamp.intensity * lamp_beam(lamp, from.z() / d) / (d * d) * colour.cwiseProduct(water);
+  };
+  const int steps = static_cast<int>(std::ceil(range / 1e-3));
+  Vector3d sum = 0.5 * (at(0.0) + at(range));
+  for (int k = 1; k < steps; ++k) sum += at(k * range / steps);
+  return 0.035 * medium.beta_d.y() * range / steps * sum;
+}
+
+TEST(Renderer, WaterInTheLampsLightGlowsAsTheIntegralSays) {
+  RendererConfig config = bare_config();
+  config.light.daylight = 0.0;
+  config.water.veil = 0.0;
+  config.light.lamp = LampConfig{.intensity = 0.25, .backscatter = 5.0};
+  for (const double distance : {0.5, 1.5, 4.0}) {
+    const Stage stage(plane(-9.0F), config);
+    const auto frame = stage.renderer.render(still(looking_down({0.0, 0.0, -9.0 + distance})));
+    const Medium medium = make_medium(config.water);
+    for (const cv::Point pixel : {cv::Point{12, 8}, {80, 60}, {150, 30}, {20, 110}}) {
+      const Vector3d ray = stage.camera.unproject({pixel.x, pixel.y})->normalized();
+      const double range = frame.range.at<float>(pixel);
+      const auto clear = frame.clear.at<cv::Vec3b>(pixel);
+      const auto seen = frame.image.at<cv::Vec3b>(pixel);
+      const Vector3d glow = config.light.lamp->backscatter * config.camera.gain *
+                            glow_along(*config.light.lamp, medium, ray, range);
+      const Vector3d through = (-medium.beta_d * range)
+                                   .array()
+                                   .exp()
+                                   .matrix()
+                                   .cwiseProduct(Vector3d(clear[2], clear[1], clear[0]) / 255.0);
+      const Vector3d expected = through + glow;
+      const Vector3d shown = Vector3d(seen[2], seen[1], seen[0]) / 255.0;
+      EXPECT_LT((shown - expected).cwiseAbs().maxCoeff(), 0.02 * glow.maxCoeff() + 1.1 / 255.0)
+          << distance << " m, " << pixel;
+    }
+  }
+}
+
 TEST(Renderer, LampFallsWithDistanceAsTheFormulaSays) {
   for (const double distance : {0.8, 1.5, 3.0}) {
     RendererConfig config = bare_config();
