@@ -12,6 +12,7 @@
 #include "apvi/bridge/image_files.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/mapping/evaluation.hpp"
+#include "apvi/mapping/surface_depth.hpp"
 #include "apvi/splat/metrics.hpp"
 #include "apvi/splat/render.hpp"
 #include "simulated_truth.hpp"
@@ -126,7 +127,9 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
   std::optional<TruthFigures> figures;
   if (truth != nullptr) figures.emplace(*truth);
   for (const std::size_t i : keyframes.held_out()) {
-    mapping::Picture picture = mapping::take_picture(map, keyframes.view(i, 1));
+    const splat::View view = keyframes.view(i, 1);
+    mapping::Picture picture = mapping::take_picture(map, view);
+    picture.depth = mapping::surface_depth(map, view, picture.depth, picture.alpha);
     picture.as_seen = picture.as_seen * mapping::camera_response(map, keyframes, i, 1);
     picture.restored = picture.restored * mapping::camera_gain(map, keyframes, i);
     write_renders(picture, keyframes[i], map.medium.has_value(), folder);

@@ -17,6 +17,7 @@
 #include "apvi/core/progress.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/mapping/rendering.hpp"
+#include "apvi/mapping/surface_depth.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
@@ -114,7 +115,11 @@ std::size_t render_run(const RenderRequest& request) {
   StatusLine status("rendering");
   std::size_t done = 0;
   for (const auto& [name, view] : views) {
-    write_picture(mapping::take_picture(map, view), request, name);
+    mapping::Picture picture = mapping::take_picture(map, view);
+    if (request.depth) {
+      picture.depth = mapping::surface_depth(map, view, picture.depth, picture.alpha);
+    }
+    write_picture(picture, request, name);
     status.update(static_cast<double>(++done) / static_cast<double>(views.size()), name);
   }
   return done;

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "apvi/mapping/open_water.hpp"
+#include "apvi/mapping/smooth_depth.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
@@ -27,6 +28,7 @@ constexpr std::int64_t kGainSteps = 4;
 constexpr std::int64_t kWaterSteps = 8;  // once the water is known about
 constexpr std::int64_t kReorderSteps = 1000;
 constexpr std::int64_t kOpenWaterSteps = 4;
+constexpr std::int64_t kSmoothSteps = 8;
 constexpr double kOpenWaterWeight = 1.0;  // of opacity there
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
@@ -137,7 +139,10 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
     }
     target = target / gains_.gain(i);
   }
-  const Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
+  Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
+  if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
+    loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target.detach());
+  }
   if (water != nullptr && store_.steps() % kOpenWaterSteps == 0) {
     const Tensor open = open_water(target, water->open_water());
     (loss + kOpenWaterWeight * (open * out.alpha).mean()).backward();

@@ -23,8 +23,12 @@ using torch::Tensor;
 
 constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 
-constexpr double kSurveyGrowth = 1.4;   // in keyframes, from one survey to the next
-constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
+// Silt comes and goes within a second or two; a picture half veiled by it has contrast enough not
+// to be murky, and teaches the map a fog all the same.
+constexpr std::int64_t kClearing_ns = 700'000'000;
+constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
+constexpr double kSurveyGrowth = 1.4;        // in keyframes, from one survey to the next
+constexpr double kSurveySpacing = 0.1;       // of the extent, between keyframes that are compared
 
 constexpr double kRadians = 0.017453292519943295;
 
@@ -83,7 +87,7 @@ Intake Mapper::judge(const MapperInput& input) const {
   }
   if (by_stamp_.count(keyframe.stamp_ns) > 0) return Intake::duplicate;
   if (is_black(image)) return Intake::black;
-  if (input.murky) return Intake::murky;
+  if (input.murky || keyframe.stamp_ns < clears_ns_) return Intake::murky;
   return keyframe.held_out ? Intake::held_out : Intake::taken;
 }
 
@@ -92,6 +96,10 @@ Intake Mapper::add(const MapperInput& input) {
   for (const MovedKeyframe& moved : input.moved) move(moved);
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);
+  if (input.murky) {
+    if (input.keyframe.stamp_ns >= clears_ns_) forget_veiled(input.keyframe.stamp_ns);
+    clears_ns_ = input.keyframe.stamp_ns + kClearing_ns;
+  }
   const Intake intake = judge(input);
   ++counts_[intake];
   if (intake == Intake::held_out) {
@@ -138,6 +146,22 @@ void Mapper::keep(const Keyframe& keyframe) {
   placed.T_camera_world = drift_.in_map(keyframes_.size(), keyframe.T_camera_world);
   keyframes_.add(std::move(placed));
   if (learner_) learner_->add_view();
+}
+
+// Sight has gone: it was going already.
+void Mapper::forget_veiled(std::int64_t stamp_ns) {
+  const auto veiled = by_stamp_.lower_bound(stamp_ns - kClearing_ns);
+  for (auto it = veiled; it != by_stamp_.end(); ++it) {
+    const std::size_t view = it->second;
+    if (!keyframes_[view].image.defined()) continue;
+    const bool held_out = keyframes_[view].held_out;
+    if (!held_out && keyframes_.training().size() <= kFewestKeyframes) continue;
+    --counts_[held_out ? Intake::held_out : Intake::taken];
+    ++counts_[Intake::murky];
+    keyframes_.drop_image(view);
+    if (!held_out) schedule_.remove(view);
+    waiting_.erase(std::remove(waiting_.begin(), waiting_.end(), view), waiting_.end());
+  }
 }
 
 // Of the older keyframes goes the one whose neighbours in time stand closest together.

@@ -96,6 +96,7 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
   archive.write("waiting", torch::tensor(waiting, torch::kInt64));
   archive.write("next_survey", c10::IValue(static_cast<std::int64_t>(next_survey_)));
+  archive.write("clears_ns", c10::IValue(clears_ns_));
   archive.write("heldout_seen", c10::IValue(static_cast<std::int64_t>(heldout_seen_)));
   write_archive(checkpoint, archive);
 }
@@ -132,6 +133,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.growth_ = read_double(archive, "growth");
     read.iteration_ = read_int(archive, "iteration");
     read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
+    read.clears_ns_ = read_int(archive, "clears_ns");
     read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));
     Tensor waiting;
     archive.read("waiting", waiting);

@@ -10,8 +10,10 @@
 
 #include "apvi/core/random.hpp"
 #include "apvi/mapping/seeds.hpp"
+#include "apvi/mapping/surface_depth.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/render.hpp"
+#include "blur.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -82,18 +84,9 @@ Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::si
   look.camera = keyframes.view(i, reduction_of(keyframes[i].intrinsics));
   const splat::RenderOutput out =
       splat::render(map.gaussians, look.camera, {.antialiased = map.antialiased, .background = {}});
-  look.depth = (out.depth * (out.alpha > kSolid)).to(torch::kCPU, torch::kFloat64);
+  const Tensor depth = surface_depth(map, look.camera, out.depth, out.alpha);
+  look.depth = (depth * (out.alpha > kSolid)).to(torch::kCPU, torch::kFloat64);
   return look;
-}
-
-Tensor blurred(const Tensor& planes, double sigma) {
-  const auto radius = static_cast<std::int64_t>(std::ceil(3.0 * sigma));
-  const Tensor x = torch::arange(-radius, radius + 1, planes.options());
-  const Tensor taps = torch::exp(-x.square() / (2.0 * sigma * sigma));
-  const Tensor weights = taps / taps.sum();
-  const Tensor padded = torch::replication_pad2d(planes, {radius, radius, radius, radius});
-  return torch::conv2d(torch::conv2d(padded, weights.view({1, 1, 1, -1})),
-                       weights.view({1, 1, -1, 1}));
 }
 
 Tensor unit(const Tensor& vectors) {

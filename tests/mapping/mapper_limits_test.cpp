@@ -77,6 +77,33 @@ class FullDisk {
   void (*handler_)(int);
 };
 
+TEST(MapperLimits, APictureSoonBeforeOrAfterAMurkyOneIsVeiled) {
+  const splat::Gaussians world = wall_of_gaussians();
+  Mapper mapper(quick_options());
+  const auto after = [&](double seconds, bool murky, bool held_out) {
+    MapperInput input;
+    input.keyframe = test::photograph(world, camera_at(0.01 * seconds, 0.0), 0, held_out);
+    input.keyframe.stamp_ns = static_cast<std::int64_t>(1e9 * seconds) + 1;
+    if (!held_out) input.points = points_of(world, 0);
+    input.murky = murky;
+    return mapper.add(input);
+  };
+  EXPECT_EQ(after(1.0, false, false), Intake::taken);
+  EXPECT_EQ(after(2.0, false, false), Intake::taken);
+  EXPECT_EQ(after(2.5, false, true), Intake::held_out);
+  EXPECT_EQ(after(2.7, false, false), Intake::taken);
+  EXPECT_EQ(after(2.9, true, false), Intake::murky);
+  // So were those just before it.
+  EXPECT_EQ(mapper.keyframes().training(), (std::vector<std::size_t>{0, 1}));
+  EXPECT_TRUE(mapper.keyframes().held_out().empty());
+  EXPECT_EQ(after(3.2, false, false), Intake::murky);
+  EXPECT_EQ(after(3.5, false, true), Intake::murky);
+  EXPECT_EQ(after(3.7, false, false), Intake::taken);
+  EXPECT_EQ(mapper.counts().at(Intake::murky), 5U);
+  EXPECT_EQ(mapper.counts().at(Intake::taken), 3U);
+  for (int i = 0; i < 20; ++i) mapper.step();
+}
+
 TEST(MapperLimits, ADiskThatIsFullLeavesTheLastMapAndSaysSo) {
   const splat::Gaussians world = wall_of_gaussians();
   const test::TmpDir dir;

@@ -179,6 +179,9 @@ struct MappingConfig {
       "of the spherical harmonics: how colours change with direction");
     v("sh_interval", trainer.sh_interval, Range{1, 100000000}, "iterations until one degree more");
     v("ssim_weight", trainer.ssim_weight, Range{0.0, 1.0}, "of D-SSIM in the loss; the rest is L1");
+    v("smoothness", trainer.smoothness, Range{0.0, 1000.0},
+      "how much surfaces keep from bending where pictures are even, as sand in the dark; 0: not at "
+      "all");
     v("antialiased", trainer.antialiased, "whether small Gaussians fade as they are smoothed");
     v("auto_gain", trainer.auto_gain,
       "whether each keyframe's picture is brighter or darker as a whole than the map, as a "

@@ -60,7 +60,7 @@ enum class Intake {
   bad_pose,     ///< no rigid motion, or not finite
   bad_picture,  ///< no [H,W,3] bytes of the camera's size
   black,
-  murky,  ///< there is light, but nothing to see
+  murky,  ///< there is light, but nothing to see, then or less than a second away
 };
 std::string_view to_string(Intake intake);
 
@@ -113,6 +113,7 @@ class Mapper {
   void move(const MovedKeyframe& moved);
   void move_followers(std::size_t view, const torch::Tensor& motion);
   void keep(const Keyframe& keyframe);
+  void forget_veiled(std::int64_t stamp_ns);
   void remember_until(std::int64_t stamp_ns);
   void align(std::size_t view);
   void make_memory();
@@ -154,6 +155,7 @@ class Mapper {
   double depth_seconds_ = 0.0;
   std::size_t heldout_stride_ = 1;
   std::size_t heldout_seen_ = 0;
+  std::int64_t clears_ns_ = 0;  ///< until then pictures are veiled
   bool vio_failing_ = false;
 };
 

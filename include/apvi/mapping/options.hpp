@@ -71,6 +71,7 @@ struct TrainerOptions {
   int sh_degree = kMostShDegree;
   int sh_interval = 1000;  ///< iterations until one more degree is used
   double ssim_weight = 0.2;
+  double smoothness = 1.0;     ///< weight of `bentness`
   int coarsest = 4;            ///< reduction of the images at the start: 1, 2 or 4
   double coarse_until = 0.25;  ///< part of the training after which images are whole
   bool antialiased = false;

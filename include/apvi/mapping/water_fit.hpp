@@ -29,9 +29,11 @@ struct Sightings {
 struct WaterPrior {
   splat::Medium medium;     ///< the median
   double beta_sigma = 1.0;  ///< of log(beta_d)
-  /// Of log(beta_b / beta_d): what light loses on its way in and on its way out is nearly alike,
-  /// but what is scattered forward is lost to the scene's picture and not to the veil.
-  double log_ratio = -0.1;
+  /// Of log(beta_b / beta_d): what is scattered by a few degrees, 0.3 to 0.5 of all that is
+  /// scattered (Petzold, "Volume scattering functions for selected ocean waters", 1972), is lost to
+  /// the scene's picture and not to the veil; scattering is a tenth of the attenuation in clear
+  /// water and two thirds in turbid.
+  double log_ratio = -0.12;
   double ratio_sigma = 0.15;
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's gain

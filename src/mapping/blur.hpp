@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+namespace apvi::mapping {
+
+/// Planes [n,1,H,W] blurred by a Gaussian of `sigma` pixels; what is at the edges goes on outside.
+torch::Tensor blurred(const torch::Tensor& planes, double sigma);
+
+}  // namespace apvi::mapping
