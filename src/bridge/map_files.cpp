@@ -101,6 +101,7 @@ void write_map_metrics(const std::filesystem::path& file, const MapFigures& figu
   speed["training_s"] = figures.training_s;
   speed["iterations_per_s"] =
       static_cast<double>(figures.iterations) / std::max(1e-9, figures.training_s);
+  if (!figures.times.empty()) speed["mapper_s"] = figures.times;
   speed["rss_peak_mib"] = peak_memory_mib();
   if (const auto memory = splat::device_memory()) speed["gpu_peak_mib"] = memory->peak_mib;
   if (speed.contains("sequence_s")) {

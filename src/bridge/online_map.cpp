@@ -104,11 +104,7 @@ void OnlineMap::try_to_process(const pipeline::MapFrame& frame) {
 
 void OnlineMap::process(const pipeline::MapFrame& frame) {
   torch::set_num_threads(config_.run.threads);  // it is a property of the thread
-  const Stopwatch watch;
-  mapping::MapperInput input = to_input(frame);
-  input.hurry = frames_wait() && mapper_.depth_seconds() > kDepthShare * busy_s_;
-  const mapping::Intake intake = mapper_.add(input);
-  busy_s_ += watch.seconds();
+  const mapping::Intake intake = take_in(frame);
   if (intake == mapping::Intake::taken) ++shown_keyframes_;
   if (is_refusal(intake) && mapper_.counts().at(intake) == 1) {
     log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(intake));
@@ -118,29 +114,35 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
   look_after();
 }
 
+mapping::Intake OnlineMap::take_in(const pipeline::MapFrame& frame) {
+  const auto entry = times_.enter("intake");
+  mapping::MapperInput input = to_input(frame);
+  input.hurry = frames_wait() && mapper_.times().of("depth") > kDepthShare * busy_s();
+  return mapper_.add(input);
+}
+
 // As many steps as the mode has for a keyframe.
 void OnlineMap::learn() {
   const bool realtime = config_.run.mode == pipeline::RunMode::realtime;
   int left = config_.mapping.online.steps_per_keyframe;
   while (mapper_.ready() && !options_.interrupted()) {
     if (realtime && ending_ && since_end_.seconds() > kLastSteps_s) return;
-    if (realtime && (ending_ || frames_wait()) && training_s_ > kTrainingShare * busy_s_) return;
+    if (realtime && (ending_ || frames_wait()) && training_s() > kTrainingShare * busy_s()) return;
     if (!realtime && left-- <= 0) return;
-    step();
+    mapper_.step();
   }
-}
-
-void OnlineMap::step() {
-  const Stopwatch watch;
-  mapper_.step();
-  training_s_ += watch.seconds();
-  busy_s_ += watch.seconds();
 }
 
 // In real time a map that only takes keyframes in never gets any better, so both have their share
 // of the time, and frames are lost instead.
 bool OnlineMap::frames_wait() const {
   return config_.run.mode == pipeline::RunMode::realtime && worker_ && worker_->waiting() > 0;
+}
+
+std::map<std::string, double> OnlineMap::times() const {
+  std::map<std::string, double> all(times_.seconds().begin(), times_.seconds().end());
+  all.insert(mapper_.times().seconds().begin(), mapper_.times().seconds().end());
+  return all;
 }
 
 std::map<std::string, std::size_t> OnlineMap::not_mapped() const {
@@ -162,7 +164,8 @@ void OnlineMap::look_after() {
   since_save_.reset();
 }
 
-mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) const {
+mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) {
+  const auto entry = times_.enter("pictures");
   mapping::MapperInput input;
   input.vio_failing = frame.vio_failing;
   for (const StampedPose& kept : frame.window) {
@@ -193,9 +196,7 @@ bool OnlineMap::refine() {
   double loss = 0.0;
   while (!mapper_.final_done()) {
     if (options_.interrupted()) return false;
-    const Stopwatch watch;
     const double latest = mapper_.step();
-    training_s_ += watch.seconds();
     loss = loss == 0.0 ? latest : 0.98 * loss + 0.02 * latest;
     status.update(mapper_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
                                                   mapper_.iteration(), mapper_.size(), loss));

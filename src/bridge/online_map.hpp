@@ -13,6 +13,7 @@
 #include "apvi/bridge/mapping_run.hpp"
 #include "apvi/bridge/run_config.hpp"
 #include "apvi/core/stopwatch.hpp"
+#include "apvi/core/timesheet.hpp"
 #include "apvi/core/worker.hpp"
 #include "apvi/mapping/mapper.hpp"
 #include "apvi/pipeline/map_sink.hpp"
@@ -44,7 +45,9 @@ class OnlineMap : public pipeline::MapSink {
 
   const mapping::Mapper& mapper() const { return mapper_; }
   /// In optimisation steps [s].
-  double training_s() const { return training_s_; }
+  double training_s() const { return mapper_.times().of("steps"); }
+  /// Where the mapper's thread spent its time [s]: that of the mapper, and intake, of which pictures.
+  std::map<std::string, double> times() const;
   std::size_t dropped_keyframes() const { return dropped_; }
   /// Keyframes that the mapper would not have, and held-out ones, by why.
   std::map<std::string, std::size_t> not_mapped() const;
@@ -52,11 +55,12 @@ class OnlineMap : public pipeline::MapSink {
  private:
   void try_to_process(const pipeline::MapFrame& frame);
   void process(const pipeline::MapFrame& frame);
-  mapping::MapperInput to_input(const pipeline::MapFrame& frame) const;
+  mapping::Intake take_in(const pipeline::MapFrame& frame);
+  mapping::MapperInput to_input(const pipeline::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
   void learn();
-  void step();
   bool frames_wait() const;
+  double busy_s() const { return times_.of("intake") + training_s(); }
   void look_after();
   Trajectory keyframes() const;
 
@@ -68,8 +72,7 @@ class OnlineMap : public pipeline::MapSink {
   Stopwatch watch_;
   Stopwatch since_save_;
   std::optional<MapCurve> curve_;  // once there is a folder
-  double training_s_ = 0.0;
-  double busy_s_ = 0.0;
+  Timesheet times_;
   std::size_t dropped_ = 0;
   std::atomic<std::int64_t> shown_keyframes_ = 0;  // for the status line, from any thread
   std::atomic<std::int64_t> shown_gaussians_ = 0;

@@ -97,7 +97,8 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
                      .medium = made.medium,
                      .true_medium = truth ? truth->medium() : std::nullopt,
                      .dropped_keyframes = map.dropped_keyframes(),
-                     .not_mapped = map.not_mapped()});
+                     .not_mapped = map.not_mapped(),
+                     .times = map.times()});
   return {.interrupted = !refined,
           .iterations = mapper.iteration(),
           .gaussians = mapper.size(),

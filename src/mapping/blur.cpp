@@ -19,4 +19,11 @@ Tensor blurred(const Tensor& planes, double sigma) {
                        weights.view({1, 1, -1, 1}));
 }
 
+Tensor blurred_inverse_depth(const Tensor& depth, double sigma) {
+  const Tensor known = (depth > 0.0).to(depth.scalar_type());
+  const Tensor inverse = known / depth.clamp_min(1e-6);
+  const Tensor planes = blurred(torch::stack({inverse, known}).unsqueeze(1), sigma).squeeze(1);
+  return planes[0] / planes[1].clamp_min(1e-6);
+}
+
 }  // namespace apvi::mapping

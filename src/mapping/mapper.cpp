@@ -93,7 +93,10 @@ Intake Mapper::judge(const MapperInput& input) const {
 
 Intake Mapper::add(const MapperInput& input) {
   const torch::NoGradGuard no_grad;
-  for (const MovedKeyframe& moved : input.moved) move(moved);
+  {
+    const auto entry = times_.enter("poses");
+    for (const MovedKeyframe& moved : input.moved) move(moved);
+  }
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);
   if (input.murky) {
@@ -112,7 +115,10 @@ Intake Mapper::add(const MapperInput& input) {
   keep(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
   schedule_.add(view);
-  if (learner_) learner_->match_gain(keyframes_, view);
+  if (learner_) {
+    const auto entry = times_.enter("gains");
+    learner_->match_gain(keyframes_, view);
+  }
   align(view);
   growth_ += options_.online.growth_share * static_cast<double>(room());
   insert_points(view, input);
@@ -209,6 +215,7 @@ void Mapper::maybe_survey_water() {
 
 void Mapper::survey_water() {
   const torch::NoGradGuard no_grad;
+  const auto entry = times_.enter("water");
   const Map map = learner_->whole_map();
   const splat::Medium usual = splat::coastal_medium();
   const WaterPrior prior = {
@@ -238,6 +245,7 @@ int Mapper::reduction(std::size_t view) const {
 double Mapper::step() {
   TORCH_CHECK(ready(), "mapper: there is nothing to learn yet");
   const Stopwatch watch;
+  const auto entry = times_.enter("steps");
   Random random(seed_of(options_.trainer.seed, Stream::order, iteration_));
   const std::size_t view = schedule_.draw(random);
   const auto degree = static_cast<int>(iteration_ / options_.trainer.sh_interval);
@@ -258,6 +266,7 @@ double Mapper::step() {
 void Mapper::maybe_densify() {
   const DensifyOptions& d = options_.trainer.densify;
   if (final_start_ || d.kind == Densification::none || iteration_ % d.interval != 0) return;
+  const auto entry = times_.enter("growth");
   const std::int64_t before = size();
   const std::int64_t most = before + std::min(static_cast<std::int64_t>(growth_), room());
   const DensifyResult result =

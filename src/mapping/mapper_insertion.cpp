@@ -10,7 +10,6 @@
 
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
-#include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/mapper.hpp"
 #include "apvi/mapping/open_water.hpp"
@@ -98,6 +97,7 @@ Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
 }
 
 void Mapper::insert_points(std::size_t view, const MapperInput& input) {
+  const auto entry = times_.enter("insertion");
   const Seeds seeds = point_seeds(view, input);
   if (seeds.size() > 0) insert(view, seeds);
 }
@@ -118,10 +118,13 @@ void Mapper::fill_from_depth(std::size_t view) {
     camera.T_camera_world = drift_.in_map(view, drift_.in_odometry(i, camera.T_camera_world));
     request.views.push_back({to_grey(keyframes_[i].image), camera});
   }
-  const Stopwatch watch;
-  const DepthEstimate estimate = estimate_depth(request, options_.depth);
-  depth_seconds_ += watch.seconds();
+  DepthEstimate estimate;
+  {
+    const auto entry = times_.enter("depth");
+    estimate = estimate_depth(request, options_.depth);
+  }
   if (estimate.verdict != DepthVerdict::estimated) return;
+  const auto entry = times_.enter("filling");
   const splat::View camera = keyframes_.view(view, 1);
   const Tensor picture = keyframes_.image(view, 1, torch::kCPU);
   Tensor drawn = torch::zeros_like(picture);
@@ -150,6 +153,7 @@ void Mapper::fill_from_depth(std::size_t view) {
 
 void Mapper::insert_random(std::size_t view) {
   if (!learner_) return;
+  const auto entry = times_.enter("insertion");
   const std::int64_t count = make_room(options_.trainer.densify.random_per_round);
   if (count <= 0) return;
   Random random(seed_of(options_.trainer.seed, Stream::insertion, static_cast<std::int64_t>(view)));

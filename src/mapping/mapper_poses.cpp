@@ -77,6 +77,7 @@ void Mapper::remember_until(std::int64_t stamp_ns) {
 // the drift of the keyframe before them.
 void Mapper::align(std::size_t view) {
   if (!options_.online.align || !learner_) return;
+  const auto entry = times_.enter("alignment");
   const std::int64_t stamp = keyframes_[view].stamp_ns;
   remember_until(stamp - kLongAgo_ns);
   Map map = learner_->whole_map();

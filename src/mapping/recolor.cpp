@@ -37,12 +37,18 @@ struct Sums {
         by_old(torch::zeros_like(means)),
         offset(torch::zeros_like(means)) {}
 
-  /// `counts` [N]: how much this view says of each.
-  void add(const splat::SeenAs& old, const splat::SeenAs& now, const Tensor& counts) {
-    const Tensor a = counts.unsqueeze(1) * now.gain;
-    weight += a * now.gain;
-    by_old += a * old.gain;
-    offset += a * (old.veil - now.veil);
+  /// What a view says of those in `rows` [n], all different.
+  void add(const splat::SeenAs& old, const splat::SeenAs& now, const Tensor& rows) {
+    weight.index_add_(0, rows, now.gain * now.gain);
+    by_old.index_add_(0, rows, now.gain * old.gain);
+    offset.index_add_(0, rows, now.gain * (old.veil - now.veil));
+  }
+
+  /// What is said of all counts so little.
+  void add_all(const splat::SeenAs& old, const splat::SeenAs& now, double count) {
+    weight += count * now.gain * now.gain;
+    by_old += count * now.gain * old.gain;
+    offset += count * now.gain * (old.veil - now.veil);
   }
 };
 
@@ -86,11 +92,11 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
     const Tensor ranges = seen.points.norm(2, 1);
     const Tensor then = gain_of(map, i, means);
     const Tensor now = gain_of(after, i, means);
-    const Tensor counts = seen.in_view.to(means.options());
-    sums.add(
-        through(map.medium, then * falloff_at(map, view.intrinsics, seen.pixels), seen.points),
-        through(after.medium, now * falloff_at(after, view.intrinsics, seen.pixels), seen.points),
-        counts);
+    const Tensor shown = seen.in_view.nonzero().squeeze(1);
+    const Tensor pixels = seen.pixels.index_select(0, shown);
+    const Tensor points = seen.points.index_select(0, shown);
+    sums.add(through(map.medium, then * falloff_at(map, view.intrinsics, pixels), points),
+             through(after.medium, now * falloff_at(after, view.intrinsics, pixels), points), shown);
     const Tensor nearer = ranges < nearest;
     nearest = torch::where(nearer, ranges, nearest);
     gain_then = torch::where(nearer, then, gain_then);
@@ -98,8 +104,8 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
   }
   const Tensor ahead =
       torch::stack({torch::zeros_like(nearest), torch::zeros_like(nearest), nearest}, 1);
-  sums.add(through(map.medium, gain_then, ahead), through(after.medium, gain_now, ahead),
-           torch::full_like(nearest, kUnseen));
+  sums.add_all(through(map.medium, gain_then, ahead), through(after.medium, gain_now, ahead),
+               kUnseen);
   const Tensor factor = sums.by_old / sums.weight;
   const Tensor before = splat::sh_dc_to_color(map.gaussians.sh_dc);
   const Tensor color = factor * before + sums.offset / sums.weight;

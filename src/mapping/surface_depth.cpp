@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/splat/render.hpp"
 #include "blur.hpp"
@@ -19,15 +20,11 @@ constexpr double kSlopePx = 2.0;      // sigma of the blur before a surface's sl
 constexpr double kLargestStep = 0.1;  // relative change that is an edge and no slope
 
 /// Where the centres of the Gaussians are drawn [N,2], in widths and heights of the picture.
-Tensor centers_in(const Tensor& means, const splat::View& view) {
-  const Tensor T = view.T_camera_world.to(means.options());
-  const Tensor p =
-      means.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3).unsqueeze(0);
+Tensor centers_in(const Tensor& means, splat::View view) {
+  view.T_camera_world = view.T_camera_world.to(means.options());
   const splat::Intrinsics& k = view.intrinsics;
-  const Tensor z = p.select(1, 2).clamp_min(1e-6);
-  return torch::stack(
-      {(k.fx * p.select(1, 0) / z + k.cx) / k.width, (k.fy * p.select(1, 1) / z + k.cy) / k.height},
-      1);
+  const Tensor size = torch::tensor({k.width, k.height}, means.options());
+  return project(view, means).pixels / size;
 }
 
 /// Along the second and the first dimension of [H,W], per pixel; zero across the edges.
@@ -57,14 +54,12 @@ Tensor surface_depth(const Map& map, const splat::View& view, const Tensor& dept
   const Tensor u = torch::arange(k.width, depth.options()) + 0.5;
   const Tensor v = (torch::arange(k.height, depth.options()) + 0.5).unsqueeze(1);
 
-  const Tensor known = (depth > 0.0).to(depth.scalar_type());
-  const Tensor inverse = known / depth.clamp_min(1e-6);
-  const Tensor planes = blurred(torch::stack({inverse, known}).unsqueeze(1), kSlopePx).squeeze(1);
-  const auto [by_u, by_v] = slopes(planes[0] / planes[1].clamp_min(1e-6));
-  const Tensor carried = inverse - by_u * (k.width * mean.select(2, 0) - u) -
+  const Tensor known = depth > 0.0;
+  const auto [by_u, by_v] = slopes(blurred_inverse_depth(depth, kSlopePx));
+  const Tensor carried = depth.clamp_min(1e-6).reciprocal() - by_u * (k.width * mean.select(2, 0) - u) -
                          by_v * (k.height * mean.select(2, 1) - v);
   const Tensor there = 1.0 / carried.clamp_min(1e-6);
-  const Tensor smooth = known.to(torch::kBool) & ((there - depth).abs() < kLargestStep * depth);
+  const Tensor smooth = known & ((there - depth).abs() < kLargestStep * depth);
   return torch::where(smooth, there, depth);
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "water_equations.hpp"
 #include "water_model.hpp"
 
 namespace apvi::mapping {
@@ -19,25 +20,23 @@ constexpr std::int64_t kFewestSightings = 300;
 constexpr int kIterations = 30;
 constexpr double kConverged = 1e-4;
 constexpr double kLargestStep = 0.3;
-constexpr double kLeastNoise = 0.003;  // of a colour: rounding to a byte, and a little more
-constexpr double kTextureNoise = 0.5;  // of a colour's change around, by a patch that is off
-constexpr double kInformation = 0.3;   // errors of neighbouring sightings are alike
-constexpr double kGauge = 1e4;         // holds the mean of the gains
-constexpr double kHeld = 1e-3;         // sigma of what surveys have settled
-constexpr std::int64_t kWater = 3;     // parameters of a channel's water; a lamp's are behind
-constexpr std::int64_t kShared = 2;    // of these, those that surveys have in common
+constexpr double kGauge = 1e4;      // holds the mean of the gains
+constexpr double kHeld = 1e-3;      // sigma of what surveys have settled
+constexpr std::int64_t kWater = 3;  // parameters of a channel's water; a lamp's are behind
+constexpr std::int64_t kShared = 2;  // of these, those that surveys have in common
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 /// Parameters: those of the water by channel, the vignetting, the logarithms of the views' gains.
 class Solver {
  public:
-  Solver(const Sightings& s, const WaterPrior& prior)
-      : s_(s),
-        water_(s, prior),
+  Solver(const Sightings& sightings, const WaterPrior& prior)
+      : s_(by_point(sightings)),
+        water_(s_, prior),
         own_(water_.parameters()),
+        equations_(s_, own_),
         vignetting_(3 * own_),
         gains_(vignetting_ + 1) {
-    const auto n = gains_ + s.view_count;
+    const auto n = gains_ + s_.view_count;
     mean_ = torch::zeros({n}, kF64);
     sigma_ = torch::full({n}, prior.gain_sigma, kF64);
     for (std::int64_t c = 0; c < 3; ++c) {
@@ -119,7 +118,8 @@ class Solver {
       fit.known[c].copy_(to_logs.mm(known).mm(torch::inverse(to_logs)));
       fit.sigmas[c].copy_(to_logs.mm(own).mm(to_logs.t()).diagonal().clamp_min(0.0).sqrt());
     }
-    fit.noise = noise_.clone();
+    const std::array<double, 3>& noise = equations_.noise();
+    fit.noise = torch::tensor({noise[0], noise[1], noise[2]}, kF64);
     return fit;
   }
 
@@ -135,67 +135,15 @@ class Solver {
     return theta_.slice(0, gains_).exp().index_select(0, s_.views) * falloff();
   }
 
-  Tensor sum_by_point(const Tensor& values) const {
-    std::vector<std::int64_t> shape = values.sizes().vec();
-    shape[0] = s_.point_count;
-    return torch::zeros(shape, kF64).index_add_(0, s_.points, values);
-  }
-
-  /// How much each sighting is trusted (Geman and McClure), with noise as large as the median says.
-  Tensor weights(std::int64_t c, const ChannelModel& m, const Tensor& before) {
-    const Tensor r = residual(c, m, colors(c, m, before));
-    const Tensor sigma = (1.4826 * r.abs().median()).clamp_min(kLeastNoise);
-    noise_[c] = sigma;
-    const Tensor variance = sigma.square() + (kTextureNoise * s_.texture).square();
-    return (1.0 + r.square() / (4.0 * variance)).square().reciprocal() / variance;
-  }
-
-  Tensor colors(std::int64_t c, const ChannelModel& m, const Tensor& w) const {
-    const Tensor y = s_.colors.select(1, c) - m.veil;
-    return sum_by_point(w * m.through * y) /
-           sum_by_point(w * m.through * m.through).clamp_min(1e-12);
-  }
-
-  Tensor residual(std::int64_t c, const ChannelModel& m, const Tensor& J) const {
-    return s_.colors.select(1, c) - m.veil - m.through * J.index_select(0, s_.points);
-  }
-
-  /// Derivatives [n, parameters] of what the sightings of a channel should look like.
-  Tensor derivatives(std::int64_t c, const ChannelModel& m, const Tensor& J) const {
-    const Tensor colors = J.index_select(0, s_.points);
-    Tensor D = torch::zeros({colors.size(0), theta_.size(0)}, kF64);
-    for (std::int64_t k = 0; k < own_; ++k) {
-      const Tensor& through = m.through_by[static_cast<std::size_t>(k)];
-      const Tensor& veil = m.veil_by[static_cast<std::size_t>(k)];
-      Tensor column = D.select(1, own_ * c + k);
-      if (through.defined()) column += through * colors;
-      if (veil.defined()) column += veil;
-    }
-    const Tensor all = m.through * colors + m.veil;
-    D.select(1, vignetting_).copy_(-all * s_.corners2 / falloff());
-    D.scatter_(1, (s_.views + gains_).unsqueeze(1), all.unsqueeze(1));
-    return D;
-  }
-
   /// Information and gradient, the points' colours eliminated.
   std::pair<Tensor, Tensor> normal_equations() {
-    Tensor A = torch::diag(sigma_.square().reciprocal());
-    Tensor b = (theta_ - mean_) / sigma_.square();
+    const Tensor precision = sigma_.square().reciprocal();
+    Tensor A = torch::diag(precision);
+    Tensor b = precision * (theta_ - mean_);
+    const Tensor lens = falloff();
     const std::vector<ChannelModel> models = water_.evaluate(water_parameters(), responses());
     for (std::int64_t c = 0; c < 3; ++c) {
-      const ChannelModel& m = models[static_cast<std::size_t>(c)];
-      Tensor& w = weights_[static_cast<std::size_t>(c)];
-      if (!w.defined()) w = torch::ones_like(s_.ranges);
-      w = weights(c, m, w);
-      const Tensor J = colors(c, m, w);
-      const Tensor D = derivatives(c, m, J);
-      const Tensor wa = (w * m.through).unsqueeze(1);
-      const Tensor mean =
-          sum_by_point(wa * D) / sum_by_point(w * m.through.square()).clamp_min(1e-12).unsqueeze(1);
-      const Tensor P = D - m.through.unsqueeze(1) * mean.index_select(0, s_.points);
-      const Tensor weighted = w.unsqueeze(1) * P;
-      A = A + kInformation * P.t().mm(weighted);
-      b = b - kInformation * weighted.t().mv(residual(c, m, J));
+      equations_.add(c, models[static_cast<std::size_t>(c)], lens, A, b);
     }
     const auto views = static_cast<double>(s_.view_count);
     A.slice(0, gains_).slice(1, gains_).add_(kGauge / (views * views));
@@ -203,14 +151,13 @@ class Solver {
     return {A, b};
   }
 
-  const Sightings& s_;
+  const Sightings s_;  ///< by point
   WaterModel water_;
   std::int64_t own_;  ///< parameters of a channel
+  WaterEquations equations_;
   std::int64_t vignetting_, gains_;
   Tensor mean_, sigma_, theta_, information_;
   Tensor before_;  ///< information [3,3] about a channel's water before anything was seen
-  Tensor noise_ = torch::zeros({3}, kF64);
-  std::array<Tensor, 3> weights_;
 };
 
 }  // namespace

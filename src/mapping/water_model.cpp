@@ -25,7 +25,9 @@ WaterModel::WaterModel(const Sightings& sightings, const WaterPrior& prior)
       {lamp_->position_m[0], lamp_->position_m[1], lamp_->position_m[2]}, torch::kFloat64);
   const Tensor from = sightings_.places - position;
   unit_range_m_ = from.norm(2, 1).median().item<double>();
-  rays_ = sightings_.places / sightings_.places.norm(2, 1, true).clamp_min(1e-9);
+  haze_.emplace(*lamp_, unit_range_m_,
+                sightings_.places / sightings_.places.norm(2, 1, true).clamp_min(1e-9),
+                sightings_.ranges);
   facing_ = ((from * sightings_.normals).sum(1) / from.norm(2, 1).clamp_min(1e-9))
                 .abs()
                 .clamp_min(kFlattest);
@@ -76,7 +78,7 @@ void WaterModel::add_lamp(const Tensor& parameters, const Tensor& responses,
                           std::vector<ChannelModel>& models) const {
   const Tensor betas = parameters.select(1, kBeta).exp();
   const auto shine = splat::lamp_shine(*lamp_, unit_range_m_, betas, sightings_.places);
-  const auto haze = splat::lamp_haze(*lamp_, unit_range_m_, betas, rays_, sightings_.ranges);
+  const auto haze = haze_->at(betas);
   for (std::int64_t c = 0; c < 3; ++c) {
     ChannelModel& m = models[static_cast<std::size_t>(c)];
     const Tensor daylight = parameters[c][kDaylight];

@@ -49,7 +49,7 @@ class WaterModel {
   WaterPrior prior_;
   std::optional<splat::Lamp> lamp_;
   double unit_range_m_ = 1.0;
-  torch::Tensor rays_;    ///< [n,3] in the camera's frame
+  std::optional<splat::LampHaze> haze_;
   torch::Tensor facing_;  ///< [n] cosine of the angle between the lamp's light and the normal
 };
 

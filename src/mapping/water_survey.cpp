@@ -99,10 +99,7 @@ Tensor unit(const Tensor& vectors) {
 Tensor broad_normals(const Look& look, const Tensor& pixels) {
   const splat::Intrinsics& k = look.camera.intrinsics;
   const Tensor depth = look.depth.to(splat::active_device(), torch::kFloat32);
-  const Tensor known = (depth > 0.0).to(torch::kFloat32);
-  const Tensor inverse = known / depth.clamp_min(1e-6);
-  const Tensor planes = blurred(torch::stack({inverse, known}).unsqueeze(1), kBroadPx).squeeze(1);
-  const Tensor w = (planes[0] / planes[1].clamp_min(1e-6)).to(torch::kCPU, torch::kFloat64);
+  const Tensor w = blurred_inverse_depth(depth, kBroadPx).to(torch::kCPU, torch::kFloat64);
   const Tensor u = pixels.select(1, 0).floor().to(torch::kInt64);
   const Tensor v = pixels.select(1, 1).floor().to(torch::kInt64);
   const auto at = [&](std::int64_t du, std::int64_t dv) {
@@ -116,12 +113,6 @@ Tensor broad_normals(const Look& look, const Tensor& pixels) {
   const Tensor ahead =
       at(0, 0) - by_u * (pixels.select(1, 0) - k.cx) - by_v * (pixels.select(1, 1) - k.cy);
   return unit(torch::stack({by_u * k.fx, by_v * k.fy, ahead}, 1));
-}
-
-/// Of points [p,3] and normals there [p,3]: the mean of those around each, over views too.
-Tensor averaged_normals(const Tensor& points, const Tensor& normals, double radius_m) {
-  const Tensor near = (torch::cdist(points, points) < radius_m).to(normals.scalar_type());
-  return unit(near.mm(normals));
 }
 
 /// Random points of the surfaces that the view shows, and how these lie.
@@ -300,6 +291,25 @@ std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, do
   return looks;
 }
 
+/// How the surface around each point faces: the mean of what the views of its cluster say.
+void average_facing(std::vector<Look>& looks, double radius_m) {
+  for (std::size_t begin = 0, end = 0; begin < looks.size(); begin = end) {
+    std::vector<Tensor> points, facing;
+    for (; end < looks.size() && looks[end].cluster == looks[begin].cluster; ++end) {
+      points.push_back(looks[end].points);
+      facing.push_back(looks[end].facing);
+    }
+    const Tensor at = torch::cat(points);
+    const Tensor near = (torch::cdist(at, at) < radius_m).to(at.scalar_type());
+    Tensor means = unit(near.mm(torch::cat(facing)));
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::int64_t own = looks[i].points.size(0);
+      looks[i].facing = means.slice(0, 0, own);
+      means = means.slice(0, own);
+    }
+  }
+}
+
 /// Median distance [m] of the points from where they were seen.
 double typical_range(const std::vector<Look>& looks) {
   std::vector<Tensor> ranges;
@@ -326,7 +336,7 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
                                         double spacing_m, const WaterPrior& prior,
                                         std::uint64_t seed) {
   const torch::NoGradGuard no_grad;
-  const std::vector<Look> looks =
+  std::vector<Look> looks =
       look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
   if (looks.size() < 2) return std::nullopt;
   Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
@@ -334,7 +344,7 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
   std::vector<std::int64_t> first = {0};
   for (const Look& view : looks) first.push_back(first.back() + view.points.size(0));
   WaterSurvey survey;
-  const double around_m = kAround * typical_range(looks);
+  if (prior.lamp) average_facing(looks, kAround * typical_range(looks));
   for (std::size_t j = 0; j < looks.size(); ++j) {
     std::vector<Tensor> near_points;
     std::vector<Tensor> normals;
@@ -348,11 +358,8 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
       facing.push_back(looks[i].facing);
       numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
     }
-    const Tensor around = torch::cat(near_points);
-    Tensor faces = torch::cat(facing);
-    if (prior.lamp) faces = averaged_normals(around, faces, around_m);
-    collector.add(looks[j], static_cast<std::int64_t>(j), around, torch::cat(normals), faces,
-                  torch::cat(numbers));
+    collector.add(looks[j], static_cast<std::int64_t>(j), torch::cat(near_points),
+                  torch::cat(normals), torch::cat(facing), torch::cat(numbers));
     survey.views.push_back(looks[j].keyframe);
   }
   auto fit =

@@ -73,20 +73,32 @@ LampTerm lamp_shine(const Lamp& lamp, double unit_range_m, const Tensor& beta_d,
   return {.value = value, .by_beta_d = -farther * value};
 }
 
-LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const Tensor& beta_d, const Tensor& rays,
+LampHaze::LampHaze(const Lamp& lamp, double unit_range_m, const Tensor& rays,
                    const Tensor& ranges) {
-  LampTerm sum = {.value = torch::zeros_like(rays), .by_beta_d = torch::zeros_like(rays)};
   for (std::int64_t j = 0; j < kSteps; ++j) {
     const double begin = end_of_step(j);
     const Tensor length = (ranges - begin).clamp(0.0, end_of_step(j + 1) - begin).unsqueeze(-1);
     const Tensor middle = begin + 0.5 * length;
     const Beam beam = beam_at(lamp, unit_range_m, middle * rays);
-    const Tensor way = beam.distance - unit_range_m + middle;
-    const Tensor part = beam.falloff * length * torch::exp(-beta_d * way);
-    sum.value += part;
-    sum.by_beta_d -= way * part;
+    ways_.push_back(beam.distance - unit_range_m + middle);
+    weights_.push_back(beam.falloff * length);
+  }
+}
+
+LampTerm LampHaze::at(const Tensor& beta_d) const {
+  LampTerm sum;
+  for (std::size_t j = 0; j < ways_.size(); ++j) {
+    const Tensor part = weights_[j] * torch::exp(-beta_d * ways_[j]);
+    const Tensor by_beta_d = -ways_[j] * part;
+    sum.value = j == 0 ? part : sum.value + part;
+    sum.by_beta_d = j == 0 ? by_beta_d : sum.by_beta_d + by_beta_d;
   }
   return sum;
+}
+
+LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const Tensor& beta_d, const Tensor& rays,
+                   const Tensor& ranges) {
+  return LampHaze(lamp, unit_range_m, rays, ranges).at(beta_d);
 }
 
 Tensor lamp_light(const LampLight& light, const Tensor& beta_d, const Tensor& points) {

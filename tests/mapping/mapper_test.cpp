@@ -438,9 +438,9 @@ Mapper hurried(const splat::Gaussians& world, int final_iterations) {
 
 TEST(Mapper, EstimatesNoDepthInAHurryAndCatchesUpInTheEnd) {
   Mapper mapper = hurried(wall_of_gaussians(), 200);
-  EXPECT_EQ(mapper.depth_seconds(), 0.0);
+  EXPECT_EQ(mapper.times().of("depth"), 0.0);
   mapper.begin_final();
-  EXPECT_GT(mapper.depth_seconds(), 0.0);
+  EXPECT_GT(mapper.times().of("depth"), 0.0);
 }
 
 // What is new takes steps to settle; a later refinement finds what still waits.
@@ -450,13 +450,13 @@ TEST(Mapper, AnEndWithoutRefinementLeavesTheMapAsItIs) {
   Mapper mapper = hurried(world, 0);
   const splat::Gaussians before = mapper.snapshot().gaussians;
   mapper.begin_final();
-  EXPECT_EQ(mapper.depth_seconds(), 0.0);
+  EXPECT_EQ(mapper.times().of("depth"), 0.0);
   EXPECT_TRUE(same(mapper.snapshot().gaussians, before));
   mapper.save(dir.path() / "checkpoint.pt");
   Mapper later = hurried(world, 200);
   later.resume(dir.path() / "checkpoint.pt");
   later.begin_final();
-  EXPECT_GT(later.depth_seconds(), 0.0);
+  EXPECT_GT(later.times().of("depth"), 0.0);
 }
 
 TEST(Mapper, SnapshotsStayAsTheyWere) {

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apvi/core/timesheet.hpp"
 #include "apvi/mapping/drift.hpp"
 #include "apvi/mapping/first_sight.hpp"
 #include "apvi/mapping/keyframe_store.hpp"
@@ -96,8 +97,9 @@ class Mapper {
   torch::Tensor pose(std::size_t i) const;
   std::int64_t size() const { return learner_ ? learner_->size() : 0; }
   std::int64_t iteration() const { return iteration_; }
-  /// Spent on depth so far [s].
-  double depth_seconds() const { return depth_seconds_; }
+  /// Where its time went so far: poses, gains, alignment, insertion, depth, filling (what depth is
+  /// used for), water, growth, steps. On a GPU work counts where it is waited for.
+  const Timesheet& times() const { return times_; }
   double extent() const { return extent_; }
   const std::map<Intake, std::size_t>& counts() const { return counts_; }
   /// The learner behind; only when `ready`.
@@ -152,7 +154,7 @@ class Mapper {
   std::int64_t iteration_ = 0;
   std::optional<std::int64_t> final_start_;
   double final_seconds_ = 0.0;
-  double depth_seconds_ = 0.0;
+  Timesheet times_;
   std::size_t heldout_stride_ = 1;
   std::size_t heldout_seen_ = 0;
   std::int64_t clears_ns_ = 0;  ///< until then pictures are veiled

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include <array>
+#include <vector>
 
 #include "apvi/splat/view.hpp"
 
@@ -57,6 +58,19 @@ struct LampTerm {
 /// E above at `points` [...,3] in the camera's frame.
 LampTerm lamp_shine(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
                     const torch::Tensor& points);
+/// The integral above for any attenuation: what geometry says of it is worked out once.
+class LampHaze {
+ public:
+  /// `rays` [...,3] unit vectors, up to `ranges` [...] of the surfaces; kLampReach_m stands for all
+  /// that are farther.
+  LampHaze(const Lamp& lamp, double unit_range_m, const torch::Tensor& rays,
+           const torch::Tensor& ranges);
+  LampTerm at(const torch::Tensor& beta_d) const;
+
+ private:
+  std::vector<torch::Tensor> ways_;     ///< [...,1] by step: of the light, less d_1 [m]
+  std::vector<torch::Tensor> weights_;  ///< [...,1]: brightness there times the step
+};
 /// The integral above along unit vectors `rays` [...,3], up to `ranges` [...] of the surfaces;
 /// kLampReach_m stands for all that are farther.
 LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
