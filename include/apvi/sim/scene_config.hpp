@@ -39,7 +39,7 @@ struct CameraSimConfig {
 
 /// Which truth is stored beside what the sensors say.
 struct TruthConfig {
-  int image_every = 20;
+  int image_every = 16;
   bool mesh = true;
 
   template <typename V>
