@@ -46,7 +46,8 @@ class OnlineMap : public pipeline::MapSink {
   const mapping::Mapper& mapper() const { return mapper_; }
   /// In optimisation steps [s].
   double training_s() const { return mapper_.times().of("steps"); }
-  /// Where the mapper's thread spent its time [s]: that of the mapper, and intake, of which pictures.
+  /// Where the mapper's thread spent its time [s]: that of the mapper, and intake, of which
+  /// pictures.
   std::map<std::string, double> times() const;
   std::size_t dropped_keyframes() const { return dropped_; }
   /// Keyframes that the mapper would not have, and held-out ones, by why.

@@ -96,7 +96,8 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
     const Tensor pixels = seen.pixels.index_select(0, shown);
     const Tensor points = seen.points.index_select(0, shown);
     sums.add(through(map.medium, then * falloff_at(map, view.intrinsics, pixels), points),
-             through(after.medium, now * falloff_at(after, view.intrinsics, pixels), points), shown);
+             through(after.medium, now * falloff_at(after, view.intrinsics, pixels), points),
+             shown);
     const Tensor nearer = ranges < nearest;
     nearest = torch::where(nearer, ranges, nearest);
     gain_then = torch::where(nearer, then, gain_then);

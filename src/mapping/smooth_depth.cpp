@@ -38,8 +38,7 @@ Tensor bentness(const Tensor& depth, const Tensor& alpha, const Tensor& picture)
     const torch::NoGradGuard no_grad;
     solid = ((alpha > kSolid) & (depth > 0.0)).to(depth.scalar_type());
     scale = solid.sum() / (solid / depth.clamp_min(1e-3)).sum().clamp_min(1e-6);
-    const Tensor change =
-        second_differences(torch::stack({picture.mean(2), solid})).abs();
+    const Tensor change = second_differences(torch::stack({picture.mean(2), solid})).abs();
     even = torch::exp(change[0] / -kEdge - change[1] / kGap);
   }
   const Tensor inverse = solid / depth.clamp_min(1e-3);

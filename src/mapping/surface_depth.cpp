@@ -56,7 +56,8 @@ Tensor surface_depth(const Map& map, const splat::View& view, const Tensor& dept
 
   const Tensor known = depth > 0.0;
   const auto [by_u, by_v] = slopes(blurred_inverse_depth(depth, kSlopePx));
-  const Tensor carried = depth.clamp_min(1e-6).reciprocal() - by_u * (k.width * mean.select(2, 0) - u) -
+  const Tensor carried = depth.clamp_min(1e-6).reciprocal() -
+                         by_u * (k.width * mean.select(2, 0) - u) -
                          by_v * (k.height * mean.select(2, 1) - v);
   const Tensor there = 1.0 / carried.clamp_min(1e-6);
   const Tensor smooth = known & ((there - depth).abs() < kLargestStep * depth);

@@ -158,8 +158,7 @@ void WaterEquations::add(Index c, const ChannelModel& model, const Tensor& fallo
       left.data_ptr<double>()[i] -= channel.through[i] * J;
     }
   }
-  const double sigma =
-      std::max(kLeastNoise, kNormalMedian * left.abs().median().item<double>());
+  const double sigma = std::max(kLeastNoise, kNormalMedian * left.abs().median().item<double>());
   noise_[number] = sigma;
   // Geman and McClure
   const Tensor variance = sigma * sigma + (kTextureNoise * s_.texture).square();

@@ -23,8 +23,9 @@ class WaterEquations {
   /// `sightings` as `by_point` has them; they must outlive this.
   WaterEquations(const Sightings& sightings, std::int64_t own);
 
-  /// Adds what channel c says to the information A [m,m] and the gradient b [m] of half the weighted
-  /// squares, float64. Weights follow from what the last ones leave. `falloff` [n] of the lens.
+  /// Adds what channel c says to the information A [m,m] and the gradient b [m] of half the
+  /// weighted squares, float64. Weights follow from what the last ones leave. `falloff` [n] of the
+  /// lens.
   void add(std::int64_t c, const ChannelModel& model, const torch::Tensor& falloff,
            torch::Tensor& A, torch::Tensor& b);
 

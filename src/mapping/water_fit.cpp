@@ -20,9 +20,9 @@ constexpr std::int64_t kFewestSightings = 300;
 constexpr int kIterations = 30;
 constexpr double kConverged = 1e-3;  // of logarithms: a thirtieth of what surveys err by
 constexpr double kLargestStep = 0.3;
-constexpr double kGauge = 1e4;      // holds the mean of the gains
-constexpr double kHeld = 1e-3;      // sigma of what surveys have settled
-constexpr std::int64_t kWater = 3;  // parameters of a channel's water; a lamp's are behind
+constexpr double kGauge = 1e4;       // holds the mean of the gains
+constexpr double kHeld = 1e-3;       // sigma of what surveys have settled
+constexpr std::int64_t kWater = 3;   // parameters of a channel's water; a lamp's are behind
 constexpr std::int64_t kShared = 2;  // of these, those that surveys have in common
 const auto kF64 = torch::dtype(torch::kFloat64);
 

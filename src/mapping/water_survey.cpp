@@ -336,8 +336,7 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
                                         double spacing_m, const WaterPrior& prior,
                                         std::uint64_t seed) {
   const torch::NoGradGuard no_grad;
-  std::vector<Look> looks =
-      look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
+  std::vector<Look> looks = look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
   if (looks.size() < 2) return std::nullopt;
   Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
   std::vector<Tensor> points;

@@ -93,7 +93,8 @@ TEST(FitWater, DoesNotMindTheOrderOfTheSightings) {
 }
 
 // The spread of what forty draws of the noise lead to, by the fit's own account of it: errors of
-// neighbouring sightings are taken to be alike, which these are not, so it claims 1.8 times as much.
+// neighbouring sightings are taken to be alike, which these are not, so it claims 1.8 times as
+// much.
 TEST(FitWater, KnowsHowFarItIsOff) {
   std::vector<Tensor> found;
   Tensor claimed = torch::zeros({3}, kF64);
