@@ -37,18 +37,12 @@ struct Sums {
         by_old(torch::zeros_like(means)),
         offset(torch::zeros_like(means)) {}
 
-  /// What a view says of those in `rows` [n], all different.
-  void add(const splat::SeenAs& old, const splat::SeenAs& now, const Tensor& rows) {
-    weight.index_add_(0, rows, now.gain * now.gain);
-    by_old.index_add_(0, rows, now.gain * old.gain);
-    offset.index_add_(0, rows, now.gain * (old.veil - now.veil));
-  }
-
-  /// What is said of all counts so little.
-  void add_all(const splat::SeenAs& old, const splat::SeenAs& now, double count) {
-    weight += count * now.gain * now.gain;
-    by_old += count * now.gain * old.gain;
-    offset += count * now.gain * (old.veil - now.veil);
+  /// What a view says of those in `rows` [n], all different, and how much it counts.
+  void add(const splat::SeenAs& old, const splat::SeenAs& now, const Tensor& rows, double count) {
+    const Tensor a = count * now.gain;
+    weight.index_add_(0, rows, a * now.gain);
+    by_old.index_add_(0, rows, a * old.gain);
+    offset.index_add_(0, rows, a * (old.veil - now.veil));
   }
 };
 
@@ -96,8 +90,8 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
     const Tensor pixels = seen.pixels.index_select(0, shown);
     const Tensor points = seen.points.index_select(0, shown);
     sums.add(through(map.medium, then * falloff_at(map, view.intrinsics, pixels), points),
-             through(after.medium, now * falloff_at(after, view.intrinsics, pixels), points),
-             shown);
+             through(after.medium, now * falloff_at(after, view.intrinsics, pixels), points), shown,
+             1.0);
     const Tensor nearer = ranges < nearest;
     nearest = torch::where(nearer, ranges, nearest);
     gain_then = torch::where(nearer, then, gain_then);
@@ -105,8 +99,9 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
   }
   const Tensor ahead =
       torch::stack({torch::zeros_like(nearest), torch::zeros_like(nearest), nearest}, 1);
-  sums.add_all(through(map.medium, gain_then, ahead), through(after.medium, gain_now, ahead),
-               kUnseen);
+  const Tensor all = torch::arange(means.size(0), means.options().dtype(torch::kInt64));
+  sums.add(through(map.medium, gain_then, ahead), through(after.medium, gain_now, ahead), all,
+           kUnseen);
   const Tensor factor = sums.by_old / sums.weight;
   const Tensor before = splat::sh_dc_to_color(map.gaussians.sh_dc);
   const Tensor color = factor * before + sums.offset / sums.weight;

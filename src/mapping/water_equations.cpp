@@ -17,9 +17,11 @@ constexpr double kTextureNoise = 0.5;  // of a colour's change around, by a patc
 constexpr double kInformation = 0.3;   // errors of neighbouring sightings are alike
 constexpr double kNormalMedian = 1.4826;
 
-/// Of a contiguous tensor float64, which must outlive them; none where it is undefined.
+/// Of a tensor float64, which must outlive them; none where it is undefined.
 const double* numbers(const Tensor& values) {
-  return values.defined() ? values.data_ptr<double>() : nullptr;
+  if (!values.defined()) return nullptr;
+  TORCH_CHECK(values.is_contiguous(), "water: numbers must lie in a row");
+  return values.data_ptr<double>();
 }
 
 }  // namespace

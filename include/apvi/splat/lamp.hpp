@@ -58,6 +58,7 @@ struct LampTerm {
 /// E above at `points` [...,3] in the camera's frame.
 LampTerm lamp_shine(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
                     const torch::Tensor& points);
+
 /// The integral above for any attenuation: what geometry says of it is worked out once.
 class LampHaze {
  public:
@@ -71,6 +72,7 @@ class LampHaze {
   std::vector<torch::Tensor> ways_;     ///< [...,1] by step: of the light, less d_1 [m]
   std::vector<torch::Tensor> weights_;  ///< [...,1]: brightness there times the step
 };
+
 /// The integral above along unit vectors `rays` [...,3], up to `ranges` [...] of the surfaces;
 /// kLampReach_m stands for all that are farther.
 LampTerm lamp_haze(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
