@@ -59,9 +59,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("files", nargs="*", help="instead of what changed")
     parser.add_argument("--all", action="store_true", help="every source")
+    parser.add_argument("--changed", action="store_true", help="print the names of what changed, do nothing else")
     parser.add_argument("--seconds", type=float, default=600.0, help="start no further file after that")
     parser.add_argument("-j", "--jobs", type=int, default=len(os.sched_getaffinity(0)))
     options = parser.parse_args()
+    if options.changed:
+        print(*changed_files(), sep="\n")
+        return 0
     subprocess.run(["cmake", "--preset", "tidy", "--log-level=WARNING"], cwd=ROOT, check=True,
                    stdout=subprocess.DEVNULL)
     names = options.files or (git("ls-files") if options.all else changed_files())

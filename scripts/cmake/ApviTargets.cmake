@@ -15,9 +15,10 @@ endif()
 
 find_program(APVI_CCACHE ccache)
 if(APVI_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # Without the sloppiness ccache refuses every file that uses a precompiled header.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
-      CCACHE_SLOPPINESS=pch_defines,time_macros "${APVI_CCACHE}")
+  # Without the sloppiness ccache refuses every file that uses a precompiled header; with the other two a second
+  # clone finds what the first one compiled.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros
+      CCACHE_NOHASHDIR=1 CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} "${APVI_CCACHE}")
   set(CMAKE_CUDA_COMPILER_LAUNCHER "${APVI_CCACHE}")
 endif()
 
@@ -78,9 +79,7 @@ endfunction()
 
 function(apvi_make_test_program name sources depends)
   add_executable(apvi_${name}_test ${sources})
-  target_include_directories(apvi_${name}_test PRIVATE ${PROJECT_SOURCE_DIR}/tests)
-  target_compile_definitions(apvi_${name}_test PRIVATE APVI_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-  target_link_libraries(apvi_${name}_test PRIVATE apvi_options ${depends} GTest::gmock GTest::gtest_main)
+  target_link_libraries(apvi_${name}_test PRIVATE apvi_options apvi_test_support ${depends} GTest::gmock GTest::gtest_main)
 endfunction()
 
 # apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow|e2e])

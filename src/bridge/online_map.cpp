@@ -109,7 +109,7 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
   if (is_refusal(intake) && mapper_.counts().at(intake) == 1) {
     log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(intake));
   }
-  if (intake == mapping::Intake::taken || config_.run.mode == pipeline::RunMode::realtime) learn();
+  if (intake == mapping::Intake::taken || in_realtime()) learn();
   shown_gaussians_ = mapper_.size();
   look_after();
 }
@@ -117,13 +117,13 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
 mapping::Intake OnlineMap::take_in(const pipeline::MapFrame& frame) {
   const auto entry = times_.enter("intake");
   mapping::MapperInput input = to_input(frame);
-  input.hurry = frames_wait() && mapper_.times().of("depth") > kDepthShare * busy_s();
+  input.hurry = in_hurry();
   return mapper_.add(input);
 }
 
 // As many steps as the mode has for a keyframe.
 void OnlineMap::learn() {
-  const bool realtime = config_.run.mode == pipeline::RunMode::realtime;
+  const bool realtime = in_realtime();
   int left = config_.mapping.online.steps_per_keyframe;
   while (mapper_.ready() && !options_.interrupted()) {
     if (realtime && ending_ && since_end_.seconds() > kLastSteps_s) return;
@@ -133,10 +133,20 @@ void OnlineMap::learn() {
   }
 }
 
+bool OnlineMap::in_realtime() const {
+  return config_.run.mode == pipeline::RunMode::realtime;
+}
+
+// What is begun after the end of the recording is all late.
+bool OnlineMap::in_hurry() const {
+  if (in_realtime() && ending_) return true;
+  return frames_wait() && mapper_.times().of("depth") > kDepthShare * busy_s();
+}
+
 // In real time a map that only takes keyframes in never gets any better, so both have their share
 // of the time, and frames are lost instead.
 bool OnlineMap::frames_wait() const {
-  return config_.run.mode == pipeline::RunMode::realtime && worker_ && worker_->waiting() > 0;
+  return in_realtime() && worker_ && worker_->waiting() > 0;
 }
 
 std::map<std::string, double> OnlineMap::times() const {

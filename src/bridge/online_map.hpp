@@ -60,6 +60,8 @@ class OnlineMap : public pipeline::MapSink {
   mapping::MapperInput to_input(const pipeline::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
   void learn();
+  bool in_realtime() const;
+  bool in_hurry() const;
   bool frames_wait() const;
   double busy_s() const { return times_.of("intake") + training_s(); }
   void look_after();

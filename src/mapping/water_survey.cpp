@@ -339,7 +339,6 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
   std::vector<Look> looks = look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
   if (looks.size() < 2) return std::nullopt;
   Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
-  std::vector<Tensor> points;
   std::vector<std::int64_t> first = {0};
   for (const Look& view : looks) first.push_back(first.back() + view.points.size(0));
   WaterSurvey survey;

@@ -19,6 +19,7 @@
 #include "apvi/io/tum.hpp"
 #include "apvi/sim/simulate.hpp"
 #include "apvi/splat/ply.hpp"
+#include "support/source_dir.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi::bridge {
@@ -32,7 +33,7 @@ class OnlineRunTest : public testing::Test {
   static void SetUpTestSuite() {
     data_ = std::make_unique<test::TmpDir>();
     const sim::Scene scene =
-        sim::load_scene(fs::path(APVI_SOURCE_DIR) / "configs/scenes/seabed_easy.yaml",
+        sim::load_scene(test::source_dir() / "configs/scenes/seabed_easy.yaml",
                         {"duration_s=7", "rig.cam0.resolution=[240, 180]",
                          "rig.cam0.intrinsics=[157.5, 157.5, 119.5, 89.5]", "rig.cam0.rate_hz=15"});
     sim::simulate(scene, data_->path() / "reef", {.threads = 2});
@@ -47,7 +48,7 @@ class OnlineRunTest : public testing::Test {
          "mapping.coarsest=2", "mapping.max_gaussians=6000", "mapping.final_iterations=60",
          "vio.tracker.min_distance_px=14",  // few pixels
          "mapping.online.steps_per_keyframe=8"});
-    return load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/default.yaml", overrides);
+    return load_run_config(test::source_dir() / "configs/default.yaml", overrides);
   }
   fs::path folder(const std::string& name) const { return tmp_.path() / name; }
   static std::string bytes(const fs::path& file) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // `apvi sweep` as its users meet it: folders, tables, resuming, failures, Ctrl-C.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,6 +12,7 @@
 #include "apvi/core/stopwatch.hpp"
 #include "support/dive_folder.hpp"
 #include "support/run_program.hpp"
+#include "support/source_dir.hpp"
 
 namespace apvi {
 namespace {
@@ -139,7 +141,9 @@ TEST_F(SweepCommand, AsManyAtATimeAsOneLikesGiveTheSame) {
 }
 
 TEST_F(SweepCommand, SimulatesToo) {
-  dir_.write("scene.yaml", "inherit: " APVI_SOURCE_DIR "/configs/scenes/seabed_easy.yaml\n");
+  dir_.write("scene.yaml",
+             fmt::format("inherit: {}\n",
+                         (test::source_dir() / "configs/scenes/seabed_easy.yaml").string()));
   const std::string text =
       "command: sim\nbase: scene.yaml\nset: {duration_s: 3, camera.enabled: false}\nseeds: [4]\n";
   const ProgramResult result = sweep(text);

@@ -9,6 +9,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/pipeline/health_file.hpp"
+#include "support/source_dir.hpp"
 #include "support/test_data.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -154,7 +155,7 @@ TEST(Calibrate, ARealRecordingGivesThresholdsThatItPasses) {
   const TmpDir tmp;
   CalibrateOptions options;
   options.inputs = {dataset};
-  options.config = fs::path(APVI_SOURCE_DIR) / "configs/datasets/euroc_apvi.yaml";
+  options.config = test::source_dir() / "configs/datasets/euroc_apvi.yaml";
   options.folder = tmp.path() / "calibration";
   const CalibrationResult result = calibrate(options);
   EXPECT_GT(result.plain.healthy.frames, 200U);

@@ -13,6 +13,7 @@
 #include "apvi/pipeline/run.hpp"
 #include "support/dive_folder.hpp"
 #include "support/muted_sequence.hpp"
+#include "support/source_dir.hpp"
 #include "support/test_data.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -111,7 +112,7 @@ TEST_P(RealOutage, DegradesSaysSoAndRecovers) {
   APVI_NEEDS_DATA(dataset, "euroc_mh01_apvi");
   const test::TmpDir tmp;
   const RunConfig config = load_run_config(
-      fs::path(APVI_SOURCE_DIR) / "configs/datasets/euroc_apvi.yaml",
+      test::source_dir() / "configs/datasets/euroc_apvi.yaml",
       {"dataset.path=" + dataset.string(), "dataset.duration_s=15", "run.mode=replay"});
   const RunResult result = run_muted(config, GetParam(), tmp.path() / "run");
   expect_said(tmp.path() / "run", GetParam().sensor);

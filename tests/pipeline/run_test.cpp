@@ -13,6 +13,7 @@
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
 #include "support/dive_folder.hpp"
+#include "support/source_dir.hpp"
 #include "support/test_data.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -143,7 +144,7 @@ double ate_of(const fs::path& config_file, const fs::path& dataset, const fs::pa
       .metrics.fused.ate.value->rmse;
 }
 
-const fs::path kConfigs = fs::path(APVI_SOURCE_DIR) / "configs";
+const fs::path kConfigs = test::source_dir() / "configs";
 
 TEST(RealDives, AkitStaysBelowThirtyCentimetresOnAverage) {
   const test::TmpDir tmp;

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "apvi/pipeline/run.hpp"
+#include "support/source_dir.hpp"
 #include "support/test_data.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -32,7 +33,7 @@ class RealImages : public testing::Test {
   RunResult run_with(const std::string& name, std::vector<std::string> overrides) {
     overrides.push_back("dataset.path=" + data_.string());
     const RunConfig config =
-        load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/datasets/euroc_apvi.yaml", overrides);
+        load_run_config(test::source_dir() / "configs/datasets/euroc_apvi.yaml", overrides);
     return run(config, {.folder = tmp_.path() / name});
   }
   std::string text(const std::string& name) const {
@@ -76,9 +77,8 @@ TEST_F(RealImages, ThreadsThatWaitForEachOtherGiveTheSameBitsAsOneThread) {
 }
 
 TEST_F(RealImages, AStopLeavesWhatWasComputed) {
-  const RunConfig config =
-      load_run_config(fs::path(APVI_SOURCE_DIR) / "configs/datasets/euroc_apvi.yaml",
-                      {"dataset.path=" + data_.string(), "run.mode=replay"});
+  const RunConfig config = load_run_config(test::source_dir() / "configs/datasets/euroc_apvi.yaml",
+                                           {"dataset.path=" + data_.string(), "run.mode=replay"});
   int asked = 0;
   const RunResult result =
       run(config, {.folder = tmp_.path() / "run", .interrupted = [&] { return ++asked > 3000; }});

@@ -6,16 +6,18 @@
 #include <optional>
 #include <string>
 
+#include "support/source_dir.hpp"
+
 namespace apvi::test {
 
 /// A folder of the real recordings, which are not part of the project: below $APVI_TEST_DATA, or
-/// below
-/// `../shared/data` beside the source tree. Nothing when it is not there; the test skips then.
+/// below `../shared/data` beside the source tree. Nothing when it is not there; the test skips
+/// then.
 inline std::optional<std::filesystem::path> real_data(const std::string& name) {
   const char* root = std::getenv("APVI_TEST_DATA");
-  const std::filesystem::path base =
-      root != nullptr ? std::filesystem::path(root)
-                      : std::filesystem::path(APVI_SOURCE_DIR).parent_path() / "shared" / "data";
+  const std::filesystem::path base = root != nullptr
+                                         ? std::filesystem::path(root)
+                                         : source_dir().parent_path() / "shared" / "data";
   if (!std::filesystem::exists(base / name)) return std::nullopt;
   return base / name;
 }
