@@ -246,7 +246,6 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
   after.vignetting = survey.fit.vignetting;
   after.medium = water;
   wear(after, survey.fit.known, keyframes);
-  for (const std::size_t i : keyframes.training()) match_gain(keyframes, i);
 }
 
 void MapLearner::wear(const Map& after, const Tensor& known, const KeyframeStore& keyframes) {
