@@ -240,9 +240,10 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
     water.b_inf = water.b_inf * std::exp(median);
     if (water.lamp) water.lamp->glow = water.lamp->glow * std::exp(median);
   }
-  water.b_inf = surveys_.add_veil(water.b_inf.log(), survey.fit.sigmas.select(1, 2))
-                    .exp()
-                    .clamp(kLeastVeil, kMostVeil);
+  water.b_inf =
+      surveys_.add_veil(water.b_inf.log(), survey.fit.sigmas.select(1, 2), survey.sees_open_water)
+          .exp()
+          .clamp(kLeastVeil, kMostVeil);
   after.vignetting = survey.fit.vignetting;
   after.medium = water;
   wear(after, survey.fit.known, keyframes);

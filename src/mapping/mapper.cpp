@@ -223,8 +223,9 @@ void Mapper::survey_water() {
   const auto survey = mapping::survey_water(map, keyframes_, kSurveySpacing * extent_, prior,
                                             options_.trainer.seed);
   if (survey) {
-    log::debug("water surveyed after {} keyframes, from {} of them, to {:.0f} %",
+    log::debug("water surveyed after {} keyframes, from {} of them{}, to {:.0f} %",
                keyframes_.training().size(), survey->views.size(),
+               survey->sees_open_water ? " and open water" : "",
                100.0 * survey->fit.sigmas.mean().item<double>());
     learner_->adopt(*survey, keyframes_);
     schedule_.pardon();

@@ -20,14 +20,19 @@ Tensor mean_around(const Tensor& planes) {
 
 }  // namespace
 
-Tensor open_water(const Tensor& picture, const Tensor& water) {
+std::pair<Tensor, Tensor> evenness(const Tensor& picture) {
   const torch::NoGradGuard no_grad;
   const Tensor planes = picture.permute({2, 0, 1});
   const Tensor mean = mean_around(planes);
   const Tensor texture = mean_around(planes.square()).sub_(mean.square()).amax(0);
+  return {mean, texture < kTexture * kTexture};
+}
+
+Tensor open_water(const Tensor& picture, const Tensor& water) {
+  const torch::NoGradGuard no_grad;
+  const auto [mean, even] = evenness(picture);
   const Tensor veil = water.permute({2, 0, 1});
-  const Tensor alike = ((mean - veil).abs() < kOffset + kRelative * veil).all(0);
-  return alike & (texture < kTexture * kTexture);
+  return even & ((mean - veil).abs() < kOffset + kRelative * veil).all(0);
 }
 
 }  // namespace apvi::mapping

@@ -14,6 +14,7 @@ constexpr double kKept = 0.8;  // of what is known, from one survey to the next
 constexpr double kStray_per_m = 0.03;  // of beta_d
 constexpr double kRatioStray = 0.05;   // of log(beta_b / beta_d)
 constexpr double kVeilStray = 0.2;     // of log(b_inf)
+constexpr double kSeenVeilStray = 0.05;
 
 }  // namespace
 
@@ -38,9 +39,10 @@ void WaterBelief::add(const Tensor& information, const Tensor& weighted, const T
   }
 }
 
-Tensor WaterBelief::add_veil(const Tensor& logs, const Tensor& sigmas) {
+Tensor WaterBelief::add_veil(const Tensor& logs, const Tensor& sigmas, bool sees_open_water) {
   begin();
-  const Tensor weights = 1.0 / (sigmas.square() + kVeilStray * kVeilStray);
+  const double stray = sees_open_water ? kSeenVeilStray : kVeilStray;
+  const Tensor weights = 1.0 / (sigmas.square() + stray * stray);
   veil_ = kKept * veil_ + torch::stack({weights, weights * logs});
   return veil_[1] / veil_[0];
 }

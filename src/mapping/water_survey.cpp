@@ -14,6 +14,7 @@
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/render.hpp"
 #include "blur.hpp"
+#include "empty_places.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -45,6 +46,7 @@ struct Look {
   std::size_t keyframe = 0;
   std::size_t cluster = 0;
   splat::View camera;
+  Tensor alpha;    ///< [H,W]
   Tensor depth;    ///< [H,W] float64 on the CPU, 0 where nothing is
   Tensor points;   ///< [p,3] float64 of the world
   Tensor normals;  ///< [p,3] of the surface there
@@ -85,6 +87,7 @@ Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::si
   const splat::RenderOutput out =
       splat::render(map.gaussians, look.camera, {.antialiased = map.antialiased, .background = {}});
   const Tensor depth = surface_depth(map, look.camera, out.depth, out.alpha);
+  look.alpha = out.alpha;
   look.depth = (depth * (out.alpha > kSolid)).to(torch::kCPU, torch::kFloat64);
   return look;
 }
@@ -310,6 +313,33 @@ void average_facing(std::vector<Look>& looks, double radius_m) {
   }
 }
 
+EmptyPlaces empty_places(const std::vector<Look>& looks, const KeyframeStore& keyframes) {
+  EmptyPlaces places;
+  for (std::size_t j = 0; j < looks.size(); ++j) {
+    const std::size_t i = looks[j].keyframe;
+    const Tensor picture =
+        keyframes.image(i, reduction_of(keyframes[i].intrinsics), looks[j].alpha.device());
+    places.add(static_cast<std::int64_t>(j), looks[j].camera, picture, looks[j].alpha);
+  }
+  return places;
+}
+
+Sightings together(const Sightings& a, const Sightings& b) {
+  const auto both = [](const Tensor& x, const Tensor& y) {
+    return x.defined() && y.defined() ? torch::cat({x, y}) : Tensor();
+  };
+  return {.points = both(a.points, b.points + a.point_count),
+          .views = both(a.views, b.views),
+          .ranges = both(a.ranges, b.ranges),
+          .corners2 = both(a.corners2, b.corners2),
+          .colors = both(a.colors, b.colors),
+          .texture = both(a.texture, b.texture),
+          .places = both(a.places, b.places),
+          .normals = both(a.normals, b.normals),
+          .point_count = a.point_count + b.point_count,
+          .view_count = a.view_count};
+}
+
 /// Median distance [m] of the points from where they were seen.
 double typical_range(const std::vector<Look>& looks) {
   std::vector<Tensor> ranges;
@@ -360,9 +390,17 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
                   torch::cat(normals), torch::cat(facing), torch::cat(numbers));
     survey.views.push_back(looks[j].keyframe);
   }
-  auto fit =
-      fit_water(collector.sightings(first.back(), static_cast<std::int64_t>(looks.size())), prior);
+  const Sightings surfaces =
+      collector.sightings(first.back(), static_cast<std::int64_t>(looks.size()));
+  auto fit = fit_water(surfaces, prior);
   if (!fit) return std::nullopt;
+  // By lamplight, sand in the murk looks like it.
+  if (!prior.lamp) {
+    const Sightings open = empty_places(looks, keyframes).open_water(*fit);
+    survey.sees_open_water = open.point_count > 0;
+    if (survey.sees_open_water) fit = fit_water(together(surfaces, open), prior);
+    if (!fit) return std::nullopt;
+  }
   survey.fit = std::move(*fit);
   return survey;
 }

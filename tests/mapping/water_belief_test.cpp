@@ -44,15 +44,22 @@ TEST(WaterBelief, OneThatSaysLittleChangesLittle) {
   tell(belief, std::log(0.1), 0.05);
   tell(belief, std::log(0.4), 5.0);
   EXPECT_NEAR(std::exp(log_beta(belief)), 0.1, 0.002);
-  EXPECT_TRUE(tensors_near(belief.add_veil(three(-2.0), three(0.1)), three(-2.0), 1e-12));
-  EXPECT_TRUE(tensors_near(belief.add_veil(three(-4.0), three(0.1)), three(-5.6 / 1.8), 1e-12));
-  EXPECT_TRUE(tensors_near(belief.add_veil(three(9.0), three(9.0)), three(-5.6 / 1.8), 0.1));
+  EXPECT_TRUE(tensors_near(belief.add_veil(three(-2.0), three(0.1), false), three(-2.0), 1e-12));
+  EXPECT_TRUE(
+      tensors_near(belief.add_veil(three(-4.0), three(0.1), false), three(-5.6 / 1.8), 1e-12));
+  EXPECT_TRUE(tensors_near(belief.add_veil(three(9.0), three(9.0), false), three(-5.6 / 1.8), 0.1));
+}
+
+TEST(WaterBelief, WhoSawOpenWaterKnowsHowBrightItIs) {
+  WaterBelief belief;
+  belief.add_veil(three(-2.0), three(0.1), false);
+  EXPECT_TRUE(tensors_near(belief.add_veil(three(-1.0), three(0.01), true), three(-1.0), 0.1));
 }
 
 TEST(WaterBelief, IsTheSameWhenReadAgain) {
   WaterBelief belief;
   tell(belief, std::log(0.1), 0.05);
-  belief.add_veil(three(-2.0), three(0.1));
+  belief.add_veil(three(-2.0), three(0.1), false);
   std::stringstream file;
   torch::serialize::OutputArchive out;
   belief.save(out);
@@ -63,8 +70,8 @@ TEST(WaterBelief, IsTheSameWhenReadAgain) {
   read.load(in);
   EXPECT_TRUE(torch::equal(read.information(), belief.information()));
   EXPECT_TRUE(torch::equal(read.weighted(), belief.weighted()));
-  EXPECT_TRUE(torch::equal(read.add_veil(three(-3.0), three(0.2)),
-                           belief.add_veil(three(-3.0), three(0.2))));
+  EXPECT_TRUE(torch::equal(read.add_veil(three(-3.0), three(0.2), false),
+                           belief.add_veil(three(-3.0), three(0.2), false)));
 }
 
 }  // namespace

@@ -96,8 +96,11 @@ Tensor bed_through_water(const splat::View& view) {
       hit.to(torch::kFloat32), true_water());
 }
 
-/// Pictures through water by a camera that exposes by itself.
-KeyframeStore dive() {
+constexpr double kDownwards = 0.75;
+constexpr double kAhead = 0.3;  // over the bed's end into open water
+
+/// Pictures through water by a camera that exposes by itself and looks down by about `pitch`.
+KeyframeStore dive(double pitch = kDownwards) {
   const torch::NoGradGuard no_grad;
   KeyframeStore store;
   for (int i = 0; i < 14; ++i) {
@@ -107,7 +110,7 @@ KeyframeStore dive() {
     keyframe.intrinsics = {
         .fx = 110.0, .fy = 110.0, .cx = 80.0, .cy = 60.0, .width = 160, .height = 120};
     keyframe.T_camera_world = pose_at(0.8 * std::sin(1.7 * i), 0.3 * std::cos(2.3 * i) - 0.8,
-                                      0.35 * i, 0.75 + 0.1 * (i % 3));
+                                      0.35 * i, pitch + 0.1 * (i % 3));
     splat::View view;
     view.intrinsics = keyframe.intrinsics;
     view.T_camera_world = keyframe.T_camera_world;
@@ -140,6 +143,26 @@ TEST(SurveyWater, FindsWaterAndCameraFromAMapAndItsKeyframes) {
   for (int i = 0; i < 14; ++i) {
     EXPECT_NEAR(survey->fit.log_gains[i].item<double>(), log_gain_of(i) - mean, 0.03) << i;
   }
+}
+
+TEST(SurveyWater, OpenWaterSaysHowBrightItIs) {
+  const auto survey = survey_water({.gaussians = sea_bed(), .medium = std::nullopt}, dive(kAhead),
+                                   0.1, {.medium = splat::coastal_medium()}, 1);
+  ASSERT_TRUE(survey);
+  EXPECT_TRUE(survey->sees_open_water);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.b_inf, true_water().b_inf), 0.03);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.05);
+}
+
+TEST(SurveyWater, SurfacesThatTheMapLacksAreNotOpenWater) {
+  splat::Gaussians bed = sea_bed();
+  const Tensor known = (bed.means.select(1, 0) < 0.5).nonzero().squeeze(1);
+  for (Tensor* part : bed.tensors()) *part = part->index_select(0, known);
+  const auto survey = survey_water({.gaussians = bed, .medium = std::nullopt}, dive(), 0.1,
+                                   {.medium = splat::coastal_medium()}, 1);
+  ASSERT_TRUE(survey);
+  EXPECT_FALSE(survey->sees_open_water);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.1);
 }
 
 TEST(SurveyWater, FindsNothingInAnEmptyMapOrInOneView) {

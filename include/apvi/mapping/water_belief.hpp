@@ -22,8 +22,10 @@ class WaterBelief {
   void add(const torch::Tensor& information, const torch::Tensor& weighted,
            const torch::Tensor& logs);
   /// Takes in what it says of the logarithms of b_inf [3] float64, with their `sigmas` [3], of
-  /// pictures with the median gain of all; returns what all surveys say [3].
-  torch::Tensor add_veil(const torch::Tensor& logs, const torch::Tensor& sigmas);
+  /// pictures with the median gain of all; returns what all surveys say [3]. One that saw open
+  /// water counts for more.
+  torch::Tensor add_veil(const torch::Tensor& logs, const torch::Tensor& sigmas,
+                         bool sees_open_water);
   bool empty() const { return !information_.defined(); }
 
   /// Of attenuation by channel, sums over the surveys [3,2,2] and [3,2]; only when not `empty`.

@@ -16,6 +16,7 @@ namespace apvi::mapping {
 struct WaterSurvey {
   std::vector<std::size_t> views;  ///< the keyframes looked at; the fit's gains are theirs
   WaterFit fit;
+  bool sees_open_water = false;  ///< which says itself how bright it is
 };
 
 /// Looks up surfaces of the map in several keyframes each, from near and from far, and fits the
