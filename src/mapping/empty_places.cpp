@@ -3,10 +3,10 @@
 
 #include <torch/torch.h>
 
-#include <algorithm>
 #include <tuple>
 
 #include "apvi/mapping/open_water.hpp"
+#include "apvi/mapping/view_gains.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -55,11 +55,7 @@ void EmptyPlaces::add(std::int64_t number, const splat::View& camera, const Tens
                         .to(torch::kCPU, torch::kFloat64));
   const Tensor pixels =
       (kGrid * at.to(torch::kCPU) + kGrid / 2).to(torch::kFloat64) + 0.5;  // row, column
-  const Tensor v = pixels.select(1, 0) - k.cy;
-  const Tensor u = pixels.select(1, 1) - k.cx;
-  const double corner2 =
-      0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
-  corners2_.push_back((u.square() + v.square()) / corner2);
+  corners2_.push_back(corners2(k, pixels.select(1, 1), pixels.select(1, 0)));
   views_.push_back(torch::full({at.size(0)}, number, torch::kInt64));
 }
 
@@ -67,16 +63,15 @@ Sightings EmptyPlaces::open_water(const WaterFit& fit) const {
   Sightings s;
   s.view_count = fit.log_gains.size(0);
   if (views_.empty()) return s;
-  Tensor views = torch::cat(views_);
-  const std::int64_t stride = std::max<std::int64_t>(1, views.size(0) / kMost);
-  const auto joined = [stride](const std::vector<Tensor>& parts) {
-    return torch::cat(parts).slice(0, 0, {}, stride).contiguous();
+  const auto joined = [](const std::vector<Tensor>& parts) {
+    const Tensor all = torch::cat(parts);
+    return all.slice(0, 0, {}, 1 + all.size(0) / kMost).contiguous();
   };
-  views = joined(views_);
-  const Tensor corners2 = joined(corners2_);
+  const Tensor views = joined(views_);
+  const Tensor corners = joined(corners2_);
   const Tensor colors = joined(colors_);
   const Tensor response =
-      fit.log_gains.exp().index_select(0, views) * (1.0 - fit.vignetting * corners2);
+      fit.log_gains.exp().index_select(0, views) * (1.0 - fit.vignetting * corners);
   const Tensor water = fit.medium.b_inf;
   const Tensor ratios = (colors / response.unsqueeze(1) / water).clamp_min(1e-6).log();
   const Tensor nearly = (ratios.abs() < kNearly).all(1).nonzero().squeeze(1);
@@ -91,7 +86,7 @@ Sightings EmptyPlaces::open_water(const WaterFit& fit) const {
   s.points = torch::arange(n, torch::kInt64);
   s.views = keep(views);
   s.ranges = torch::full({n}, kFar_m, torch::kFloat64);
-  s.corners2 = keep(corners2);
+  s.corners2 = keep(corners);
   s.colors = keep(colors);
   s.texture = torch::zeros({n}, torch::kFloat64);
   s.point_count = n;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apvi/mapping/seeds.hpp"
+#include "apvi/mapping/view_gains.hpp"
 #include "apvi/splat/ply.hpp"
 
 namespace apvi::mapping {
@@ -61,10 +62,7 @@ Tensor gain_of(const Map& map, std::size_t view, const Tensor& like) {
 
 /// Of the lens at pixels [N,2].
 Tensor falloff_at(const Map& map, const splat::Intrinsics& k, const Tensor& pixels) {
-  const double corner2 =
-      0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
-  const Tensor r2 =
-      ((pixels.select(1, 0) - k.cx).square() + (pixels.select(1, 1) - k.cy).square()) / corner2;
+  const Tensor r2 = corners2(k, pixels.select(1, 0), pixels.select(1, 1));
   return (1.0 - map.vignetting * r2).clamp_min(0.05);
 }
 

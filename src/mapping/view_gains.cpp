@@ -17,14 +17,18 @@ constexpr double kForgets = 2e-3;     // keeps all of them from drifting away to
 
 }  // namespace
 
+Tensor corners2(const splat::Intrinsics& camera, const Tensor& x, const Tensor& y) {
+  const double corner2 = 0.25 * (static_cast<double>(camera.width) * camera.width +
+                                 static_cast<double>(camera.height) * camera.height);
+  return ((x - camera.cx).square() + (y - camera.cy).square()) / corner2;
+}
+
 Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
                     const torch::Device& device) {
   const auto options = torch::dtype(torch::kFloat32).device(device);
-  const Tensor x = torch::arange(camera.width, options) + (0.5 - camera.cx);
-  const Tensor y = torch::arange(camera.height, options) + (0.5 - camera.cy);
-  const double corner2 = 0.25 * (static_cast<double>(camera.width) * camera.width +
-                                 static_cast<double>(camera.height) * camera.height);
-  const Tensor r2 = (x.square() + y.square().unsqueeze(1)) / corner2;
+  const Tensor x = torch::arange(camera.width, options) + 0.5;
+  const Tensor y = torch::arange(camera.height, options) + 0.5;
+  const Tensor r2 = corners2(camera, x, y.unsqueeze(1));
   return (1.0 - vignetting * r2).clamp_min(0.05).unsqueeze(2);
 }
 

@@ -11,6 +11,7 @@
 #include "apvi/core/random.hpp"
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/mapping/surface_depth.hpp"
+#include "apvi/mapping/view_gains.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/render.hpp"
 #include "blur.hpp"
@@ -224,10 +225,6 @@ class Collector {
     const Tensor z = seen.depths.index_select(0, index);
     const Tensor x = (pixels.select(1, 0) - k.cx) / k.fx;
     const Tensor y = (pixels.select(1, 1) - k.cy) / k.fy;
-    const Tensor radius2 =
-        (pixels.select(1, 0) - k.cx).square() + (pixels.select(1, 1) - k.cy).square();
-    const double corner2 =
-        0.25 * (static_cast<double>(k.width) * k.width + static_cast<double>(k.height) * k.height);
     const Tensor level = levels.index_select(0, index);
     const Tensor picture = keyframes_.image(
         view.keyframe, reduction_of(keyframes_[view.keyframe].intrinsics), device_);
@@ -244,7 +241,7 @@ class Collector {
     points_.push_back(keep(numbers.index_select(0, index)));
     views_.push_back(torch::full({good.size(0)}, number, torch::kInt64));
     ranges_.push_back(keep(z * torch::sqrt(x.square() + y.square() + 1.0)));
-    corners2_.push_back(keep(radius2 / corner2));
+    corners2_.push_back(keep(corners2(k, pixels.select(1, 0), pixels.select(1, 1))));
     colors_.push_back(keep(color));
     texture_.push_back(keep((around - color).abs().mean(1)));
     places_.push_back(keep(seen.points.index_select(0, index)));

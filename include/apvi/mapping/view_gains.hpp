@@ -14,6 +14,10 @@ class OutputArchive;
 
 namespace apvi::mapping {
 
+/// Squared distances of pixels from the principal point, 1 in a corner; `x` and `y` [px] broadcast.
+torch::Tensor corners2(const splat::Intrinsics& camera, const torch::Tensor& x,
+                       const torch::Tensor& y);
+
 /// The part of the light that a lens lets through at every pixel [H,W,1]: 1 - `vignetting` r^2,
 /// with r of 1 in the corners.
 torch::Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
