@@ -26,7 +26,7 @@ constexpr std::size_t kShortQueue = 4;
 // While frames wait in real time, of the time the mapper works.
 constexpr double kTrainingShare = 0.5;
 constexpr double kDepthShare = 0.3;   // at most
-constexpr double kLastSteps_s = 1.0;  // for the frames that wait when the recording ends
+constexpr double kLastSteps_s = 1.0;  // for what waits when the recording ends
 
 Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
   Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
@@ -79,11 +79,28 @@ void OnlineMap::take(pipeline::MapFrame frame) {
 }
 
 void OnlineMap::finish() {
-  if (!worker_) return;
   since_end_.reset();
   ending_ = true;
-  worker_->wait();
-  dropped_ = worker_->dropped();
+  if (worker_) {
+    worker_->wait();
+    dropped_ = worker_->dropped();
+  }
+  fill_end();
+}
+
+// The newest keyframes wait for neighbours that do not come any more.
+void OnlineMap::fill_end() {
+  const auto count = static_cast<double>(mapper_.waiting());
+  const double each_s = mapper_.times().of("depth") / std::max<double>(1.0, shown_keyframes_);
+  if (count == 0.0 || options_.interrupted()) return;
+  if (in_realtime() && since_end_.seconds() + count * each_s > kLastSteps_s) return;
+  mapper_.fill_waiting();
+  auto left = static_cast<int>(count) * config_.mapping.online.steps_per_keyframe;
+  while (left-- > 0 && mapper_.ready() && !options_.interrupted()) {
+    if (in_realtime() && since_end_.seconds() > kLastSteps_s) break;
+    mapper_.step();
+  }
+  shown_gaussians_ = mapper_.size();
 }
 
 std::string OnlineMap::status() const {

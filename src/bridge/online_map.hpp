@@ -60,6 +60,7 @@ class OnlineMap : public pipeline::MapSink {
   mapping::MapperInput to_input(const pipeline::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
   void learn();
+  void fill_end();
   bool in_realtime() const;
   bool in_hurry() const;
   bool frames_wait() const;

@@ -145,6 +145,12 @@ void Mapper::want_depth(std::size_t view, bool hurry) {
   waiting_ = std::move(fewer);
 }
 
+void Mapper::fill_waiting() {
+  const torch::NoGradGuard no_grad;
+  for (const std::size_t view : waiting_) fill_from_depth(view);
+  waiting_.clear();
+}
+
 void Mapper::keep(const Keyframe& keyframe) {
   by_stamp_[keyframe.stamp_ns] = keyframes_.size();
   drift_.add();
@@ -283,8 +289,7 @@ void Mapper::begin_final() {
   // New Gaussians, and a survey, which changes colours, gains and water at once, take steps to
   // settle.
   if (options_.trainer.final_iterations > 0) {
-    for (const std::size_t view : waiting_) fill_from_depth(view);
-    waiting_.clear();
+    fill_waiting();
     if (options_.medium && learner_ && size() > 0) survey_water();
   }
   schedule_.forget_recency();

@@ -126,21 +126,19 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (estimate.verdict != DepthVerdict::estimated) return;
   const auto entry = times_.enter("filling");
   const splat::View camera = keyframes_.view(view, 1);
-  const Tensor picture = keyframes_.image(view, 1, torch::kCPU);
+  const Tensor picture = keyframes_.image(view, 1, keyframes_[view].image.device());
   Tensor drawn = torch::zeros_like(picture);
-  Tensor alpha = torch::zeros({picture.size(0), picture.size(1)});
+  Tensor alpha = torch::zeros({picture.size(0), picture.size(1)}, picture.options());
   if (learner_) {
     const Map map = learner_->whole_map();
     const Picture shown = take_picture(map, camera);
     const Tensor response = camera_response(map, keyframes_, view, 1);
-    drawn = (shown.as_seen * response).to(torch::kCPU);
+    drawn = shown.as_seen * response;
     alpha = shown.alpha;
     const Tensor water = water_alone(map, camera.intrinsics);
     if (water.defined()) {  // which needs no surface
-      const Tensor clear = keyframes_.image(view, 1, alpha.device()) / response;
-      alpha = alpha.masked_fill(open_water(clear, water), 1.0);
+      alpha = alpha.masked_fill(open_water(picture / response, water), 1.0);
     }
-    alpha = alpha.to(torch::kCPU);
   }
   const SeenPoints seen = project(camera, points_);
   const Tensor pixels = seen.pixels.index({seen.in_view});

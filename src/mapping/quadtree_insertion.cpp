@@ -3,29 +3,12 @@
 
 #include <torch/torch.h>
 
+#include <map>
+
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
-
-// Column and row of the first pixel and of the one behind the last, [B] int64 each.
-struct Edges {
-  Tensor left, top, right, bottom;
-};
-
-Edges edges_of(const std::vector<Block>& blocks) {
-  const auto n = static_cast<std::int64_t>(blocks.size());
-  Tensor all = torch::empty({4, n}, torch::kInt64);
-  auto row = all.accessor<std::int64_t, 2>();
-  for (std::int64_t i = 0; i < n; ++i) {
-    const Block& b = blocks[static_cast<std::size_t>(i)];
-    row[0][i] = b.x;
-    row[1][i] = b.y;
-    row[2][i] = b.x + b.width;
-    row[3][i] = b.y + b.height;
-  }
-  return {.left = all[0], .top = all[1], .right = all[2], .bottom = all[3]};
-}
 
 // How many of the points [n,2] lie in each pixel.
 Tensor histogram(const Tensor& points, std::int64_t height, std::int64_t width) {
@@ -38,28 +21,38 @@ Tensor histogram(const Tensor& points, std::int64_t height, std::int64_t width) 
 
 }  // namespace
 
-Tensor block_means(const Tensor& image, const std::vector<Block>& blocks) {
-  const Edges e = edges_of(blocks);
-  const std::int64_t stride = image.size(1) + 1;
-  Tensor sums = torch::zeros({image.size(0) + 1, stride}, torch::kFloat64);
-  sums.slice(0, 1).slice(1, 1).copy_(image.to(torch::kFloat64).cumsum(0).cumsum(1));
-  const Tensor flat = sums.reshape({-1});
-  const auto at = [&](const Tensor& y, const Tensor& x) {
-    return flat.index_select(0, y * stride + x);
+// A block is a pixel of the image reduced by its size, whose last row and column stand for less.
+Tensor block_means(const Tensor& images, const std::vector<Block>& blocks) {
+  std::map<int, std::vector<std::int64_t>> by_size;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    by_size[blocks[i].size].push_back(static_cast<std::int64_t>(i));
+  }
+  const auto indices = [&images](const std::vector<std::int64_t>& values) {
+    return torch::tensor(values, torch::kInt64).to(images.device());
   };
-  const Tensor sum =
-      at(e.bottom, e.right) - at(e.top, e.right) - at(e.bottom, e.left) + at(e.top, e.left);
-  return sum / ((e.right - e.left) * (e.bottom - e.top)).to(torch::kFloat64);
+  const auto count = static_cast<std::int64_t>(blocks.size());
+  Tensor means = torch::empty({images.size(0), count}, images.options());
+  for (const auto& [size, members] : by_size) {
+    const Tensor reduced = torch::avg_pool2d(images, size, size, 0, /*ceil_mode=*/true);
+    std::vector<std::int64_t> pixels;
+    pixels.reserve(members.size());
+    for (const std::int64_t i : members) {
+      const Block& b = blocks[static_cast<std::size_t>(i)];
+      pixels.push_back(b.y / size * reduced.size(2) + b.x / size);
+    }
+    means.index_copy_(1, indices(members), reduced.flatten(1).index_select(1, indices(pixels)));
+  }
+  return means;
 }
 
 Tensor blocks_to_fill(const DepthEstimate& estimate, const Tensor& points, const Tensor& drawn,
                       const Tensor& alpha, const Tensor& picture, const OnlineOptions& options) {
   const Tensor error = (drawn - picture).abs().mean(2);
-  const Tensor dense = block_means(alpha, estimate.blocks) >= options.covered_alpha;
-  const Tensor right = block_means(error, estimate.blocks) <= options.covered_error;
-  const Tensor counts = histogram(points, alpha.size(0), alpha.size(1));
-  const Tensor empty = block_means(counts, estimate.blocks) == 0.0;
-  return estimate.confident & (estimate.depth > 0) & empty & ~(dense & right);
+  const Tensor counts = histogram(points, alpha.size(0), alpha.size(1)).to(alpha.device());
+  const Tensor means = block_means(torch::stack({alpha, error, counts}), estimate.blocks);
+  const Tensor right = (means[0] >= options.covered_alpha) & (means[1] <= options.covered_error);
+  const Tensor wanting = (means[2] == 0.0) & ~right;
+  return estimate.confident & (estimate.depth > 0) & wanting.to(torch::kCPU);
 }
 
 Seeds seeds_of_blocks(const DepthEstimate& estimate, const Tensor& which, double opacity) {

@@ -76,14 +76,15 @@ TEST(BlocksToFill, BecomeSeedsInTheirMiddleAsWideAsTheyAre) {
 
 TEST(BlockMeans, AreMeansOfWhatTheBlockCovers) {
   torch::manual_seed(2);
-  const Tensor image = torch::rand({20, 30});
-  const std::vector<Block> blocks = {{0, 0, 16, 16, 16}, {16, 8, 16, 14, 12}, {29, 19, 4, 1, 1}};
-  const Tensor means = block_means(image, blocks);
+  const Tensor images = torch::rand({2, 20, 30});
+  const std::vector<Block> blocks = {
+      {0, 0, 16, 16, 16}, {16, 16, 16, 14, 4}, {24, 8, 8, 6, 8}, {28, 16, 4, 2, 4}};
+  const Tensor means = block_means(images, blocks);
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     const Block& b = blocks[i];
-    const double expected =
-        image.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width).mean().item<double>();
-    EXPECT_NEAR(means[static_cast<std::int64_t>(i)].item<double>(), expected, 1e-6);
+    const Tensor covered = images.slice(1, b.y, b.y + b.height).slice(2, b.x, b.x + b.width);
+    EXPECT_TRUE(test::tensors_near(means.select(1, static_cast<std::int64_t>(i)),
+                                   covered.mean({1, 2}), 1e-6));
   }
 }
 

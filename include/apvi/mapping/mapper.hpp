@@ -83,6 +83,11 @@ class Mapper {
   /// because reading one waits for all that was begun. Throws c10::Error unless `ready`.
   double step();
 
+  /// Keyframes that wait for neighbours, to have their depth estimated.
+  std::size_t waiting() const { return waiting_.size(); }
+  /// Does so with the neighbours they have.
+  void fill_waiting();
+
   /// No more keyframes: what waits for neighbours is done with, and rates fall from now on over
   /// `TrainerOptions::final_iterations`, or `time_budget_s` if that is shorter; without growth.
   void begin_final();

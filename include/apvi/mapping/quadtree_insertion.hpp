@@ -13,7 +13,7 @@ namespace apvi::mapping {
 /// Which blocks of a depth estimate need a Gaussian [B] bool: those whose depth is believed, in
 /// which none of `points` [n,2] float64 [px] lies, and that the map does not draw right already.
 /// `drawn` [H,W,3] is what the map shows, `alpha` [H,W] how dense it is there, `picture` [H,W,3]
-/// what the camera saw; all float32 on the CPU.
+/// what the camera saw; all float32, these three on one device.
 torch::Tensor blocks_to_fill(const DepthEstimate& estimate, const torch::Tensor& points,
                              const torch::Tensor& drawn, const torch::Tensor& alpha,
                              const torch::Tensor& picture, const OnlineOptions& options);
@@ -21,7 +21,7 @@ torch::Tensor blocks_to_fill(const DepthEstimate& estimate, const torch::Tensor&
 /// A seed in the middle of each of those blocks, as wide as the block.
 Seeds seeds_of_blocks(const DepthEstimate& estimate, const torch::Tensor& which, double opacity);
 
-/// Mean of an image [H,W] over each block, [B] float64.
-torch::Tensor block_means(const torch::Tensor& image, const std::vector<Block>& blocks);
+/// Means of images [C,H,W] float32 over each block of their quadtree, [C,B] where the images lie.
+torch::Tensor block_means(const torch::Tensor& images, const std::vector<Block>& blocks);
 
 }  // namespace apvi::mapping
