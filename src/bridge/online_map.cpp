@@ -13,6 +13,7 @@
 #include "apvi/core/progress.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/mapping/picture_content.hpp"
+#include "apvi/splat/device.hpp"
 
 namespace apvi::bridge {
 namespace {
@@ -20,7 +21,8 @@ namespace {
 using torch::Tensor;
 
 constexpr std::size_t kQueue = 16;  // frames that wait for the mapper
-// In real time: what waits longer is of the past, and the end would come before its turn.
+// In real time on a processor, which never catches up: what waits longer is of the past, and the
+// end would come before its turn. On a GPU only surveys of the water keep frames waiting.
 constexpr std::size_t kShortQueue = 4;
 
 // While frames wait in real time, of the time the mapper works.
@@ -68,8 +70,9 @@ void OnlineMap::begin(const Rig& rig) {
   watch_.reset();
   if (mode == pipeline::RunMode::sequential || options_.resume) return;
   const bool may_drop = mode == pipeline::RunMode::realtime;
+  const bool catches_up = !may_drop || splat::active_device().is_cuda();
   worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
-      may_drop ? kShortQueue : kQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
+      catches_up ? kQueue : kShortQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
       [this](const pipeline::MapFrame& frame) { try_to_process(frame); });
 }
 

@@ -249,6 +249,12 @@ int Mapper::reduction(std::size_t view) const {
   return 1 << std::max(0, levels - passed);
 }
 
+LearningRates Mapper::rates() const {
+  const OnlineOptions& online = options_.online;
+  const double early = std::exp(-static_cast<double>(iteration_) / online.late_rates_steps);
+  return options_.trainer.rates.times(online.late_rates + (1.0 - online.late_rates) * early);
+}
+
 double Mapper::step() {
   TORCH_CHECK(ready(), "mapper: there is nothing to learn yet");
   const Stopwatch watch;
@@ -257,12 +263,11 @@ double Mapper::step() {
   const std::size_t view = schedule_.draw(random);
   const auto degree = static_cast<int>(iteration_ / options_.trainer.sh_interval);
   const bool correct = final_start_ && progress() >= options_.trainer.poses.begin;
-  losses_.add(view,
-              learner_->step(keyframes_, view,
-                             {.reduction = reduction(view),
-                              .sh_degree = std::min(options_.trainer.sh_degree, degree),
-                              .correct_pose = correct,
-                              .rates = rates_at(options_.trainer.rates, extent_, progress())}));
+  losses_.add(view, learner_->step(keyframes_, view,
+                                   {.reduction = reduction(view),
+                                    .sh_degree = std::min(options_.trainer.sh_degree, degree),
+                                    .correct_pose = correct,
+                                    .rates = rates_at(rates(), extent_, progress())}));
   for (const auto& [seen, loss] : losses_.take()) schedule_.report(seen, loss);
   ++iteration_;
   maybe_densify();

@@ -40,10 +40,8 @@ splat::Gaussians random_gaussians(const Map& map, const KeyframeStore& keyframes
     seeds.depths.data_ptr<double>()[i] =
         alpha.data_ptr<float>()[pixel] > kSolid ? depth.data_ptr<float>()[pixel] : unknown;
   }
-  splat::Gaussians made = gaussians_at(seeds, keyframes, view, map.gaussians.sh_degree(),
-                                       map.medium, camera_response(map, keyframes, view, 1));
-  for (Tensor* tensor : made.tensors()) *tensor = tensor->to(map.gaussians.means.options());
-  return made;
+  return gaussians_at(seeds, keyframes, view, map.gaussians.sh_degree(), map.medium,
+                      camera_response(map, keyframes, view, 1));
 }
 
 }  // namespace apvi::mapping

@@ -77,26 +77,28 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
   const splat::View camera = keyframes.view(view, 1);
   const splat::Intrinsics& k = camera.intrinsics;
   const std::int64_t n = seeds.size();
-  const Tensor points = in_camera(k, seeds.pixels, seeds.depths);
   const Tensor bytes = keyframes[view].image.reshape({-1, 3});
-  const Tensor index = pixel_index(k, seeds.pixels).to(bytes.device());
-  Tensor colors = bytes.index_select(0, index).to(torch::kCPU, torch::kFloat64) / 255.0;
+  const auto there = [&bytes](const Tensor& t) { return t.to(bytes.device()); };
+  const Tensor pixels = there(seeds.pixels);
+  const Tensor depths = there(seeds.depths);
+  const Tensor points = in_camera(k, pixels, depths);
+  const Tensor index = pixel_index(k, pixels);
+  Tensor colors = bytes.index_select(0, index).to(torch::kFloat64) / 255.0;
   if (response.defined()) {
-    const Tensor all = response.expand({k.height, k.width, 1}).reshape({-1, 1});
-    const Tensor own = all.index_select(0, index.to(all.device()));
-    colors = (colors / own.to(torch::kCPU, torch::kFloat64)).clamp(0.0, 1.0);
+    const Tensor all = there(response).expand({k.height, k.width, 1}).reshape({-1, 1});
+    colors = (colors / all.index_select(0, index).to(torch::kFloat64)).clamp(0.0, 1.0);
   }
   if (medium) colors = without_water(colors, points, *medium);
-  const Tensor log_scale = (seeds.radii_px * seeds.depths / k.fx).log().to(torch::kFloat32);
-  const Tensor opacity = seeds.opacities;
-  Tensor quaternions = torch::zeros({n, 4});
+  const Tensor log_scale = (there(seeds.radii_px) * depths / k.fx).log().to(torch::kFloat32);
+  const Tensor opacity = there(seeds.opacities);
+  Tensor quaternions = torch::zeros({n, 4}, log_scale.options());
   quaternions.select(1, 0).fill_(1.0);
-  return {.means = moved(rigid_inverse(camera.T_camera_world), points).to(torch::kFloat32),
+  return {.means = moved(there(rigid_inverse(camera.T_camera_world)), points).to(torch::kFloat32),
           .log_scales = log_scale.unsqueeze(1).repeat({1, 3}),
           .quaternions = quaternions,
           .logit_opacities = torch::log(opacity / (1.0 - opacity)).to(torch::kFloat32),
           .sh_dc = splat::color_to_sh_dc(colors.to(torch::kFloat32)),
-          .sh_rest = torch::zeros({n, splat::sh_rest_count(sh_degree), 3})};
+          .sh_rest = torch::zeros({n, splat::sh_rest_count(sh_degree), 3}, log_scale.options())};
 }
 
 Tensor without_water(const Tensor& colors, const Tensor& points, const splat::Medium& medium) {

@@ -138,6 +138,7 @@ class Mapper {
   void survey_water();
   void maybe_densify();
   int reduction(std::size_t view) const;
+  LearningRates rates() const;
 
   MapperOptions options_;
   KeyframeStore keyframes_;  ///< where the map has them

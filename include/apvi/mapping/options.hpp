@@ -31,6 +31,18 @@ struct LearningRates {
   double sh_dc = 2.5e-3;
   double sh_rest = 1.25e-4;
   double late_factor = 1.0;
+
+  /// All rates so many times as large.
+  LearningRates times(double factor) const {
+    return {.means = factor * means,
+            .means_final = factor * means_final,
+            .log_scales = factor * log_scales,
+            .quaternions = factor * quaternions,
+            .logit_opacities = factor * logit_opacities,
+            .sh_dc = factor * sh_dc,
+            .sh_rest = factor * sh_rest,
+            .late_factor = late_factor};
+  }
 };
 
 /// Growth and pruning. `begin` and `end` are parts of the whole training, 0 to 1.
@@ -98,6 +110,10 @@ struct OnlineOptions {
   /// Adam's mean square, which falls while nobody looks, a gradient after a long time is a large
   /// one.
   bool sparse_adam = true;
+  /// A map's rates fall to this part of what they are while it grows. What is new begins near
+  /// where it belongs, and at the rates of a first guess the rest follows noise.
+  double late_rates = 0.4;
+  int late_rates_steps = 10000;  ///< steps in which they do so, but for 1/e
   bool align = true;  ///< whether keyframes are put where the map that they meet again has them
   double keyframe_share = 0.02;  ///< of the largest map, for one keyframe's Gaussians at most
   double growth_share = 0.01;    ///< of the room left at a keyframe, for cloning and splitting
