@@ -94,7 +94,8 @@ void OnlineMap::finish() {
 // The newest keyframes wait for neighbours that do not come any more.
 void OnlineMap::fill_end() {
   const auto count = static_cast<double>(mapper_.waiting());
-  const double each_s = mapper_.times().of("depth") / std::max<double>(1.0, shown_keyframes_);
+  const double each_s =
+      mapper_.times().of("depth") / std::max(1.0, static_cast<double>(shown_keyframes_.load()));
   if (count == 0.0 || options_.interrupted()) return;
   if (in_realtime() && since_end_.seconds() + count * each_s > kLastSteps_s) return;
   mapper_.fill_waiting();
