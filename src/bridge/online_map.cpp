@@ -24,6 +24,7 @@ constexpr std::size_t kQueue = 16;  // frames that wait for the mapper
 // In real time on a processor, which never catches up: what waits longer is of the past, and the
 // end would come before its turn. On a GPU only surveys of the water keep frames waiting.
 constexpr std::size_t kShortQueue = 4;
+constexpr std::size_t kCrowd = 4;  // that wait: with more, some would be lost during a survey
 
 // While frames wait in real time, of the time the mapper works.
 constexpr double kTrainingShare = 0.5;
@@ -139,6 +140,7 @@ mapping::Intake OnlineMap::take_in(const pipeline::MapFrame& frame) {
   const auto entry = times_.enter("intake");
   mapping::MapperInput input = to_input(frame);
   input.hurry = in_hurry();
+  input.crowded = in_realtime() && worker_ && worker_->waiting() > kCrowd;
   return mapper_.add(input);
 }
 

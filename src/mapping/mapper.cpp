@@ -126,7 +126,7 @@ Intake Mapper::add(const MapperInput& input) {
   if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
   const bool has_water = learner_ && learner_->medium();
-  if (!input.hurry || !has_water) maybe_survey_water();
+  if (!has_water || (!input.hurry && !input.crowded)) maybe_survey_water();
   return intake;
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr std::size_t kMostViews = 64;       // spread over all
+constexpr std::size_t kMostViews = 32;       // spread over all
 constexpr double kUnseen = 1e-4;             // weight of the nearest camera, in view or not
 constexpr double kLeastTransmission = 0.05;  // what little light comes through tells no colour
 

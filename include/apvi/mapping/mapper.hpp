@@ -50,6 +50,8 @@ struct MapperInput {
   bool murky = false;  ///< its picture, as the camera made it, shows nothing (is_murky)
   /// Others wait: no depth is estimated now. The newest keyframes that want it keep waiting.
   bool hurry = false;
+  /// So many wait that the water is not surveyed now.
+  bool crowded = false;
 };
 
 /// What became of a keyframe.
