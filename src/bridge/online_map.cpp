@@ -30,6 +30,7 @@ constexpr std::size_t kCrowd = 4;  // that wait: with more, some would be lost d
 constexpr double kTrainingShare = 0.5;
 constexpr double kDepthShare = 0.3;   // at most
 constexpr double kLastSteps_s = 1.0;  // for what waits when the recording ends
+constexpr int kSettling = 100;        // steps for each keyframe whose depth comes last
 
 Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
   Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
@@ -94,15 +95,16 @@ void OnlineMap::finish() {
 
 // The newest keyframes wait for neighbours that do not come any more.
 void OnlineMap::fill_end() {
-  const auto count = static_cast<double>(mapper_.waiting());
-  const double each_s =
-      mapper_.times().of("depth") / std::max(1.0, static_cast<double>(shown_keyframes_.load()));
-  if (count == 0.0 || options_.interrupted()) return;
+  const auto count = static_cast<int>(mapper_.waiting());
+  if (count == 0 || !mapper_.ready() || options_.interrupted()) return;
+  const auto per = [](double seconds, std::int64_t n) {
+    return seconds / static_cast<double>(std::max<std::int64_t>(1, n));
+  };
+  const double each_s = per(mapper_.times().of("depth"), shown_keyframes_) +
+                        kSettling * per(training_s(), mapper_.iteration());
   if (in_realtime() && since_end_.seconds() + count * each_s > kLastSteps_s) return;
   mapper_.fill_waiting();
-  auto left = static_cast<int>(count) * config_.mapping.online.steps_per_keyframe;
-  while (left-- > 0 && mapper_.ready() && !options_.interrupted()) {
-    if (in_realtime() && since_end_.seconds() > kLastSteps_s) break;
+  for (int k = 0; k < count * kSettling && mapper_.ready() && !options_.interrupted(); ++k) {
     mapper_.step();
   }
   shown_gaussians_ = mapper_.size();
@@ -212,6 +214,7 @@ mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) {
   input.keyframe.image = to_tensor((*undistort_)(frame.image));
   input.murky = mapping::is_murky(to_tensor(frame.image));
   input.keyframe.held_out = frame.held_out;
+  input.keyframe.number = frame.number;
   input.points = to_points(frame.points);
   if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;
   if (config_.mapping.use_dvl_ranges) input.depth_samples = to_rows(frame.ranged);

@@ -199,14 +199,19 @@ void Mapper::make_memory() {
 }
 
 // Every second one goes when there are too many, and from then on only every second is kept.
+// Counted by what the recording has, so that the same are kept whichever were lost on the way, and
+// a simulator can know which need its truth.
 void Mapper::thin_held_out() {
+  const auto is_odd = [this](std::size_t i) { return keyframes_[i].number % heldout_stride_ != 0; };
   const std::size_t newest = keyframes_.size() - 1;
-  if (heldout_seen_++ % heldout_stride_ != 0) return keyframes_.drop_image(newest);
+  if (is_odd(newest)) return keyframes_.drop_image(newest);
   const auto most = static_cast<std::size_t>(std::max(1, options_.online.heldout_views));
   if (keyframes_.held_out().size() <= most) return;
-  const std::vector<std::size_t> all = keyframes_.held_out();
-  for (std::size_t k = 1; k < all.size(); k += 2) keyframes_.drop_image(all[k]);
   heldout_stride_ *= 2;
+  const std::vector<std::size_t> all = keyframes_.held_out();
+  for (const std::size_t i : all) {
+    if (is_odd(i)) keyframes_.drop_image(i);
+  }
 }
 
 // Again whenever there are so many more keyframes.

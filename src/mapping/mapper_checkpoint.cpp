@@ -30,6 +30,7 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
   archive.write("stamp", c10::IValue(keyframe.stamp_ns));
   archive.write("name", c10::IValue(keyframe.name));
   archive.write("held_out", c10::IValue(keyframe.held_out));
+  archive.write("number", c10::IValue(keyframe.number));
   archive.write("width", c10::IValue(static_cast<std::int64_t>(k.width)));
   archive.write("height", c10::IValue(static_cast<std::int64_t>(k.height)));
   archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy}, torch::kFloat64));
@@ -47,6 +48,7 @@ Keyframe read_keyframe(InputArchive& archive) {
   keyframe.name = value.toStringRef();
   archive.read("held_out", value);
   keyframe.held_out = value.toBool();
+  keyframe.number = read_int(archive, "number");
   Tensor lens;
   archive.read("lens", lens);
   const auto f = lens.accessor<double, 1>();
@@ -92,12 +94,11 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   archive.write("extent", c10::IValue(extent_));
   archive.write("growth", c10::IValue(growth_));
   archive.write("iteration", c10::IValue(iteration_));
-  archive.write("heldout_stride", c10::IValue(static_cast<std::int64_t>(heldout_stride_)));
+  archive.write("heldout_stride", c10::IValue(heldout_stride_));
   const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
   archive.write("waiting", torch::tensor(waiting, torch::kInt64));
   archive.write("next_survey", c10::IValue(static_cast<std::int64_t>(next_survey_)));
   archive.write("clears_ns", c10::IValue(clears_ns_));
-  archive.write("heldout_seen", c10::IValue(static_cast<std::int64_t>(heldout_seen_)));
   write_archive(checkpoint, archive);
 }
 
@@ -132,14 +133,13 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.extent_ = read_double(archive, "extent");
     read.growth_ = read_double(archive, "growth");
     read.iteration_ = read_int(archive, "iteration");
-    read.heldout_stride_ = static_cast<std::size_t>(read_int(archive, "heldout_stride"));
+    read.heldout_stride_ = read_int(archive, "heldout_stride");
     read.clears_ns_ = read_int(archive, "clears_ns");
     read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));
     Tensor waiting;
     archive.read("waiting", waiting);
     const auto* const first = waiting.data_ptr<std::int64_t>();
     read.waiting_.assign(first, first + waiting.numel());
-    read.heldout_seen_ = static_cast<std::size_t>(read_int(archive, "heldout_seen"));
   });
   *this = std::move(read);
 }

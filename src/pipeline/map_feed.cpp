@@ -67,6 +67,7 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   frame.image_stamp = job.images.front().stamp;
   frame.image = image;
   frame.held_out = held_out;
+  if (held_out) frame.number = static_cast<std::int64_t>((images_ - 1) / heldout_every_);
   frame.T_world_body = output.vio.state.pose();
   if (held_out) return frame;
   frame.points = points(window);

@@ -159,6 +159,7 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
     MapperInput input;
     input.keyframe.stamp_ns = i;
     input.keyframe.held_out = i % 5 == 1;
+    input.keyframe.number = i / 5;
     input.keyframe.intrinsics = {
         .fx = 100.0, .fy = 100.0, .cx = 64.0, .cy = 48.0, .width = 128, .height = 96};
     input.keyframe.T_camera_world = camera_at(0.001 * i - 1.5, 0.0);

@@ -230,6 +230,7 @@ TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
   Mapper mapper(options);
   for (int i = 0; i < 150; ++i) {
     MapperInput input = input_of(world, 0.01 * i - 0.7, 0.05 * (i % 3), i, i % 4 == 0);
+    input.keyframe.number = i / 4;
     if (!input.keyframe.held_out) input.points = points_of(world, std::int64_t{1000} * i);
     mapper.add(input);
     ASSERT_LE(mapper.size(), 300);
@@ -245,6 +246,23 @@ TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
   const auto& held_out = mapper.keyframes().held_out();
   EXPECT_LT(held_out.front(), 40U);
   EXPECT_GT(held_out.back(), 110U);
+}
+
+TEST(Mapper, ThinnedHeldOutKeyframesAreTheSameWhicheverCameFirst) {
+  const splat::Gaussians world = wall_of_gaussians();
+  MapperOptions options = quick_options();
+  options.online.heldout_views = 4;
+  for (const int first : {0, 1, 2, 3}) {
+    Mapper mapper(options);
+    for (int number = first; number < 12; ++number) {
+      MapperInput input = input_of(world, 0.01 * number, 0.0, number, true);
+      input.keyframe.number = number;
+      EXPECT_EQ(mapper.add(input), Intake::held_out);
+    }
+    const auto& kept = mapper.keyframes().held_out();
+    EXPECT_GE(kept.size(), 2U);
+    for (const std::size_t i : kept) EXPECT_EQ(mapper.keyframes()[i].number % 2, 0) << first;
+  }
 }
 
 TEST(Mapper, GrowthLeavesRoomForKeyframesToCome) {

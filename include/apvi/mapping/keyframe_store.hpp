@@ -21,6 +21,7 @@ struct Keyframe {
   torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
   torch::Tensor image;           ///< [H,W,3] uint8 RGB, without distortion
   bool held_out = false;         ///< for evaluation: never optimised
+  std::int64_t number = 0;       ///< of a held-out one among all that the recording has
 };
 
 /// The pictures that a map is made of. They stay bytes, a twelfth of what they would need as an

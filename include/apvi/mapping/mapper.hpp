@@ -163,8 +163,7 @@ class Mapper {
   std::optional<std::int64_t> final_start_;
   double final_seconds_ = 0.0;
   Timesheet times_;
-  std::size_t heldout_stride_ = 1;
-  std::size_t heldout_seen_ = 0;
+  std::int64_t heldout_stride_ = 1;
   std::int64_t clears_ns_ = 0;  ///< until then pictures are veiled
   bool vio_failing_ = false;
 };

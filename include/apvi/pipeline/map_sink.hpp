@@ -24,10 +24,11 @@ struct MapPoint {
 /// What localization tells the map at a camera frame. Poses are the body's, in the world of the
 /// output.
 struct MapFrame {
-  Stamp stamp;            ///< of the frame, on the inertial clock
-  Stamp image_stamp;      ///< as recorded
-  cv::Mat image;          ///< as recorded by camera 0; empty: no picture for the map
-  bool held_out = false;  ///< for evaluation, never to be learnt from
+  Stamp stamp;              ///< of the frame, on the inertial clock
+  Stamp image_stamp;        ///< as recorded
+  cv::Mat image;            ///< as recorded by camera 0; empty: no picture for the map
+  bool held_out = false;    ///< for evaluation, never to be learnt from
+  std::int64_t number = 0;  ///< of a held-out one among all that the recording has
   SE3 T_world_body;
   std::vector<MapPoint> points;          ///< that the frame sees
   std::vector<Eigen::Vector3d> ranged;   ///< what the DVL's beams met since the frame before [m]
