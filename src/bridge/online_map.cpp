@@ -103,9 +103,12 @@ void OnlineMap::fill_end() {
   const double each_s = per(mapper_.times().of("depth"), shown_keyframes_) +
                         kSettling * per(training_s(), mapper_.iteration());
   if (in_realtime() && since_end_.seconds() + count * each_s > kLastSteps_s) return;
+  StatusLine status_line("settling");
   mapper_.fill_waiting();
-  for (int k = 0; k < count * kSettling && mapper_.ready() && !options_.interrupted(); ++k) {
+  const int steps = count * kSettling;
+  for (int k = 0; k < steps && mapper_.ready() && !options_.interrupted(); ++k) {
     mapper_.step();
+    status_line.update(static_cast<double>(k) / steps, status());
   }
   shown_gaussians_ = mapper_.size();
 }

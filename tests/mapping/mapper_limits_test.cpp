@@ -52,7 +52,7 @@ void learn_from(Mapper& mapper, const splat::Gaussians& world, int number) {
 
 bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
   for (std::size_t i = 0; i < a.tensors().size(); ++i) {
-    if (!torch::equal(*a.tensors()[i], *b.tensors()[i])) return false;
+    if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
   }
   return true;
 }
@@ -76,6 +76,21 @@ class FullDisk {
   rlimit before_ = {};
   void (*handler_)(int);
 };
+
+TEST(MapperLimits, AMapThatHasSeenManyStepsMovesLess) {
+  const splat::Gaussians world = wall_of_gaussians();
+  const auto moves = [&world](double late_rates) {
+    MapperOptions options = quick_options();
+    options.online.late_rates = late_rates;
+    options.online.late_rates_steps = 5;
+    Mapper mapper(options);
+    for (int number = 0; number < 6; ++number) learn_from(mapper, world, number);
+    const Tensor before = mapper.snapshot().gaussians.sh_dc;
+    for (int k = 0; k < 10; ++k) mapper.step();
+    return (mapper.snapshot().gaussians.sh_dc - before).abs().mean().item<double>();
+  };
+  EXPECT_LT(moves(0.1), 0.3 * moves(1.0));
+}
 
 TEST(MapperLimits, APictureSoonBeforeOrAfterAMurkyOneIsVeiled) {
   const splat::Gaussians world = wall_of_gaussians();

@@ -61,7 +61,7 @@ void swim(Mapper& mapper, const splat::Gaussians& world, int keyframes, int step
 
 bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
   for (std::size_t i = 0; i < a.tensors().size(); ++i) {
-    if (!torch::equal(*a.tensors()[i], *b.tensors()[i])) return false;
+    if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
   }
   return true;
 }
@@ -457,7 +457,9 @@ Mapper hurried(const splat::Gaussians& world, int final_iterations) {
 TEST(Mapper, EstimatesNoDepthInAHurryAndCatchesUpInTheEnd) {
   Mapper mapper = hurried(wall_of_gaussians(), 200);
   EXPECT_EQ(mapper.times().of("depth"), 0.0);
+  EXPECT_GT(mapper.waiting(), 0U);
   mapper.begin_final();
+  EXPECT_EQ(mapper.waiting(), 0U);
   EXPECT_GT(mapper.times().of("depth"), 0.0);
 }
 
