@@ -145,7 +145,7 @@ mapping::Intake OnlineMap::take_in(const pipeline::MapFrame& frame) {
   const auto entry = times_.enter("intake");
   mapping::MapperInput input = to_input(frame);
   input.hurry = in_hurry();
-  input.crowded = in_realtime() && worker_ && worker_->waiting() > kCrowd;
+  input.crowded = frames_waiting() > kCrowd;
   return mapper_.add(input);
 }
 
@@ -155,7 +155,8 @@ void OnlineMap::learn() {
   int left = config_.mapping.online.steps_per_keyframe;
   while (mapper_.ready() && !options_.interrupted()) {
     if (realtime && ending_ && since_end_.seconds() > kLastSteps_s) return;
-    if (realtime && (ending_ || frames_wait()) && training_s() > kTrainingShare * busy_s()) return;
+    if (realtime && (ending_ || frames_waiting() > 0) && training_s() > kTrainingShare * busy_s())
+      return;
     if (!realtime && left-- <= 0) return;
     mapper_.step();
   }
@@ -168,13 +169,13 @@ bool OnlineMap::in_realtime() const {
 // What is begun after the end of the recording is all late.
 bool OnlineMap::in_hurry() const {
   if (in_realtime() && ending_) return true;
-  return frames_wait() && mapper_.times().of("depth") > kDepthShare * busy_s();
+  return frames_waiting() > 0 && mapper_.times().of("depth") > kDepthShare * busy_s();
 }
 
 // In real time a map that only takes keyframes in never gets any better, so both have their share
 // of the time, and frames are lost instead.
-bool OnlineMap::frames_wait() const {
-  return in_realtime() && worker_ && worker_->waiting() > 0;
+std::size_t OnlineMap::frames_waiting() const {
+  return in_realtime() && worker_ ? worker_->waiting() : 0;
 }
 
 std::map<std::string, double> OnlineMap::times() const {

@@ -63,7 +63,7 @@ class OnlineMap : public pipeline::MapSink {
   void fill_end();
   bool in_realtime() const;
   bool in_hurry() const;
-  bool frames_wait() const;
+  std::size_t frames_waiting() const;
   double busy_s() const { return times_.of("intake") + training_s(); }
   void look_after();
   Trajectory keyframes() const;

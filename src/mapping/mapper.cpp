@@ -202,15 +202,17 @@ void Mapper::make_memory() {
 // Counted by what the recording has, so that the same are kept whichever were lost on the way, and
 // a simulator can know which need its truth.
 void Mapper::thin_held_out() {
-  const auto is_odd = [this](std::size_t i) { return keyframes_[i].number % heldout_stride_ != 0; };
+  const auto is_left_out = [this](std::size_t i) {
+    return keyframes_[i].number % heldout_stride_ != 0;
+  };
   const std::size_t newest = keyframes_.size() - 1;
-  if (is_odd(newest)) return keyframes_.drop_image(newest);
+  if (is_left_out(newest)) return keyframes_.drop_image(newest);
   const auto most = static_cast<std::size_t>(std::max(1, options_.online.heldout_views));
   if (keyframes_.held_out().size() <= most) return;
   heldout_stride_ *= 2;
   const std::vector<std::size_t> all = keyframes_.held_out();
   for (const std::size_t i : all) {
-    if (is_odd(i)) keyframes_.drop_image(i);
+    if (is_left_out(i)) keyframes_.drop_image(i);
   }
 }
 

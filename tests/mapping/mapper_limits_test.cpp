@@ -23,6 +23,7 @@ namespace apvi::mapping {
 namespace {
 
 using test::camera_at;
+using test::same;
 using test::wall_of_gaussians;
 using torch::Tensor;
 
@@ -48,13 +49,6 @@ void learn_from(Mapper& mapper, const splat::Gaussians& world, int number) {
   input.points = points_of(world, 1000 * std::int64_t{number});
   mapper.add(input);
   for (int k = 0; k < 5; ++k) mapper.step();
-}
-
-bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
-  for (std::size_t i = 0; i < a.tensors().size(); ++i) {
-    if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
-  }
-  return true;
 }
 
 /// Files of this process end after so many bytes, as on a full disk, while this lives.

@@ -18,6 +18,7 @@ namespace apvi::mapping {
 namespace {
 
 using test::camera_at;
+using test::same;
 using test::wall_of_gaussians;
 using torch::Tensor;
 
@@ -57,13 +58,6 @@ void swim(Mapper& mapper, const splat::Gaussians& world, int keyframes, int step
     mapper.add(input_of(world, 0.1 * i - 0.4, 0.05 * (i % 3), i, i % 3 == 1));
     for (int k = 0; k < steps && mapper.ready(); ++k) mapper.step();
   }
-}
-
-bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
-  for (std::size_t i = 0; i < a.tensors().size(); ++i) {
-    if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
-  }
-  return true;
 }
 
 TEST(Mapper, LearnsAWorldWhileItsKeyframesComeIn) {

@@ -19,6 +19,7 @@ namespace apvi::mapping {
 namespace {
 
 using test::photographs;
+using test::same;
 using test::wall_of_gaussians;
 using torch::Tensor;
 
@@ -46,13 +47,6 @@ splat::Gaussians rough_map() {
 
 void run(Trainer& trainer, int steps) {
   for (int i = 0; i < steps; ++i) trainer.step();
-}
-
-bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
-  for (std::size_t i = 0; i < a.tensors().size(); ++i) {
-    if (!torch::equal(*a.tensors()[i], *b.tensors()[i])) return false;
-  }
-  return true;
 }
 
 double held_out_psnr(const Trainer& trainer, const KeyframeStore& keyframes) {

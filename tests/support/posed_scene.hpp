@@ -35,6 +35,14 @@ inline torch::Tensor camera_at(double x, double y) {
   return pose;
 }
 
+/// Whether two maps are the same to the bit, wherever they lie.
+inline bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
+  for (std::size_t i = 0; i < a.tensors().size(); ++i) {
+    if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
+  }
+  return true;
+}
+
 inline splat::Intrinsics small_camera() {
   return {.fx = 40.0, .fy = 40.0, .cx = 24.0, .cy = 16.0, .width = 48, .height = 32};
 }
