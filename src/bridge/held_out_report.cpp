@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "held_out_report.hpp"
 
+#include <fmt/format.h>
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <ostream>
 #include <string>
+#include <vector>
 
 #include "apvi/bridge/image_files.hpp"
+#include "apvi/core/atomic_file.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/mapping/evaluation.hpp"
 #include "apvi/mapping/surface_depth.hpp"
@@ -53,79 +58,102 @@ double masked_psnr(const torch::Tensor& image, const torch::Tensor& truth,
   return -10.0 * std::log10(std::max(1e-12, error));
 }
 
-/// A mean of figures that some views have.
-struct Mean {
-  double sum = 0.0;
-  int count = 0;
-  void add(double value) {
-    sum += value;
-    ++count;
-  }
-  std::optional<double> value() const {
-    return count > 0 ? std::optional(sum / count) : std::nullopt;
-  }
+/// How far one view, or all of them, are from what a simulator knows; what it does not is absent.
+struct TruthErrors {
+  std::optional<double> depth_mean_m;  ///< of the truth
+  std::optional<double> depth_rmse_m;
+  std::optional<double> depth_abs_rel;
+  std::optional<double> depth_seen_rmse_m;  ///< where the picture tells of what is there
+  std::optional<double> restored_psnr_db;
+  std::optional<double> restored_seen_psnr_db;
 };
 
-std::optional<double> root(const Mean& squares) {
-  const auto mean = squares.value();
-  return mean ? std::optional(std::sqrt(*mean)) : std::nullopt;
+using Figure = std::optional<double> TruthErrors::*;
+struct NamedFigure {
+  const char* name;
+  Figure value;
+  bool squares_add_up = false;
+};
+constexpr std::array<NamedFigure, 6> kFigures = {
+    {{"depth_mean_m", &TruthErrors::depth_mean_m},
+     {"depth_rmse_m", &TruthErrors::depth_rmse_m, true},
+     {"depth_abs_rel", &TruthErrors::depth_abs_rel},
+     {"depth_seen_rmse_m", &TruthErrors::depth_seen_rmse_m, true},
+     {"restored_psnr_db", &TruthErrors::restored_psnr_db},
+     {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
+
+TruthErrors compare(const mapping::Picture& picture, const mapping::Keyframe& keyframe,
+                    const SimulatedTruth& truth, const std::optional<splat::Medium>& water) {
+  const auto cpu = [](const torch::Tensor& t) { return t.to(torch::kCPU, torch::kFloat32); };
+  TruthErrors out;
+  const auto depth = truth.depth(keyframe.name);
+  torch::Tensor seen;
+  if (depth && water) seen = can_be_seen(*depth, *water, keyframe.intrinsics);
+  if (depth) {
+    if (const auto errors = splat::depth_errors(cpu(picture.depth), *depth)) {
+      out.depth_rmse_m = errors->rmse_m;
+      out.depth_abs_rel = errors->abs_rel;
+      out.depth_mean_m = depth->index({*depth > 0}).mean().item<double>();
+    }
+    if (seen.defined()) {
+      const auto errors = splat::depth_errors(cpu(picture.depth), *depth * seen);
+      if (errors) out.depth_seen_rmse_m = errors->rmse_m;
+    }
+  }
+  if (const auto clear = truth.clear(keyframe.name)) {
+    const torch::Tensor restored = cpu(picture.restored).clamp(0.0, 1.0);
+    const torch::Tensor wanted = cpu(*clear) / 255.0;
+    out.restored_psnr_db = splat::psnr(restored, wanted);
+    if (seen.defined() && seen.any().item<bool>()) {
+      out.restored_seen_psnr_db = masked_psnr(restored, wanted, seen);
+    }
+  }
+  return out;
 }
 
-/// Means over the views that have truth.
-class TruthFigures {
- public:
-  explicit TruthFigures(const SimulatedTruth& truth) : truth_(truth), water_(truth.medium()) {}
-
-  void add(const mapping::Picture& picture, const mapping::Keyframe& keyframe) {
-    const auto cpu = [](const torch::Tensor& t) { return t.to(torch::kCPU, torch::kFloat32); };
-    const auto depth = truth_.depth(keyframe.name);
-    torch::Tensor seen;
-    if (depth && water_) seen = can_be_seen(*depth, *water_, keyframe.intrinsics);
-    if (depth) add_depth(cpu(picture.depth), *depth, seen);
-    if (const auto clear = truth_.clear(keyframe.name)) {
-      const torch::Tensor restored = cpu(picture.restored).clamp(0.0, 1.0);
-      const torch::Tensor wanted = cpu(*clear) / 255.0;
-      restored_.add(splat::psnr(restored, wanted));
-      if (seen.defined() && seen.any().item<bool>()) {
-        restored_seen_.add(masked_psnr(restored, wanted, seen));
-      }
-    }
+/// Mean, or root of the mean square, of those that have it.
+std::optional<double> mean_of(const std::vector<TruthErrors>& views, const NamedFigure& figure) {
+  double sum = 0.0;
+  int count = 0;
+  for (const TruthErrors& view : views) {
+    const auto& value = view.*figure.value;
+    if (!value) continue;
+    sum += figure.squares_add_up ? *value * *value : *value;
+    ++count;
   }
+  if (count == 0) return std::nullopt;
+  return figure.squares_add_up ? std::sqrt(sum / count) : sum / count;
+}
 
-  void put_into(eval::Json& json) const {
-    put(json, "depth_mean_m", mean_.value());
-    put(json, "depth_rmse_m", root(squares_));
-    put(json, "depth_abs_rel", relative_.value());
-    put(json, "depth_seen_rmse_m", root(seen_squares_));
-    put(json, "restored_psnr_db", restored_.value());
-    put(json, "restored_seen_psnr_db", restored_seen_.value());
+std::string cell(const std::optional<double>& value) {
+  return value ? fmt::format(",{:.5g}", *value) : ",";
+}
+
+/// One line a view: where a map is weak, a mean does not say.
+void write_views(const std::filesystem::path& file, const mapping::KeyframeStore& keyframes,
+                 const std::vector<mapping::ImageMetrics>& images,
+                 const std::vector<TruthErrors>& errors) {
+  std::string text = "#image,psnr_db,ssim,ms_ssim,lpips,psnr_median_image_db";
+  for (const NamedFigure& figure : kFigures) text += fmt::format(",{}", figure.name);
+  text += '\n';
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const mapping::ImageMetrics& m = images[k];
+    text += keyframes[keyframes.held_out()[k]].name + cell(m.psnr_db) + cell(m.ssim) +
+            cell(m.ms_ssim) + cell(m.lpips) + cell(m.psnr_median_image_db);
+    const TruthErrors none;
+    const TruthErrors& view = k < errors.size() ? errors[k] : none;
+    for (const NamedFigure& figure : kFigures) text += cell(view.*figure.value);
+    text += '\n';
   }
-
- private:
-  void add_depth(const torch::Tensor& depth, const torch::Tensor& truth,
-                 const torch::Tensor& seen) {
-    if (const auto errors = splat::depth_errors(depth, truth)) {
-      squares_.add(errors->rmse_m * errors->rmse_m);
-      relative_.add(errors->abs_rel);
-      mean_.add(truth.index({truth > 0}).mean().item<double>());
-    }
-    if (!seen.defined()) return;
-    if (const auto errors = splat::depth_errors(depth, truth * seen)) {
-      seen_squares_.add(errors->rmse_m * errors->rmse_m);
-    }
-  }
-
-  const SimulatedTruth& truth_;
-  std::optional<splat::Medium> water_;
-  Mean mean_, squares_, relative_, seen_squares_, restored_, restored_seen_;
-};
+  write_file_atomically(file, [&](std::ostream& out) { out << text; });
+}
 
 }  // namespace
 
 eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore& keyframes,
                            const std::filesystem::path& folder, const SimulatedTruth* truth) {
-  std::optional<TruthFigures> figures;
-  if (truth != nullptr) figures.emplace(*truth);
+  const auto water = truth != nullptr ? truth->medium() : std::nullopt;
+  std::vector<TruthErrors> errors;
   for (const std::size_t i : keyframes.held_out()) {
     const splat::View view = keyframes.view(i, 1);
     mapping::Picture picture = mapping::take_picture(map, view);
@@ -133,18 +161,20 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
     picture.as_seen = picture.as_seen * mapping::camera_response(map, keyframes, i, 1);
     picture.restored = picture.restored * mapping::camera_gain(map, keyframes, i);
     write_renders(picture, keyframes[i], map.medium.has_value(), folder);
-    if (figures) figures->add(picture, keyframes[i]);
+    if (truth != nullptr) errors.push_back(compare(picture, keyframes[i], *truth, water));
   }
   eval::Json json = eval::Json::object();
-  if (figures) figures->put_into(json);
+  for (const NamedFigure& figure : kFigures) put(json, figure.name, mean_of(errors, figure));
   const auto perceptual = splat::Lpips::load(splat::LpipsNet::alex);
   if (perceptual) {
     json["lpips_net"] = splat::net_name(perceptual->net());
   } else {
     log::info("LPIPS: {}", splat::kLpipsAbsent);
   }
-  const mapping::ImageMetrics metrics =
+  const std::vector<mapping::ImageMetrics> images =
       mapping::evaluate_images(map, keyframes, keyframes.held_out(), perceptual);
+  write_views(folder / "views.csv", keyframes, images, errors);
+  const mapping::ImageMetrics metrics = mapping::mean_of(images);
   put(json, "psnr_db", metrics.psnr_db);
   put(json, "ssim", metrics.ssim);
   put(json, "ms_ssim", metrics.ms_ssim);

@@ -62,29 +62,39 @@ std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
   return mean.value();
 }
 
-ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
-                             const std::vector<std::size_t>& which,
-                             const std::optional<splat::Lpips>& perceptual) {
+std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& keyframes,
+                                          const std::vector<std::size_t>& which,
+                                          const std::optional<splat::Lpips>& perceptual) {
   if (which.empty()) return {};
   const Tensor median = training_median(keyframes);
-  Mean psnr, ssim, ms_ssim, lpips, control;
+  std::vector<ImageMetrics> images;
   for (const std::size_t i : which) {
     const Tensor image = rendered(map, keyframes, i);
     const Tensor truth = keyframes.image(i, 1, image.device());
-    psnr.add(splat::psnr(image, truth));
-    ssim.add(splat::ssim(image, truth));
-    ms_ssim.add(splat::ms_ssim(image, truth));
-    control.add(median.defined() ? std::optional(splat::psnr(median.to(truth.device()), truth))
-                                 : std::nullopt);
     const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kLeastLpipsSide;
-    lpips.add(perceptual && large_enough ? std::optional((*perceptual)(image, truth))
-                                         : std::nullopt);
+    images.push_back(
+        {.psnr_db = splat::psnr(image, truth),
+         .ssim = splat::ssim(image, truth),
+         .ms_ssim = splat::ms_ssim(image, truth),
+         .lpips =
+             perceptual && large_enough ? std::optional((*perceptual)(image, truth)) : std::nullopt,
+         .psnr_median_image_db = median.defined()
+                                     ? std::optional(splat::psnr(median.to(truth.device()), truth))
+                                     : std::nullopt});
   }
-  return {.psnr_db = psnr.value(),
-          .ssim = ssim.value(),
-          .ms_ssim = ms_ssim.value(),
-          .lpips = lpips.value(),
-          .psnr_median_image_db = control.value()};
+  return images;
+}
+
+ImageMetrics mean_of(const std::vector<ImageMetrics>& images) {
+  ImageMetrics means;
+  for (std::optional<double> ImageMetrics::*const figure :
+       {&ImageMetrics::psnr_db, &ImageMetrics::ssim, &ImageMetrics::ms_ssim, &ImageMetrics::lpips,
+        &ImageMetrics::psnr_median_image_db}) {
+    Mean mean;
+    for (const ImageMetrics& image : images) mean.add(image.*figure);
+    means.*figure = mean.value();
+  }
+  return means;
 }
 
 }  // namespace apvi::mapping

@@ -11,7 +11,7 @@
 
 namespace apvi::mapping {
 
-/// Means over images; what cannot be computed is absent.
+/// How alike two images are, or means of that over images; what cannot be computed is absent.
 struct ImageMetrics {
   std::optional<double> psnr_db;
   std::optional<double> ssim;
@@ -22,11 +22,14 @@ struct ImageMetrics {
   std::optional<double> psnr_median_image_db;
 };
 
-/// Compares keyframes with what the map shows from their given poses; LPIPS by `perceptual`, if
-/// there is one.
-ImageMetrics evaluate_images(const Map& map, const KeyframeStore& keyframes,
-                             const std::vector<std::size_t>& which,
-                             const std::optional<splat::Lpips>& perceptual);
+/// Compares keyframes with what the map shows from their given poses, one by one; LPIPS by
+/// `perceptual`, if there is one.
+std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& keyframes,
+                                          const std::vector<std::size_t>& which,
+                                          const std::optional<splat::Lpips>& perceptual);
+
+/// Means of what no image lacks.
+ImageMetrics mean_of(const std::vector<ImageMetrics>& images);
 
 /// The mean peak signal-to-noise ratio alone [dB]; nothing without keyframes.
 std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
