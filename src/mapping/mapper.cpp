@@ -73,6 +73,7 @@ Mapper::Mapper(const MapperOptions& options)
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
+  options_.trainer.densify.interval = options.online.densify_interval;
 }
 
 Intake Mapper::judge(const MapperInput& input) const {

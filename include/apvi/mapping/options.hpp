@@ -117,14 +117,18 @@ struct OnlineOptions {
   bool align = true;  ///< whether keyframes are put where the map that they meet again has them
   double keyframe_share = 0.02;  ///< of the largest map, for one keyframe's Gaussians at most
   double growth_share = 0.01;    ///< of the room left at a keyframe, for cloning and splitting
-  double drift_m = 0.002;        ///< of odometry against the map, thought possible a second
-  double drift_deg = 0.01;       ///< the same of directions
-  double point_sigma = 0.1;      ///< of a sparse point along its ray over its distance, at most
-  double opacity = 0.2;          ///< of new Gaussians
-  int depth_lag = 2;             ///< keyframes that a depth estimate waits for, to see both sides
-  int depth_every = 1;           ///< keyframes from one estimate to the next
-  double covered_alpha = 0.9;    ///< a block that is drawn so densely
-  double covered_error = 0.05;   ///< and so well (mean absolute error) needs no Gaussian
+  /// Steps between two rounds of growth and pruning. What has come from depth needs time to settle:
+  /// after so few as DensifyOptions::interval it is pulled at as if it were to be cloned, and what
+  /// hardly a view has shown yet goes.
+  int densify_interval = 300;
+  double drift_m = 0.002;       ///< of odometry against the map, thought possible a second
+  double drift_deg = 0.01;      ///< the same of directions
+  double point_sigma = 0.1;     ///< of a sparse point along its ray over its distance, at most
+  double opacity = 0.2;         ///< of new Gaussians
+  int depth_lag = 2;            ///< keyframes that a depth estimate waits for, to see both sides
+  int depth_every = 1;          ///< keyframes from one estimate to the next
+  double covered_alpha = 0.9;   ///< a block that is drawn so densely
+  double covered_error = 0.05;  ///< and so well (mean absolute error) needs no Gaussian
 };
 
 struct MapperOptions {
