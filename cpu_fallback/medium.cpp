@@ -16,26 +16,45 @@ constexpr std::int64_t kRowsPerTask = 16;
 template <typename T>
 struct Pointers {
   std::int64_t width;
+  std::int64_t height;
   const T* color;
-  const T* range;
+  const T* depth;
   const T* alpha;
+  const T* ray_lengths;  ///< or null
   std::array<ChannelMedium<T>, 3> medium;
+  HazeTable<T> haze;
 
   explicit Pointers(const MediumInput& in)
       : width(in.color.size(1)),
+        height(in.color.size(0)),
         color(in.color.data_ptr<T>()),
-        range(in.range.data_ptr<T>()),
-        alpha(in.alpha.data_ptr<T>()) {
+        depth(in.depth.data_ptr<T>()),
+        alpha(in.alpha.data_ptr<T>()),
+        ray_lengths(in.ray_lengths.defined() ? in.ray_lengths.data_ptr<T>() : nullptr),
+        haze(haze_table<T>(in)) {
     for (std::size_t c = 0; c < 3; ++c) {
       medium[c] = {in.beta_d.data_ptr<T>()[c], in.beta_b.data_ptr<T>()[c],
                    in.b_inf.data_ptr<T>()[c]};
     }
   }
 
+  T ray_length(std::int64_t i) const { return ray_lengths == nullptr ? T(1) : ray_lengths[i]; }
   ChannelPixel<T> pixel(std::int64_t i, std::size_t c) const {
-    return {color[3 * i + static_cast<std::int64_t>(c)], range[i], alpha[i]};
+    return {color[3 * i + static_cast<std::int64_t>(c)], depth[i] * ray_length(i), alpha[i]};
   }
 };
+
+template <typename T>
+void add_haze(const Pointers<T>& in, std::int64_t row, T* image) {
+  const T y = (static_cast<T>(row) + T(0.5)) / static_cast<T>(in.height);
+  for (std::int64_t column = 0; column < in.width; ++column) {
+    const std::int64_t i = row * in.width + column;
+    const T x = (static_cast<T>(column) + T(0.5)) / static_cast<T>(in.width);
+    const T range = haze_range(in.haze, in.depth[i] * in.ray_length(i), in.alpha[i]);
+    const HazePlace<T> place = haze_place(in.haze, x, y, range);
+    for (int c = 0; c < 3; ++c) image[3 * i + c] += haze_at(in.haze, c, place);
+  }
+}
 
 template <typename T>
 void forward_rows(const Pointers<T>& in, std::int64_t begin, std::int64_t end, T* image) {
@@ -44,6 +63,8 @@ void forward_rows(const Pointers<T>& in, std::int64_t begin, std::int64_t end, T
       image[3 * i + static_cast<std::int64_t>(c)] = medium_forward(in.pixel(i, c), in.medium[c]);
     }
   }
+  if (in.haze.values == nullptr) return;
+  for (std::int64_t row = begin; row < end; ++row) add_haze(in, row, image);
 }
 
 /// Sums of one row, in double, so that the total does not depend on how rows fall to threads.
@@ -53,7 +74,7 @@ template <typename T>
 void backward_row(const Pointers<T>& in, const T* grad_image, std::int64_t row,
                   const MediumInput& out, RowSums& sums) {
   T* const grad_color = out.color.data_ptr<T>();
-  T* const grad_range = out.range.data_ptr<T>();
+  T* const grad_depth = out.depth.data_ptr<T>();
   T* const grad_alpha = out.alpha.data_ptr<T>();
   for (std::int64_t i = row * in.width; i < (row + 1) * in.width; ++i) {
     T range_sum = 0;
@@ -68,13 +89,16 @@ void backward_row(const Pointers<T>& in, const T* grad_image, std::int64_t row,
       sums[c].beta_b += static_cast<double>(g.medium.beta_b);
       sums[c].b_inf += static_cast<double>(g.medium.b_inf);
     }
-    grad_range[i] = range_sum;
+    grad_depth[i] = range_sum * in.ray_length(i);
     grad_alpha[i] = alpha_sum;
   }
 }
 
 template <typename T>
-void add_up(const std::vector<RowSums>& rows, const MediumInput& out) {
+void add_up(const std::vector<RowSums>& rows, MediumInput& out) {
+  for (torch::Tensor* t : {&out.beta_d, &out.beta_b, &out.b_inf}) {
+    *t = torch::empty({3}, out.color.options());
+  }
   for (std::size_t c = 0; c < 3; ++c) {
     ChannelMedium<double> total = {};
     for (const RowSums& row : rows) {
@@ -104,13 +128,16 @@ class CpuMediumBackend final : public MediumBackend {
     return image;
   }
 
-  MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const override {
+  MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image,
+                       bool by_water) const override {
     MediumInput out = {.color = torch::empty_like(input.color),
-                       .range = torch::empty_like(input.range),
+                       .depth = torch::empty_like(input.depth),
                        .alpha = torch::empty_like(input.alpha),
-                       .beta_d = torch::empty_like(input.beta_d),
-                       .beta_b = torch::empty_like(input.beta_b),
-                       .b_inf = torch::empty_like(input.b_inf)};
+                       .beta_d = {},
+                       .beta_b = {},
+                       .b_inf = {},
+                       .ray_lengths = {},
+                       .haze = {}};
     std::vector<RowSums> sums(static_cast<std::size_t>(input.color.size(0)), RowSums{});
     AT_DISPATCH_FLOATING_TYPES(input.color.scalar_type(), "medium_backward", [&] {
       const Pointers<scalar_t> in(input);
@@ -121,7 +148,7 @@ class CpuMediumBackend final : public MediumBackend {
                            backward_row(in, grad, row, out, sums[static_cast<std::size_t>(row)]);
                          }
                        });
-      add_up<scalar_t>(sums, out);
+      if (by_water) add_up<scalar_t>(sums, out);
     });
     return out;
   }

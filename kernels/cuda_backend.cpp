@@ -22,13 +22,16 @@ namespace {
 using torch::Tensor;
 
 cuda::MediumPointers to_pointers(const MediumInput& in) {
-  return {.pixels = in.range.numel(),
+  return {.width = static_cast<int>(in.depth.size(1)),
+          .height = static_cast<int>(in.depth.size(0)),
           .color = in.color.data_ptr<float>(),
-          .range = in.range.data_ptr<float>(),
+          .depth = in.depth.data_ptr<float>(),
           .alpha = in.alpha.data_ptr<float>(),
+          .ray_lengths = in.ray_lengths.defined() ? in.ray_lengths.data_ptr<float>() : nullptr,
           .beta_d = in.beta_d.data_ptr<float>(),
           .beta_b = in.beta_b.data_ptr<float>(),
-          .b_inf = in.b_inf.data_ptr<float>()};
+          .b_inf = in.b_inf.data_ptr<float>(),
+          .haze = haze_table<float>(in)};
 }
 
 cuda::LampPointers to_pointers(const LampInput& in) {
@@ -63,27 +66,31 @@ class CudaMediumBackend final : public MediumBackend {
     return image;
   }
 
-  MediumInput backward(const MediumInput& input, const Tensor& grad_image) const override {
+  MediumInput backward(const MediumInput& input, const Tensor& grad_image,
+                       bool by_water) const override {
     const c10::cuda::CUDAGuard guard(input.color.device());
-    MediumInput out = {.color = torch::empty_like(input.color),
-                       .range = torch::empty_like(input.range),
-                       .alpha = torch::empty_like(input.alpha),
-                       .beta_d = {},
-                       .beta_b = {},
-                       .b_inf = {}};
-    const auto options = input.color.options();
-    const Tensor partials = torch::empty({cuda::kMediumScalars, cuda::kMediumBlocks}, options);
-    const Tensor scalars = torch::empty({3, 3}, options);
-    C10_CUDA_CHECK(cuda::launch_medium_backward(to_pointers(input), grad_image.data_ptr<float>(),
-                                                {.color = out.color.data_ptr<float>(),
-                                                 .range = out.range.data_ptr<float>(),
-                                                 .alpha = out.alpha.data_ptr<float>(),
-                                                 .partials = partials.data_ptr<float>(),
-                                                 .scalars = scalars.data_ptr<float>()},
-                                                at::cuda::getCurrentCUDAStream()));
-    out.beta_d = scalars[0];
-    out.beta_b = scalars[1];
-    out.b_inf = scalars[2];
+    MediumInput out;
+    out.color = torch::empty_like(input.color);
+    out.depth = torch::empty_like(input.depth);
+    out.alpha = torch::empty_like(input.alpha);
+    const std::int64_t scalars = cuda::kMediumScalars;
+    const Tensor sums =
+        by_water ? torch::empty({scalars * (cuda::kMediumBlocks + 1)}, input.color.options())
+                 : Tensor();
+    float* const partials = by_water ? sums.data_ptr<float>() : nullptr;
+    C10_CUDA_CHECK(cuda::launch_medium_backward(
+        to_pointers(input), grad_image.data_ptr<float>(),
+        {.color = out.color.data_ptr<float>(),
+         .depth = out.depth.data_ptr<float>(),
+         .alpha = out.alpha.data_ptr<float>(),
+         .partials = partials,
+         .scalars = by_water ? partials + scalars * cuda::kMediumBlocks : nullptr},
+        at::cuda::getCurrentCUDAStream()));
+    if (!by_water) return out;
+    const Tensor totals = sums.narrow(0, scalars * cuda::kMediumBlocks, scalars).view({3, 3});
+    out.beta_d = totals[0];
+    out.beta_b = totals[1];
+    out.b_inf = totals[2];
     return out;
   }
 

@@ -10,20 +10,31 @@ namespace {
 
 constexpr int kThreads = 256;
 
-__device__ ChannelPixel<float> pixel_at(const MediumPointers& in, std::int64_t i, int channel) {
-  return {in.color[3 * i + channel], in.range[i], in.alpha[i]};
+__device__ float ray_length(const MediumPointers& in, int i) {
+  return in.ray_lengths == nullptr ? 1.0f : in.ray_lengths[i];
 }
 
 __device__ ChannelMedium<float> medium_at(const MediumPointers& in, int channel) {
   return {in.beta_d[channel], in.beta_b[channel], in.b_inf[channel]};
 }
 
-/// One thread a value.
+/// One thread a pixel.
 __global__ void forward_kernel(MediumPointers in, float* image) {
-  const std::int64_t k = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
-  if (k >= 3 * in.pixels) return;
-  const int channel = static_cast<int>(k % 3);
-  image[k] = medium_forward(pixel_at(in, k / 3, channel), medium_at(in, channel));
+  const int i = static_cast<int>(blockIdx.x) * kThreads + static_cast<int>(threadIdx.x);
+  if (i >= in.width * in.height) return;
+  const float range = in.depth[i] * ray_length(in, i);
+  const float alpha = in.alpha[i];
+  HazePlace<float> place = {};
+  if (in.haze.values != nullptr) {
+    const int row = i / in.width;
+    const float x = (static_cast<float>(i - row * in.width) + 0.5f) / static_cast<float>(in.width);
+    const float y = (static_cast<float>(row) + 0.5f) / static_cast<float>(in.height);
+    place = haze_place(in.haze, x, y, haze_range(in.haze, range, alpha));
+  }
+  for (int c = 0; c < 3; ++c) {
+    const float seen = medium_forward({in.color[3 * i + c], range, alpha}, medium_at(in, c));
+    image[3 * i + c] = in.haze.values == nullptr ? seen : seen + haze_at(in.haze, c, place);
+  }
 }
 
 /// Every thread walks over pixels with the stride of the grid; what it gathers for the medium's
@@ -31,14 +42,16 @@ __global__ void forward_kernel(MediumPointers in, float* image) {
 __global__ void backward_kernel(MediumPointers in, const float* grad_image,
                                 MediumGradientPointers out) {
   float sums[kMediumScalars] = {};
-  const std::int64_t stride = static_cast<std::int64_t>(gridDim.x) * kThreads;
-  for (std::int64_t i = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
-       i < in.pixels; i += stride) {
+  const int stride = static_cast<int>(gridDim.x) * kThreads;
+  for (int i = static_cast<int>(blockIdx.x) * kThreads + static_cast<int>(threadIdx.x);
+       i < in.width * in.height; i += stride) {
+    const float length = ray_length(in, i);
     float range_sum = 0.0f;
     float alpha_sum = 0.0f;
     for (int c = 0; c < 3; ++c) {
+      const ChannelPixel<float> pixel = {in.color[3 * i + c], in.depth[i] * length, in.alpha[i]};
       const ChannelGradient<float> g =
-          medium_backward(pixel_at(in, i, c), medium_at(in, c), grad_image[3 * i + c]);
+          medium_backward(pixel, medium_at(in, c), grad_image[3 * i + c]);
       out.color[3 * i + c] = g.pixel.color;
       range_sum += g.pixel.range;
       alpha_sum += g.pixel.alpha;
@@ -46,9 +59,10 @@ __global__ void backward_kernel(MediumPointers in, const float* grad_image,
       sums[3 + c] += g.medium.beta_b;
       sums[6 + c] += g.medium.b_inf;
     }
-    out.range[i] = range_sum;
+    out.depth[i] = range_sum * length;
     out.alpha[i] = alpha_sum;
   }
+  if (out.partials == nullptr) return;
   using Reduce = cub::BlockReduce<float, kThreads>;
   __shared__ typename Reduce::TempStorage storage;
   for (int s = 0; s < kMediumScalars; ++s) {
@@ -92,7 +106,7 @@ __global__ void lamp_light_kernel(LampPointers in, float* light) {
 }  // namespace
 
 cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaStream_t stream) {
-  const auto blocks = static_cast<unsigned>((3 * in.pixels + kThreads - 1) / kThreads);
+  const auto blocks = static_cast<unsigned>((in.width * in.height + kThreads - 1) / kThreads);
   if (blocks == 0) return cudaSuccess;
   forward_kernel<<<blocks, kThreads, 0, stream>>>(in, image);
   return cudaGetLastError();
@@ -101,7 +115,9 @@ cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaSt
 cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,
                                    const MediumGradientPointers& out, cudaStream_t stream) {
   backward_kernel<<<kMediumBlocks, kThreads, 0, stream>>>(in, grad_image, out);
-  add_up_kernel<<<kMediumScalars, kMediumBlocks, 0, stream>>>(out);
+  if (out.partials != nullptr) {
+    add_up_kernel<<<kMediumScalars, kMediumBlocks, 0, stream>>>(out);
+  }
   return cudaGetLastError();
 }
 

@@ -5,6 +5,8 @@
 
 #include <cstdint>
 
+#include "apvi/splat/splat_math.hpp"
+
 /// Launchers of the water model's kernels: pointers to device memory, sizes, a stream, and nothing
 /// of LibTorch. They return what the launch reported.
 namespace apvi::splat::cuda {
@@ -14,24 +16,26 @@ inline constexpr int kMediumBlocks = 256;
 inline constexpr int kMediumScalars = 9;  ///< beta_d, beta_b, b_inf, RGB each
 
 struct MediumPointers {
-  std::int64_t pixels;
-  const float* color;   ///< [pixels,3]
-  const float* range;   ///< [pixels]
-  const float* alpha;   ///< [pixels]
-  const float* beta_d;  ///< [3]
-  const float* beta_b;  ///< [3]
-  const float* b_inf;   ///< [3]
+  int width, height;
+  const float* color;        ///< [H,W,3]
+  const float* depth;        ///< [H,W]
+  const float* alpha;        ///< [H,W]
+  const float* ray_lengths;  ///< [H,W] or null: one
+  const float* beta_d;       ///< [3]
+  const float* beta_b;       ///< [3]
+  const float* b_inf;        ///< [3]
+  HazeTable<float> haze;
 };
 
 struct MediumGradientPointers {
-  float* color;     ///< [pixels,3]
-  float* range;     ///< [pixels]
-  float* alpha;     ///< [pixels]
-  float* partials;  ///< [kMediumScalars,kMediumBlocks], scratch
+  float* color;     ///< [H,W,3]
+  float* depth;     ///< [H,W]
+  float* alpha;     ///< [H,W]
+  float* partials;  ///< [kMediumScalars,kMediumBlocks], scratch; or null: no scalars
   float* scalars;   ///< [kMediumScalars]
 };
 
-/// `image` [pixels,3].
+/// `image` [H,W,3].
 cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaStream_t stream);
 /// Sums in a fixed order, so the result is the same from run to run.
 cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,

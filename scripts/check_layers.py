@@ -36,7 +36,7 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 IS_TORCH = re.compile(r"^(torch|ATen|c10)/")
 IS_LOCALIZATION_LIBRARY = re.compile(r"^(Eigen|opencv2|ceres|unsupported/Eigen)/")
 TORCH_WITH_CUDA = ("kernels/cuda_backend.cpp", "kernels/cuda_raster.cpp",
-                   "kernels/mapping/cuda_depth.cpp")
+                   "kernels/mapping/cuda_depth.cpp", "kernels/mapping/cuda_step.cpp")
 
 
 def reachable(module):

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "apvi/mapping/step_backend.hpp"
+
 namespace apvi::mapping {
 namespace {
 
@@ -85,11 +87,8 @@ void DensityStatistics::begin_round() {
 }
 
 void DensityStatistics::observe(const splat::RenderStatistics& statistics) {
-  const torch::NoGradGuard no_grad;
-  const Tensor visible = statistics.visible.to(torch::kFloat32);
-  gradient_sum_.addcmul_(statistics.mean2d_gradient.to(torch::kFloat32), visible);
-  views_.add_(visible);
-  max_weight_ = torch::maximum(max_weight_, statistics.max_weight.to(torch::kFloat32));
+  step_backend(views_.device())
+      .observe(statistics, {.gradient = gradient_sum_, .views = views_, .max_weight = max_weight_});
 }
 
 void DensityStatistics::extend(std::int64_t count) {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Depth of keyframes, and its backend on the CPU.
+# Depth of keyframes, its backend on the CPU, and what the module has on a GPU.
 set(fallback ${PROJECT_SOURCE_DIR}/cpu_fallback/mapping)
 target_sources(apvi_mapping PRIVATE
   depth.cpp depth_backend.cpp depth_confidence.cpp depth_geometry.cpp quadtree.cpp
@@ -12,5 +12,6 @@ set_source_files_properties(${fallback}/sweep_patch.cpp PROPERTIES
 target_compile_definitions(apvi_mapping PRIVATE APVI_WITH_CUDA=$<STREQUAL:${APVI_BACKEND},cuda>)
 if(APVI_BACKEND STREQUAL "cuda")
   target_sources(apvi_mapping PRIVATE
-    ${PROJECT_SOURCE_DIR}/kernels/mapping/cuda_depth.cpp $<TARGET_OBJECTS:apvi_depth_kernels>)
+    ${PROJECT_SOURCE_DIR}/kernels/mapping/cuda_depth.cpp
+    ${PROJECT_SOURCE_DIR}/kernels/mapping/cuda_step.cpp $<TARGET_OBJECTS:apvi_mapping_kernels>)
 endif()

@@ -62,10 +62,7 @@ void KeyframeStore::drop_image(std::size_t i) {
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
-  Tensor numbers = keyframes_.at(i).image.to(device).to(torch::kFloat32) / 255.0;
-  if (factor == 1) return numbers;
-  const Tensor planes = numbers.permute({2, 0, 1}).unsqueeze(0);
-  return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();
+  return to_numbers(keyframes_.at(i).image.to(device), factor);
 }
 
 splat::View KeyframeStore::view(std::size_t i, int factor) const {
@@ -73,6 +70,13 @@ splat::View KeyframeStore::view(std::size_t i, int factor) const {
   return {.intrinsics = reduced(keyframe.intrinsics, factor),
           .T_camera_world = keyframe.T_camera_world,
           .pose_delta = {}};
+}
+
+Tensor to_numbers(const Tensor& bytes, int factor) {
+  const Tensor numbers = bytes.to(torch::kFloat32) / 255.0;
+  if (factor == 1) return numbers;
+  const Tensor planes = numbers.permute({2, 0, 1}).unsqueeze(0);
+  return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();
 }
 
 bool is_rigid(const Tensor& T) {

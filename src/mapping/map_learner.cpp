@@ -9,6 +9,7 @@
 
 #include "apvi/mapping/open_water.hpp"
 #include "apvi/mapping/smooth_depth.hpp"
+#include "apvi/mapping/step_backend.hpp"
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
@@ -131,21 +132,16 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
        .rows = true});
   const Tensor seen = water ? water->see(out.color, out.depth, out.alpha) : out.color;
   const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
-  Tensor target = keyframes.image(i, settings.reduction, out.color.device());
-  if (vignetting_ > 0.0) target = target / falloff(camera.intrinsics);
-  if (options_.auto_gain) {
-    if (settings.match_gain && store_.steps() % kGainSteps == 0) {
-      gains_.match(i, image.detach(), out.alpha.detach(), target, kGainShare);
-    }
-    target = target / gains_.gain(i);
-  }
+  const Tensor target = target_of(keyframes, i, image.detach(), out.alpha.detach(), settings);
   Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
   if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
-    loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target.detach());
+    loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target);
   }
   if (water != nullptr && store_.steps() % kOpenWaterSteps == 0) {
     const Tensor open = open_water(target, water->open_water());
-    (loss + kOpenWaterWeight * (open * out.alpha).mean()).backward();
+    const double each = kOpenWaterWeight / static_cast<double>(open.numel());
+    torch::autograd::backward({loss, out.alpha},
+                              {Tensor(), open.to(target.scalar_type()).mul_(each)});
   } else {
     loss.backward();
   }
@@ -162,6 +158,23 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
     for (auto& [width, kept] : waters_) kept = kept.with(now);
   }
   return loss.detach();
+}
+
+Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, const Tensor& drawn,
+                             const Tensor& alpha, const StepSettings& settings) {
+  const StepBackend& backend = step_backend(drawn.device());
+  TargetInput input = {.picture = keyframes[i].image.to(drawn.device()),
+                       .reduction = settings.reduction,
+                       .falloff = vignetting_ > 0.0
+                                      ? falloff(keyframes.view(i, settings.reduction).intrinsics)
+                                      : Tensor(),
+                       .log_gain = {}};
+  if (!options_.auto_gain) return backend.target(input);
+  if (settings.match_gain && store_.steps() % kGainSteps == 0) {
+    gains_.match(i, drawn, alpha, backend.target(input), kGainShare);
+  }
+  input.log_gain = gains_.log_gain(i);
+  return backend.target(input);
 }
 
 DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64_t seed) {
@@ -210,8 +223,12 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
   const torch::NoGradGuard no_grad;
   const splat::View camera = keyframes.view(i, kGainReduction);
   const Picture drawn = take_picture(whole_map(), camera);
-  Tensor picture = keyframes.image(i, kGainReduction, drawn.alpha.device());
-  if (vignetting_ > 0.0) picture = picture / falloff(camera.intrinsics);
+  const Tensor picture =
+      step_backend(drawn.alpha.device())
+          .target({.picture = keyframes[i].image.to(drawn.alpha.device()),
+                   .reduction = kGainReduction,
+                   .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
+                   .log_gain = {}});
   gains_.match(i, drawn.as_seen, drawn.alpha, picture, 1.0);
 }
 

@@ -3,17 +3,12 @@
 
 #include <torch/torch.h>
 
+#include "apvi/mapping/step_backend.hpp"
+
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
-
-constexpr double kSolid = 0.5;        // alpha from which a pixel is compared
-constexpr double kSaturated = 0.98;   // a channel that bright tells nothing of more
-constexpr double kLeastShare = 0.1;   // of the pixels must be compared
-constexpr double kLeastLight = 0.02;  // mean of what is drawn
-constexpr double kMostChange = 0.5;   // of a logarithm at once
-constexpr double kForgets = 2e-3;     // keeps all of them from drifting away together
 
 }  // namespace
 
@@ -45,21 +40,16 @@ void ViewGains::add_view() {
 // Sums, not least squares: a map that is not sharp yet would look too bright to them.
 void ViewGains::match(std::size_t view, const Tensor& drawn, const Tensor& alpha,
                       const Tensor& picture, double share) {
-  const torch::NoGradGuard no_grad;
-  const Tensor counts = ((alpha > kSolid) & (picture.amax(2) < kSaturated)).to(logs_.options());
-  const Tensor weight = counts.unsqueeze(2);
-  const Tensor light = (weight * drawn).sum();
-  const Tensor wanted = ((weight * picture).sum() / light.clamp_min(1e-6)).clamp_min(1e-3).log();
-  const Tensor pixels = counts.sum();
-  const Tensor usable = (pixels > kLeastShare * static_cast<double>(counts.numel())) &
-                        (light > kLeastLight * 3.0 * pixels);
-  Tensor own = logs_.narrow(0, static_cast<std::int64_t>(view), 1);
-  const Tensor change = share * (wanted - own).clamp(-kMostChange, kMostChange) - kForgets * own;
-  own.add_(torch::where(usable, change, torch::zeros_like(change)));
+  step_backend(logs_.device())
+      .match_gain({.drawn = drawn,
+                   .alpha = alpha,
+                   .picture = picture,
+                   .log_gain = log_gain(view),
+                   .share = share});
 }
 
-Tensor ViewGains::gain(std::size_t view) const {
-  return logs_.narrow(0, static_cast<std::int64_t>(view), 1).exp();
+Tensor ViewGains::log_gain(std::size_t view) const {
+  return logs_.narrow(0, static_cast<std::int64_t>(view), 1);
 }
 
 void ViewGains::save(torch::serialize::OutputArchive& archive) const {

@@ -128,8 +128,4 @@ Tensor lamp_haze_table(const LampLight& light, const Tensor& beta_d, const Intri
   return sums.permute({3, 2, 0, 1}).unsqueeze(0).contiguous();
 }
 
-Tensor lamp_haze_step(const Tensor& ranges) {
-  return (ranges / kLampReach_m).clamp(0.0, 1.0).sqrt();
-}
-
 }  // namespace apvi::splat

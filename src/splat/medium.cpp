@@ -14,27 +14,33 @@ using torch::autograd::variable_list;
 
 MediumInput to_input(const variable_list& tensors) {
   return {.color = tensors[0].contiguous(),
-          .range = tensors[1].contiguous(),
+          .depth = tensors[1].contiguous(),
           .alpha = tensors[2].contiguous(),
           .beta_d = tensors[3].contiguous(),
           .beta_b = tensors[4].contiguous(),
-          .b_inf = tensors[5].contiguous()};
+          .b_inf = tensors[5].contiguous(),
+          .ray_lengths = tensors[6],
+          .haze = tensors[7]};
 }
 
 struct ApplyMedium : torch::autograd::Function<ApplyMedium> {
-  static Tensor forward(AutogradContext* context, const Tensor& color, const Tensor& range,
+  static Tensor forward(AutogradContext* context, const Tensor& color, const Tensor& depth,
                         const Tensor& alpha, const Tensor& beta_d, const Tensor& beta_b,
-                        const Tensor& b_inf) {
-    const variable_list inputs = {color, range, alpha, beta_d, beta_b, b_inf};
+                        const Tensor& b_inf, const WaterColumn& column) {
+    const variable_list inputs = {
+        color, depth, alpha, beta_d, beta_b, b_inf, column.ray_lengths, column.haze};
     context->save_for_backward(inputs);
+    context->saved_data["by_water"] =
+        beta_d.requires_grad() || beta_b.requires_grad() || b_inf.requires_grad();
     return medium_backend(color.device()).forward(to_input(inputs));
   }
 
   static variable_list backward(AutogradContext* context, const variable_list& grads) {
     const MediumInput input = to_input(context->get_saved_variables());
+    const bool by_water = context->saved_data["by_water"].toBool();
     const MediumInput g =
-        medium_backend(input.color.device()).backward(input, grads[0].contiguous());
-    return {g.color, g.range, g.alpha, g.beta_d, g.beta_b, g.b_inf};
+        medium_backend(input.color.device()).backward(input, grads[0].contiguous(), by_water);
+    return {g.color, g.depth, g.alpha, g.beta_d, g.beta_b, g.b_inf, Tensor()};
   }
 };
 
@@ -74,16 +80,20 @@ Medium MediumParameters::medium() const {
           .b_inf = torch::sigmoid(raw_b_inf)};
 }
 
-Tensor apply_medium(const Tensor& color, const Tensor& range, const Tensor& alpha,
-                    const Medium& medium) {
+Tensor apply_medium(const Tensor& color, const Tensor& depth, const Tensor& alpha,
+                    const Medium& medium, const WaterColumn& column) {
   TORCH_CHECK(color.dim() == 3 && color.size(2) == 3, "medium: the image must be [H,W,3], not ",
               color.sizes());
-  check_like(range, "range", {color.size(0), color.size(1)}, color);
+  check_like(depth, "depth", {color.size(0), color.size(1)}, color);
   check_like(alpha, "alpha", {color.size(0), color.size(1)}, color);
   check_like(medium.beta_d, "beta_d", {3}, color);
   check_like(medium.beta_b, "beta_b", {3}, color);
   check_like(medium.b_inf, "b_inf", {3}, color);
-  return ApplyMedium::apply(color, range, alpha, medium.beta_d, medium.beta_b, medium.b_inf);
+  if (column.ray_lengths.defined()) {
+    check_like(column.ray_lengths, "ray_lengths", depth.sizes(), color);
+  }
+  return ApplyMedium::apply(color, depth, alpha, medium.beta_d, medium.beta_b, medium.b_inf,
+                            column);
 }
 
 SeenAs seen_as(const Tensor& points, const Medium& medium) {

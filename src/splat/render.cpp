@@ -142,7 +142,7 @@ struct Rasterize : torch::autograd::Function<Rasterize> {
                                           render.rows != nullptr);
     if (render.rows != nullptr) *render.rows = g.rows;
     Tensor statistic = render.statistics.mean2d_gradient;
-    statistic.copy_(g.mean2d);
+    statistic.set_(g.mean2d);
     return {g.gaussians.means,
             g.gaussians.log_scales,
             g.gaussians.quaternions,

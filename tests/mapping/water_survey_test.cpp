@@ -184,14 +184,14 @@ TEST(ViewGains, FindHowBrightAPictureIs) {
   const Tensor solid = torch::ones({20, 30});
   ViewGains gains(2, torch::kCPU);
   gains.match(1, drawn, solid, 1.3 * drawn, 1.0);
-  EXPECT_NEAR(gains.gain(1).item<float>(), 1.3, 1e-3);
-  EXPECT_FLOAT_EQ(gains.gain(0).item<float>(), 1.0F);
+  EXPECT_NEAR(std::exp(gains.log_gain(1).item<float>()), 1.3, 1e-3);
+  EXPECT_FLOAT_EQ(gains.log_gain(0).item<float>(), 0.0F);
   gains.add_view();
-  EXPECT_FLOAT_EQ(gains.gain(2).item<float>(), gains.gain(1).item<float>());
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
   gains.match(2, drawn, torch::zeros_like(solid), 3.0 * drawn, 1.0);  // nothing solid there
-  EXPECT_FLOAT_EQ(gains.gain(2).item<float>(), gains.gain(1).item<float>());
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
   gains.match(2, torch::zeros_like(drawn), solid, drawn, 1.0);  // nor is there light
-  EXPECT_FLOAT_EQ(gains.gain(2).item<float>(), gains.gain(1).item<float>());
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
 }
 
 TEST(CameraGain, OfAHeldOutViewLiesBetweenItsNeighboursInTime) {

@@ -56,6 +56,37 @@ std::vector<Tensor> gradients(const Scene& scene, const Tensor& image) {
   return torch::autograd::grad({(weights * image).sum()}, scene.leaves());
 }
 
+/// What lies before the pixels of such an image: rays of a wide lens, and a lamp's haze.
+WaterColumn make_column(const Tensor& range) {
+  torch::manual_seed(4);
+  const auto options = range.options().requires_grad(false);
+  const auto random = [&](at::IntArrayRef sizes) {
+    return torch::rand(sizes, torch::kFloat64).to(options);
+  };
+  return {.ray_lengths = 1.0 + random(range.sizes()), .haze = random({1, 3, 9, 6, 6})};
+}
+
+/// The same by LibTorch's interpolation.
+Tensor reference_haze(const Scene& scene, const WaterColumn& column) {
+  const auto options = scene.range.options().requires_grad(false);
+  const auto places = [&](std::int64_t count) {
+    return (torch::arange(count, options) + 0.5) * (2.0 / static_cast<double>(count)) - 1.0;
+  };
+  const std::int64_t h = scene.range.size(0);
+  const std::int64_t w = scene.range.size(1);
+  const Tensor end = (scene.range * column.ray_lengths)
+                         .detach()
+                         .masked_fill(scene.alpha.detach() < 0.5, kLampReach_m);
+  const Tensor step = 2.0 * (end / kLampReach_m).clamp(0.0, 1.0).sqrt() - 1.0;
+  const Tensor at =
+      torch::stack({places(w).expand({h, w}), places(h).unsqueeze(1).expand({h, w}), step}, 2);
+  constexpr std::int64_t kLinear = 0;
+  constexpr std::int64_t kBorder = 1;
+  return torch::grid_sampler(column.haze, at.view({1, 1, h, w, 3}), kLinear, kBorder, true)
+      .view({3, h, w})
+      .permute({1, 2, 0});
+}
+
 class MediumOnEveryDevice : public testing::TestWithParam<torch::Device> {};
 
 TEST_P(MediumOnEveryDevice, AgreesWithAPlainTorchExpressionInFloat) {
@@ -86,6 +117,40 @@ TEST_P(MediumOnEveryDevice, EmptyPixelsShowTheWaterAlone) {
   const Tensor image =
       apply_medium(torch::zeros({5, 7, 3}, options), nothing, nothing, scene.medium);
   EXPECT_TRUE(tensors_near(image, scene.medium.b_inf.expand({5, 7, 3}), 1e-7));
+}
+
+TEST_P(MediumOnEveryDevice, AddsTheHazeUpToTheSurfaceAlongTheRay) {
+  const auto options = torch::dtype(torch::kFloat32).device(GetParam());
+  const Scene scene = make_scene(options, 61, 83);
+  const WaterColumn column = make_column(scene.range);
+  const Medium& m = scene.medium;
+  const Tensor image = apply_medium(scene.color, scene.range, scene.alpha, m, column);
+  const Tensor range = scene.range * column.ray_lengths;
+  const Tensor reference =
+      reference_medium(scene.color, range, scene.alpha, m.beta_d, m.beta_b, m.b_inf) +
+      reference_haze(scene, column);
+  EXPECT_TRUE(tensors_near(image, reference, 1e-5));
+  const auto expected = gradients(scene, reference);
+  const auto got = gradients(scene, image);
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    EXPECT_TRUE(tensors_near(got[i], expected[i], kFloatTolerance)) << "input " << i;
+  }
+}
+
+TEST_P(MediumOnEveryDevice, LeavesOutTheWatersDerivativesWhereItIsGiven) {
+  Scene scene = make_scene(torch::dtype(torch::kFloat32).device(GetParam()));
+  const auto expected = gradients(scene, scene.through_water());
+  for (Tensor* t : {&scene.medium.beta_d, &scene.medium.beta_b, &scene.medium.b_inf}) {
+    *t = t->detach();
+  }
+  torch::manual_seed(2);
+  const Tensor image = scene.through_water();
+  const Tensor weights = torch::randn(image.sizes(), torch::kFloat64).to(image.options());
+  const auto got =
+      torch::autograd::grad({(weights * image).sum()}, {scene.color, scene.range, scene.alpha});
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    EXPECT_TRUE(torch::equal(got[i], expected[i])) << "input " << i;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Devices, MediumOnEveryDevice, testing::ValuesIn(test::devices_here()),

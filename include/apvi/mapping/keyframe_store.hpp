@@ -62,6 +62,10 @@ class KeyframeStore {
   std::size_t image_bytes_ = 0;
 };
 
+/// The numbers 0 to 1 [H/factor,W/factor,3] float32 of a picture's bytes [H,W,3]: means of `factor`
+/// pixels each way.
+torch::Tensor to_numbers(const torch::Tensor& bytes, int factor);
+
 /// Whether a tensor is a rigid motion [4,4] float64 of finite numbers.
 bool is_rigid(const torch::Tensor& T);
 /// The inverse of a rigid motion [4,4].

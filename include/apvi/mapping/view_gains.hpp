@@ -36,8 +36,8 @@ class ViewGains {
   void match(std::size_t view, const torch::Tensor& drawn, const torch::Tensor& alpha,
              const torch::Tensor& picture, double share);
 
-  /// Factor [1] of a view.
-  torch::Tensor gain(std::size_t view) const;
+  /// Logarithm [1] of a view's factor, of the memory kept here.
+  torch::Tensor log_gain(std::size_t view) const;
   /// Logarithms of all [n].
   const torch::Tensor& logs() const { return logs_; }
   void set_logs(const torch::Tensor& logs) { logs_ = logs.to(logs_.options()); }

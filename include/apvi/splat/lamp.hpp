@@ -84,10 +84,8 @@ torch::Tensor lamp_light(const LampLight& light, const torch::Tensor& beta_d,
 
 inline constexpr double kLampReach_m = 6.0;  ///< what water farther off sends back does not count
 /// glow * integral for the pictures of a camera, as a volume [1,3,steps,nodes,nodes] to interpolate
-/// in: nodes spread over the picture from edge to edge, steps over the range.
+/// in (HazeTable).
 torch::Tensor lamp_haze_table(const LampLight& light, const torch::Tensor& beta_d,
                               const Intrinsics& camera);
-/// Where in its steps ranges lie, 0 to 1.
-torch::Tensor lamp_haze_step(const torch::Tensor& ranges);
 
 }  // namespace apvi::splat

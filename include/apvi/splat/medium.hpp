@@ -29,16 +29,24 @@ struct MediumParameters {
   Medium medium() const;
 };
 
+/// What lies before a camera's pixels besides the water itself; contiguous, like the image.
+struct WaterColumn {
+  torch::Tensor ray_lengths;  ///< [H,W] of the rays at unit depth; undefined: one
+  torch::Tensor haze;         ///< lamp_haze_table of the camera; undefined: no lamp
+};
+
 /// A rendered image as seen through the water, the paper's Eq. (8); where nothing was rendered, the
 /// water's own colour. The distance is the range along the ray (the paper takes the depth along the
 /// optical axis, up to a third less in the corners of a wide lens). The picture restored from the
 /// water needs no function of its own: it is what the renderer draws, `color`, before this.
 ///
-/// `color` [H,W,3] without water and alpha-weighted, `range` [H,W] in metres and finite, `alpha`
-/// [H,W]. Differentiable in everything. Throws c10::Error when shapes, types or devices do not
-/// agree.
-torch::Tensor apply_medium(const torch::Tensor& color, const torch::Tensor& range,
-                           const torch::Tensor& alpha, const Medium& medium);
+/// `color` [H,W,3] without water and alpha-weighted, `depth` [H,W] in metres and finite (the range
+/// where `column` has no ray lengths), `alpha` [H,W]. Differentiable in these and the medium's
+/// beta_d, beta_b and b_inf; the haze is taken as given. Throws c10::Error when shapes, types or
+/// devices do not agree.
+torch::Tensor apply_medium(const torch::Tensor& color, const torch::Tensor& depth,
+                           const torch::Tensor& alpha, const Medium& medium,
+                           const WaterColumn& column = {});
 
 /// How what the map holds looks from some place: gain * color + veil, [n,3] each.
 struct SeenAs {

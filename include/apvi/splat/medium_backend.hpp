@@ -6,19 +6,30 @@
 #include <string_view>
 
 #include "apvi/splat/lamp.hpp"
+#include "apvi/splat/splat_math.hpp"
 
 namespace apvi::splat {
 
 /// What the water model takes. All tensors on one device, of one floating type (CUDA: float32),
 /// contiguous.
 struct MediumInput {
-  torch::Tensor color;   ///< [H,W,3] without water, alpha-weighted, linear
-  torch::Tensor range;   ///< [H,W] distance to the surface along the ray [m], finite
-  torch::Tensor alpha;   ///< [H,W] opacity
-  torch::Tensor beta_d;  ///< [3] attenuation of the direct light, RGB [1/m]
-  torch::Tensor beta_b;  ///< [3] growth of the backscatter, RGB [1/m]
-  torch::Tensor b_inf;   ///< [3] colour of water without end, RGB
+  torch::Tensor color;        ///< [H,W,3] without water, alpha-weighted, linear
+  torch::Tensor depth;        ///< [H,W] of the surface [m], finite; times `ray_lengths` its range
+  torch::Tensor alpha;        ///< [H,W] opacity
+  torch::Tensor beta_d;       ///< [3] attenuation of the direct light, RGB [1/m]
+  torch::Tensor beta_b;       ///< [3] growth of the backscatter, RGB [1/m]
+  torch::Tensor b_inf;        ///< [3] colour of water without end, RGB
+  torch::Tensor ray_lengths;  ///< [H,W] of the rays at unit depth; undefined: one
+  torch::Tensor haze;         ///< [1,3,steps,nodes,nodes] lamp_haze_table; undefined: no lamp
 };
+
+/// `MediumInput::haze` as the backends look things up in it.
+template <typename T>
+HazeTable<T> haze_table(const MediumInput& input) {
+  if (!input.haze.defined()) return {};
+  return {input.haze.data_ptr<T>(), static_cast<int>(input.haze.size(2)),
+          static_cast<int>(input.haze.size(3)), static_cast<T>(kLampReach_m)};
+}
 
 /// What the light of a lamp is asked for with. Tensors as above.
 struct LampInput {
@@ -42,8 +53,10 @@ class MediumBackend {
   virtual std::string_view name() const = 0;
   /// The image through the water [H,W,3].
   virtual torch::Tensor forward(const MediumInput& input) const = 0;
-  /// Derivatives of a loss by every member of `input`, from the one by the image [H,W,3].
-  virtual MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image) const = 0;
+  /// Derivatives of a loss by color, depth, alpha and, with `by_water`, beta_d, beta_b and b_inf,
+  /// from the one by the image [H,W,3]. The haze has none.
+  virtual MediumInput backward(const MediumInput& input, const torch::Tensor& grad_image,
+                               bool by_water) const = 0;
   /// Light [N,3] on points, see LampLight; by LibTorch's operators unless a backend knows better.
   virtual torch::Tensor lamp_light(const LampInput& input) const;
 };

@@ -36,13 +36,8 @@ class MediumView {
   torch::Tensor open_water() const;
 
  private:
-  torch::Tensor glow_before(const torch::Tensor& range, const torch::Tensor& alpha) const;
-
-  Medium medium_;              ///< daylight and glow on the device, too
-  torch::Tensor ray_lengths_;  ///< [H,W] of the pixels' rays at unit depth
-  torch::Tensor haze_;         ///< [1,3,steps,nodes,nodes] glow of the water along rays; for a lamp
-  torch::Tensor columns_;      ///< [H,W] places in `haze_`, -1 to 1
-  torch::Tensor rows_;
+  Medium medium_;       ///< daylight and glow on the device, too
+  WaterColumn column_;  ///< before the camera
 };
 
 }  // namespace apvi::splat

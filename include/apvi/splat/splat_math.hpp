@@ -86,4 +86,54 @@ APVI_HD inline ChannelGradient<T> medium_backward(const ChannelPixel<T>& p,
   return g;
 }
 
+/// What a lamp's light does in the water before a camera, as lamp_haze_table works it out: at nodes
+/// spread over the picture from edge to edge, and in steps over the range.
+template <typename T>
+struct HazeTable {
+  const T* values;  ///< [3,steps,nodes,nodes]; null: there is no lamp
+  int steps;
+  int nodes;
+  T reach_m;  ///< range of the last step
+};
+
+/// Up to where the haze of a pixel counts: where nothing is drawn, its ray goes on through water.
+template <typename T>
+APVI_HD inline T haze_range(const HazeTable<T>& table, T range, T alpha) {
+  return alpha < T(0.5) ? table.reach_m : range;
+}
+
+/// A place between the nodes of a HazeTable: the nearest corner before it, and how far it is on
+/// the way to the next node along, across and down.
+template <typename T>
+struct HazePlace {
+  int corner;
+  T along, across, down;
+};
+/// At `x`, `y` (0 to 1 over the picture) and a range [m]. The steps grow with its square.
+template <typename T>
+APVI_HD inline HazePlace<T> haze_place(const HazeTable<T>& table, T x, T y, T range) {
+  const T step = std::sqrt(at_most(at_least(range / table.reach_m, T(0)), T(1))) *
+                 static_cast<T>(table.steps - 1);
+  const T column = x * static_cast<T>(table.nodes - 1);
+  const T row = y * static_cast<T>(table.nodes - 1);
+  const int s = at_most(static_cast<int>(step), table.steps - 2);
+  const int c = at_most(static_cast<int>(column), table.nodes - 2);
+  const int r = at_most(static_cast<int>(row), table.nodes - 2);
+  return {(s * table.nodes + r) * table.nodes + c, step - static_cast<T>(s),
+          column - static_cast<T>(c), row - static_cast<T>(r)};
+}
+/// One colour there.
+template <typename T>
+APVI_HD inline T haze_at(const HazeTable<T>& table, int channel, const HazePlace<T>& place) {
+  const int layer = table.nodes * table.nodes;
+  const T* const v = table.values + channel * table.steps * layer + place.corner;
+  const auto between = [&](const T* p) {
+    const T above = p[0] + place.across * (p[1] - p[0]);
+    const T below = p[table.nodes] + place.across * (p[table.nodes + 1] - p[table.nodes]);
+    return above + place.down * (below - above);
+  };
+  const T near = between(v);
+  return near + place.along * (between(v + layer) - near);
+}
+
 }  // namespace apvi::splat

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <string_view>
+
+#include "apvi/splat/render.hpp"
+
+namespace apvi::mapping {
+
+/// What a picture is compared with: as much light as the map has.
+struct TargetInput {
+  torch::Tensor picture;   ///< [H,W,3] uint8
+  int reduction = 1;       ///< pixels each way that become one, those left over at the edge none
+  torch::Tensor falloff;   ///< [h,w,1] of the lens; undefined: one
+  torch::Tensor log_gain;  ///< [1] of the view; undefined: zero
+};
+
+/// What a view's gain is found with.
+struct GainInput {
+  torch::Tensor drawn;     ///< [H,W,3]
+  torch::Tensor alpha;     ///< [H,W]
+  torch::Tensor picture;   ///< [H,W,3] without the lens' falloff, with the gain
+  torch::Tensor log_gain;  ///< [1] before, and in place after
+  double share = 1.0;      ///< of the change that is made
+};
+
+/// What views have said about Gaussians [N] float32, in place.
+struct SeenSums {
+  torch::Tensor gradient;    ///< sum of the pull at the projected centre
+  torch::Tensor views;       ///< number that saw it
+  torch::Tensor max_weight;  ///< largest blend weight
+};
+
+/// What a step of training does besides drawing, comparing and Adam. A step on a GPU takes as long
+/// as its launches are many, so each of these is one or two there; here they are LibTorch's
+/// operators, which run anywhere. Except for `bentness` nothing is recorded by autograd.
+class StepBackend {
+ public:
+  StepBackend() = default;
+  StepBackend(const StepBackend&) = delete;
+  StepBackend& operator=(const StepBackend&) = delete;
+  virtual ~StepBackend() = default;
+
+  virtual std::string_view name() const { return "operators"; }
+  /// [h,w,3] float32, 0 to 1 before falloff and gain are divided out.
+  virtual torch::Tensor target(const TargetInput& input) const;
+  /// See ViewGains::match.
+  virtual void match_gain(const GainInput& input) const;
+  /// See mapping::open_water.
+  virtual torch::Tensor open_water(const torch::Tensor& picture, const torch::Tensor& water) const;
+  /// See DensityStatistics::observe.
+  virtual void observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const;
+  /// See mapping::bentness; of pictures that are large enough.
+  virtual torch::Tensor bentness(const torch::Tensor& depth, const torch::Tensor& alpha,
+                                 const torch::Tensor& picture) const;
+};
+
+/// kernels/mapping/cuda_step.cpp, in builds with APVI_BACKEND=cuda; float32.
+const StepBackend& cuda_step_backend();
+
+/// The backend for tensors on `device`.
+const StepBackend& step_backend(const torch::Device& device);
+
+}  // namespace apvi::mapping

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "step.hpp"
+
+#include "../warp.cuh"
+#include "apvi/mapping/step_constants.hpp"
+
+namespace apvi::mapping::cuda {
+namespace {
+
+using splat::cuda::block_sums;
+using splat::cuda::kWarp;
+
+constexpr int kThreads = 256;
+
+unsigned blocks_for(std::int64_t count) {
+  return static_cast<unsigned>((count + kThreads - 1) / kThreads);
+}
+__device__ std::int64_t own_index() {
+  return static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
+}
+
+/// Sums that a grid of kStepBlocks left, by one block, in every thread's `sums`.
+template <int kValues>
+__device__ void add_up(const float* partials, float (&sums)[kValues]) {
+  static_assert(kStepBlocks == kThreads);
+  __shared__ float warps[kThreads / kWarp][kValues];
+  __shared__ float totals[kValues];
+  float own[kValues];
+  for (int k = 0; k < kValues; ++k) own[k] = partials[threadIdx.x * kValues + k];
+  const float total = block_sums<kThreads>(own, warps);
+  if (threadIdx.x < kValues) totals[threadIdx.x] = total;
+  __syncthreads();
+  for (int k = 0; k < kValues; ++k) sums[k] = totals[k];
+  __syncthreads();
+}
+
+/// One thread a pixel.
+__global__ void target_kernel(TargetPointers in, float* target) {
+  const auto i = static_cast<int>(own_index());
+  if (i >= in.width * in.height) return;
+  const int row = i / in.width;
+  const int column = i - row * in.width;
+  float sums[3] = {};
+  for (int y = 0; y < in.reduction; ++y) {
+    const std::int64_t line = static_cast<std::int64_t>(row * in.reduction + y) * in.full_width;
+    const std::uint8_t* const pixels = in.picture + 3 * (line + column * in.reduction);
+    for (int x = 0; x < in.reduction; ++x) {
+      for (int c = 0; c < 3; ++c) sums[c] += static_cast<float>(pixels[3 * x + c]);
+    }
+  }
+  float light = 255.0f * static_cast<float>(in.reduction * in.reduction);
+  if (in.falloff != nullptr) light *= in.falloff[i];
+  if (in.log_gain != nullptr) light *= expf(*in.log_gain);
+  for (int c = 0; c < 3; ++c) target[3 * i + c] = sums[c] / light;
+}
+
+__global__ void gain_sums_kernel(GainPointers in) {
+  __shared__ float warps[kThreads / kWarp][kGainSums];
+  float sums[kGainSums] = {};
+  for (auto i = static_cast<int>(own_index()); i < in.pixels; i += kStepBlocks * kThreads) {
+    const float* const p = in.picture + 3 * i;
+    const float* const d = in.drawn + 3 * i;
+    const float brightest = fmaxf(p[0], fmaxf(p[1], p[2]));
+    if (in.alpha[i] <= static_cast<float>(kSolid) || brightest >= static_cast<float>(kSaturated)) {
+      continue;
+    }
+    sums[0] += d[0] + d[1] + d[2];
+    sums[1] += p[0] + p[1] + p[2];
+    sums[2] += 1.0f;
+  }
+  const float sum = block_sums<kThreads>(sums, warps);
+  if (threadIdx.x < kGainSums) in.partials[blockIdx.x * kGainSums + threadIdx.x] = sum;
+}
+
+__global__ void change_gain_kernel(GainPointers in, float* log_gain) {
+  float sums[kGainSums];
+  add_up(in.partials, sums);
+  if (threadIdx.x != 0) return;
+  const float light = sums[0];
+  const float pixels = sums[2];
+  const bool usable = pixels > static_cast<float>(kLeastShare) * static_cast<float>(in.pixels) &&
+                      light > 3.0f * static_cast<float>(kLeastLight) * pixels;
+  if (!usable) return;
+  const float gain = sums[1] / fmaxf(light, static_cast<float>(kLeastDivisor));
+  const float wanted = logf(fmaxf(gain, static_cast<float>(kLeastGain)));
+  const auto most = static_cast<float>(kMostChange);
+  const float change = fminf(fmaxf(wanted - *log_gain, -most), most);
+  *log_gain += in.share * change - static_cast<float>(kForgets) * *log_gain;
+}
+
+/// One thread a pixel.
+__global__ void open_water_kernel(const float* picture, const float* water, int width, int height,
+                                  bool* open) {
+  const auto i = static_cast<int>(own_index());
+  if (i >= width * height) return;
+  const int row = i / width;
+  const int column = i - row * width;
+  constexpr int kReach = kOpenSquare / 2;
+  float sums[3] = {};
+  float squares[3] = {};
+  int count = 0;
+  for (int y = max(0, row - kReach); y <= min(height - 1, row + kReach); ++y) {
+    for (int x = max(0, column - kReach); x <= min(width - 1, column + kReach); ++x, ++count) {
+      for (int c = 0; c < 3; ++c) {
+        const float value = picture[3 * (y * width + x) + c];
+        sums[c] += value;
+        squares[c] += value * value;
+      }
+    }
+  }
+  constexpr auto kTexture2 = static_cast<float>(kOpenTexture * kOpenTexture);
+  bool is_open = true;
+  for (int c = 0; c < 3; ++c) {
+    const float mean = sums[c] / static_cast<float>(count);
+    const float veil = water[3 * i + c];
+    const float tolerance =
+        static_cast<float>(kOpenOffset) + static_cast<float>(kOpenRelative) * veil;
+    is_open = is_open && squares[c] / static_cast<float>(count) - mean * mean < kTexture2 &&
+              fabsf(mean - veil) < tolerance;
+  }
+  open[i] = is_open;
+}
+
+__global__ void observe_kernel(SeenPointers in) {
+  const std::int64_t i = own_index();
+  if (i >= in.count) return;
+  in.max_weight[i] = fmaxf(in.max_weight[i], in.weight[i]);
+  if (!in.visible[i]) return;
+  in.gradient_sum[i] += in.pull[i];
+  in.views[i] += 1.0f;
+}
+
+__global__ void invert_kernel(BendPointers in) {
+  __shared__ float warps[kThreads / kWarp][kBendSums];
+  float sums[kBendSums] = {};
+  for (auto i = static_cast<int>(own_index()); i < in.width * in.height;
+       i += kStepBlocks * kThreads) {
+    const float depth = in.depth[i];
+    const bool solid = in.alpha[i] > static_cast<float>(kSolid) && depth > 0.0f;
+    const float inverse = solid ? 1.0f / fmaxf(depth, static_cast<float>(kBendNearest)) : 0.0f;
+    in.inverse[i] = inverse;
+    in.grey[i] = (in.picture[3 * i] + in.picture[3 * i + 1] + in.picture[3 * i + 2]) / 3.0f;
+    sums[0] += solid ? 1.0f : 0.0f;
+    sums[1] += inverse;
+  }
+  const float sum = block_sums<kThreads>(sums, warps);
+  if (threadIdx.x < kBendSums) in.partials[blockIdx.x * kBendSums + threadIdx.x] = sum;
+}
+
+struct Bend {
+  float value;  ///< even-ness times size
+  float pull;
+};
+/// Of the second difference in the middle of three pixels `step` apart.
+__device__ Bend bend_at(const BendPointers& in, int i, int step) {
+  const auto second = [i, step](const float* of) {
+    return of[i - step] + of[i + step] - 2.0f * of[i];
+  };
+  const auto solid = [&in](int at) { return in.inverse[at] > 0.0f ? 1.0f : 0.0f; };
+  const float gap = fabsf(solid(i - step) + solid(i + step) - 2.0f * solid(i));
+  const float even = expf(fabsf(second(in.grey)) / static_cast<float>(-kBendEdge) -
+                          gap / static_cast<float>(kBendGap));
+  const float bend = second(in.inverse);
+  return {even * fabsf(bend), bend > 0.0f ? even : (bend < 0.0f ? -even : 0.0f)};
+}
+
+__global__ void bend_kernel(BendPointers in) {
+  __shared__ float warps[kThreads / kWarp][kBendSums];
+  float sums[kBendSums] = {};
+  const int pixels = in.width * in.height;
+  for (auto i = static_cast<int>(own_index()); i < pixels; i += kStepBlocks * kThreads) {
+    const int row = i / in.width;
+    const int column = i - row * in.width;
+    const bool inside = row >= kBendReach && row < in.height - kBendReach && column >= kBendReach &&
+                        column < in.width - kBendReach;
+    const Bend down = inside ? bend_at(in, i, kBendReach * in.width) : Bend{};
+    const Bend across = inside ? bend_at(in, i, kBendReach) : Bend{};
+    in.pulls[i] = down.pull;
+    in.pulls[pixels + i] = across.pull;
+    sums[0] += down.value + across.value;
+  }
+  const float sum = block_sums<kThreads>(sums, warps);
+  float* const partials = in.partials + kStepBlocks * kBendSums;
+  if (threadIdx.x < kBendSums) partials[blockIdx.x * kBendSums + threadIdx.x] = sum;
+}
+
+__global__ void finish_bend_kernel(BendPointers in, float* bent) {
+  float inverses[kBendSums];
+  float bends[kBendSums];
+  add_up(in.partials, inverses);
+  add_up(in.partials + kStepBlocks * kBendSums, bends);
+  if (threadIdx.x != 0) return;
+  const auto differences = static_cast<float>(2 * (in.width - 2 * kBendReach)) *
+                           static_cast<float>(in.height - 2 * kBendReach);
+  const float scale = inverses[0] / fmaxf(inverses[1], static_cast<float>(kLeastDivisor));
+  *in.factor = scale / differences;
+  *bent = *in.factor * bends[0];
+}
+
+/// One thread a pixel: what the five second differences that it is part of say.
+__global__ void bend_backward_kernel(BendPointers in, const float* by_bent, float* gradient) {
+  const auto i = static_cast<int>(own_index());
+  const int pixels = in.width * in.height;
+  if (i >= pixels) return;
+  const int row = i / in.width;
+  const int column = i - row * in.width;
+  const float inverse = in.inverse[i];
+  if (inverse == 0.0f || in.depth[i] < static_cast<float>(kBendNearest)) {
+    gradient[i] = 0.0f;
+    return;
+  }
+  const float* const down = in.pulls;
+  const float* const across = in.pulls + pixels;
+  float sum = -2.0f * (down[i] + across[i]);
+  if (row >= kBendReach) sum += down[i - kBendReach * in.width];
+  if (row < in.height - kBendReach) sum += down[i + kBendReach * in.width];
+  if (column >= kBendReach) sum += across[i - kBendReach];
+  if (column < in.width - kBendReach) sum += across[i + kBendReach];
+  gradient[i] = -inverse * inverse * *in.factor * *by_bent * sum;
+}
+
+}  // namespace
+
+cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t stream) {
+  target_kernel<<<blocks_for(in.width * in.height), kThreads, 0, stream>>>(in, target);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStream_t stream) {
+  gain_sums_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in);
+  change_gain_kernel<<<1, kThreads, 0, stream>>>(in, log_gain);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_open_water(const float* picture, const float* water, int width, int height,
+                              bool* open, cudaStream_t stream) {
+  open_water_kernel<<<blocks_for(width * height), kThreads, 0, stream>>>(picture, water, width,
+                                                                         height, open);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_observe(const SeenPointers& in, cudaStream_t stream) {
+  const unsigned blocks = blocks_for(in.count);
+  if (blocks == 0) return cudaSuccess;
+  observe_kernel<<<blocks, kThreads, 0, stream>>>(in);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_bend(const BendPointers& in, float* bent, cudaStream_t stream) {
+  invert_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in);
+  bend_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in);
+  finish_bend_kernel<<<1, kThreads, 0, stream>>>(in, bent);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_bend_backward(const BendPointers& in, const float* by_bent, float* gradient,
+                                 cudaStream_t stream) {
+  bend_backward_kernel<<<blocks_for(in.width * in.height), kThreads, 0, stream>>>(in, by_bent,
+                                                                                  gradient);
+  return cudaGetLastError();
+}
+
+}  // namespace apvi::mapping::cuda

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/step_backend.hpp"
+
+#include <torch/torch.h>
+
+#include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/open_water.hpp"
+#include "apvi/mapping/step_constants.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+/// Second differences [...,2,H-2r,W-2r] of [...,H,W], down and across, r = kBendReach. By slices: a
+/// convolution with so few taps so far apart is slow.
+Tensor second_differences(const Tensor& image) {
+  const auto part = [&image](std::int64_t down, std::int64_t across) {
+    return image.narrow(-2, down, image.size(-2) - 2 * kBendReach)
+        .narrow(-1, across, image.size(-1) - 2 * kBendReach);
+  };
+  const Tensor twice = 2.0 * part(kBendReach, kBendReach);
+  return torch::stack({part(0, kBendReach) + part(2 * kBendReach, kBendReach) - twice,
+                       part(kBendReach, 0) + part(kBendReach, 2 * kBendReach) - twice},
+                      -3);
+}
+
+}  // namespace
+
+Tensor StepBackend::target(const TargetInput& in) const {
+  Tensor target = to_numbers(in.picture, in.reduction);
+  if (in.falloff.defined()) target = target / in.falloff;
+  if (in.log_gain.defined()) target = target / in.log_gain.exp();
+  return target;
+}
+
+void StepBackend::match_gain(const GainInput& in) const {
+  const torch::NoGradGuard no_grad;
+  const Tensor counts =
+      ((in.alpha > kSolid) & (in.picture.amax(2) < kSaturated)).to(in.log_gain.options());
+  const Tensor weight = counts.unsqueeze(2);
+  const Tensor light = (weight * in.drawn).sum();
+  const Tensor wanted =
+      ((weight * in.picture).sum() / light.clamp_min(kLeastDivisor)).clamp_min(kLeastGain).log();
+  const Tensor pixels = counts.sum();
+  const Tensor usable = (pixels > kLeastShare * static_cast<double>(counts.numel())) &
+                        (light > kLeastLight * 3.0 * pixels);
+  Tensor own = in.log_gain;
+  const Tensor change = in.share * (wanted - own).clamp(-kMostChange, kMostChange) - kForgets * own;
+  own.add_(torch::where(usable, change, torch::zeros_like(change)));
+}
+
+Tensor StepBackend::open_water(const Tensor& picture, const Tensor& water) const {
+  const torch::NoGradGuard no_grad;
+  const auto [mean, even] = evenness(picture);
+  const Tensor veil = water.permute({2, 0, 1});
+  return even & ((mean - veil).abs() < kOpenOffset + kOpenRelative * veil).all(0);
+}
+
+void StepBackend::observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const {
+  const torch::NoGradGuard no_grad;
+  const Tensor visible = statistics.visible.to(torch::kFloat32);
+  Tensor(sums.gradient).addcmul_(statistics.mean2d_gradient.to(torch::kFloat32), visible);
+  Tensor(sums.views).add_(visible);
+  Tensor most = sums.max_weight;
+  torch::maximum_out(most, most, statistics.max_weight.to(torch::kFloat32));
+}
+
+Tensor StepBackend::bentness(const Tensor& depth, const Tensor& alpha,
+                             const Tensor& picture) const {
+  Tensor solid, even, scale;
+  {
+    const torch::NoGradGuard no_grad;
+    solid = ((alpha > kSolid) & (depth > 0.0)).to(depth.scalar_type());
+    scale = solid.sum() / (solid / depth.clamp_min(kBendNearest)).sum().clamp_min(kLeastDivisor);
+    const Tensor change = second_differences(torch::stack({picture.mean(2), solid})).abs();
+    even = torch::exp(change[0] / -kBendEdge - change[1] / kBendGap);
+  }
+  const Tensor inverse = solid / depth.clamp_min(kBendNearest);
+  return scale * (even * second_differences(inverse).abs()).mean();
+}
+
+#if APVI_WITH_CUDA
+const StepBackend& step_backend(const torch::Device& device) {
+  static const StepBackend operators;
+  return device.is_cuda() ? cuda_step_backend() : operators;
+}
+#else
+const StepBackend& step_backend(const torch::Device& /*device*/) {
+  static const StepBackend operators;
+  return operators;
+}
+#endif
+
+}  // namespace apvi::mapping
