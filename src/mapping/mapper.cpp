@@ -276,6 +276,7 @@ double Mapper::step() {
                                     .sh_degree = std::min(options_.trainer.sh_degree, degree),
                                     .correct_pose = correct,
                                     .rates = rates_at(rates(), extent_, progress())}));
+  schedule_.use(view);
   for (const auto& [seen, loss] : losses_.take()) schedule_.report(seen, loss);
   ++iteration_;
   maybe_densify();

@@ -84,6 +84,9 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   OutputArchive schedule;
   schedule_.save(schedule);
   archive.write("schedule", schedule);
+  OutputArchive losses;
+  losses_.save(losses);
+  archive.write("losses", losses);
   archive.write("learning", c10::IValue(learner_.has_value()));
   if (learner_) {
     OutputArchive inner;
@@ -120,6 +123,8 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.remembered_ = static_cast<std::size_t>(read_int(archive, "remembered"));
     archive.read("schedule", part);
     read.schedule_.load(part);
+    archive.read("losses", part);
+    read.losses_.load(part, splat::active_device());
     c10::IValue learning;
     archive.read("learning", learning);
     if (learning.toBool()) {

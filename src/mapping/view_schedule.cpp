@@ -33,9 +33,9 @@ ViewSchedule::Entry* ViewSchedule::find(std::size_t view) {
   return found == entries_.end() ? nullptr : &*found;
 }
 
-// A view that was never used counts as one of mean loss.
+// A view whose loss is not known counts as one of mean loss.
 double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_uses) const {
-  const double loss = entry.uses == 0 || mean_loss <= 0.0 ? 1.0 : entry.loss / mean_loss;
+  const double loss = entry.loss <= 0.0 || mean_loss <= 0.0 ? 1.0 : entry.loss / mean_loss;
   const double use = (mean_uses + 1.0) / (entry.lately + 1.0);
   if (entry.tries >= kPatience && loss > kContradicts) return kSeldom * use;
   return std::max(1e-9, loss * use);
@@ -48,13 +48,13 @@ std::size_t ViewSchedule::draw(Random& random) const {
   const auto first = entries_.end() - static_cast<std::ptrdiff_t>(count);
   double loss = 0.0;
   double uses = 0.0;
-  double used = 0.0;
+  double known = 0.0;
   for (auto e = first; e != entries_.end(); ++e) {
     uses += e->lately;
     loss += e->loss;
-    used += e->uses > 0 ? 1.0 : 0.0;
+    known += e->loss > 0.0 ? 1.0 : 0.0;
   }
-  loss /= std::max(1.0, used);
+  loss /= std::max(1.0, known);
   uses /= static_cast<double>(count);
   double sum = 0.0;
   for (auto e = first; e != entries_.end(); ++e) sum += weight(*e, loss, uses);
@@ -66,7 +66,7 @@ std::size_t ViewSchedule::draw(Random& random) const {
   return entries_.back().view;
 }
 
-void ViewSchedule::report(std::size_t view, double loss) {
+void ViewSchedule::use(std::size_t view) {
   Entry* const entry = find(view);
   if (entry == nullptr) return;
   const double keep = 1.0 - 1.0 / (kMemory * static_cast<double>(entries_.size()));
@@ -74,7 +74,11 @@ void ViewSchedule::report(std::size_t view, double loss) {
   entry->lately += 1.0;
   ++entry->uses;
   ++entry->tries;
-  entry->loss = loss;
+}
+
+void ViewSchedule::report(std::size_t view, double loss) {
+  Entry* const entry = find(view);
+  if (entry != nullptr) entry->loss = loss;
 }
 
 void ViewSchedule::pardon() {

@@ -13,6 +13,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/mapping/mapper.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/morton.hpp"
 #include "apvi/splat/ply.hpp"
 #include "support/posed_scene.hpp"
@@ -134,7 +135,7 @@ TEST(MapperLimits, ADiskThatIsFullLeavesTheLastMapAndSaysSo) {
   Mapper resumed(quick_options());
   resumed.resume(checkpoint);
   EXPECT_TRUE(same(resumed.snapshot().gaussians, saved));
-  EXPECT_TRUE(torch::equal(splat::read_ply(ply).means, saved.means));
+  EXPECT_TRUE(torch::equal(splat::read_ply(ply).means, saved.means.cpu()));
   mapper.save(checkpoint);  // there is room again
   resumed.resume(checkpoint);
   EXPECT_TRUE(same(resumed.snapshot().gaussians, mapper.snapshot().gaussians));
@@ -151,6 +152,9 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer keeps what is freed";
 #endif
+  if (splat::active_device().is_cuda()) {
+    GTEST_SKIP() << "a GPU's driver takes memory as it likes: benchmarks/map_soak looks there";
+  }
   constexpr int kKeyframes = 3000;
   constexpr double kPictureMib = 96.0 * 128.0 * 3.0 / (1024.0 * 1024.0);
   MapperOptions options = quick_options();
@@ -199,7 +203,7 @@ TEST(MapLearner, LearnsOnFromAnotherOrderAsItWouldHave) {
   }
   moved.reorder();
   const Tensor order = splat::morton_order(whole.map().means);
-  ASSERT_FALSE(torch::equal(order, torch::arange(order.size(0))));
+  ASSERT_FALSE(torch::equal(order.cpu(), torch::arange(order.size(0))));
   EXPECT_TRUE(torch::equal(moved.map().means, whole.map().means.index_select(0, order)));
   for (MapLearner* learner : {&moved, &whole}) learner->step(keyframes, 3, settings);
   EXPECT_TRUE(
@@ -224,7 +228,7 @@ TEST(MapLearner, PutsNeighboursTogetherNowAndThenAndResumesThere) {
   for (MapLearner* one : {&learner, &again}) {
     one->densify(1.0, one->size(), 0);
     const Tensor order = splat::morton_order(one->map().means);
-    EXPECT_TRUE(torch::equal(order, torch::arange(one->size())));
+    EXPECT_TRUE(torch::equal(order.cpu(), torch::arange(one->size())));
     one->step(keyframes, 2, settings);
   }
   EXPECT_TRUE(torch::equal(learner.map().means, again.map().means));

@@ -174,7 +174,7 @@ TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
   EXPECT_TRUE(torch::equal(after.means.index({others}), before.means.index({others})));
   EXPECT_TRUE(torch::equal(after.log_scales, before.log_scales));
   const auto in_camera = [&](const splat::Gaussians& map, const Tensor& pose) {
-    const Tensor points = map.means.index({own}).to(torch::kFloat64);
+    const Tensor points = map.means.index({own}).to(torch::kCPU, torch::kFloat64);
     return points.mm(pose.slice(0, 0, 3).slice(1, 0, 3).t()) + pose.slice(0, 0, 3).select(1, 3);
   };
   EXPECT_TRUE(test::tensors_near(in_camera(after, mapper.keyframes()[2].T_camera_world),

@@ -41,7 +41,8 @@ TEST(GaussiansAt, LieWhereTheCameraSeesTheirPixels) {
                        .radii_px = torch::tensor({1.0, 4.0}, torch::kFloat64),
                        .opacities = torch::tensor({0.2, 0.1}, torch::kFloat64)};
   const splat::Gaussians made = gaussians_at(seeds, keyframes, 0, 1, std::nullopt);
-  const SeenPoints seen = project(keyframes.view(0, 1), made.means.to(torch::kFloat64));
+  const SeenPoints seen =
+      project(keyframes.view(0, 1), made.means.to(torch::kCPU, torch::kFloat64));
   EXPECT_TRUE(test::tensors_near(seen.pixels, seeds.pixels, 1e-4));
   EXPECT_TRUE(test::tensors_near(seen.depths, seeds.depths, 1e-5));
   EXPECT_NEAR(made.log_scales.exp()[1][0].item<float>(), 4.0 * 3.5 / 40.0, 1e-5);

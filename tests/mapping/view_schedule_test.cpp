@@ -16,6 +16,13 @@ std::map<std::size_t, int> draws(const ViewSchedule& schedule, int count) {
   return drawn;
 }
 
+void use(ViewSchedule& schedule, std::size_t view, double loss, int times = 1) {
+  for (int i = 0; i < times; ++i) {
+    schedule.use(view);
+    schedule.report(view, loss);
+  }
+}
+
 TEST(ViewSchedule, TheNewestAreDrawnMoreOften) {
   ViewSchedule schedule(2, 0.5);
   for (std::size_t view = 0; view < 10; ++view) schedule.add(view);
@@ -29,9 +36,9 @@ TEST(ViewSchedule, TheNewestAreDrawnMoreOften) {
 TEST(ViewSchedule, WhatIsShownBadlyOrWasSeldomUsedIsDrawnMoreOften) {
   ViewSchedule schedule(1, 0.0);
   for (std::size_t view = 0; view < 3; ++view) schedule.add(view);
-  for (int i = 0; i < 9; ++i) schedule.report(0, 0.1);
-  for (int i = 0; i < 9; ++i) schedule.report(1, 0.3);
-  schedule.report(2, 0.1);
+  use(schedule, 0, 0.1, 9);
+  use(schedule, 1, 0.3, 9);
+  use(schedule, 2, 0.1);
   auto drawn = draws(schedule, 10000);
   EXPECT_NEAR(static_cast<double>(drawn[1]) / drawn[0], 3.0, 0.5);
   // Of nine uses, 7.1 still count.
@@ -42,18 +49,33 @@ TEST(ViewSchedule, WhatIsShownBadlyOrWasSeldomUsedIsDrawnMoreOften) {
 TEST(ViewSchedule, UsesOfLongAgoDoNotCount) {
   ViewSchedule schedule(1, 0.0);
   for (std::size_t view = 0; view < 2; ++view) schedule.add(view);
-  for (int i = 0; i < 300; ++i) schedule.report(0, 0.1);
-  for (int i = 0; i < 300; ++i) schedule.report(1, 0.1);
+  use(schedule, 0, 0.1, 300);
+  use(schedule, 1, 0.1, 300);
   auto drawn = draws(schedule, 10000);
   EXPECT_GT(drawn[0], 8 * drawn[1]);
   EXPECT_EQ(schedule.uses(0), schedule.uses(1));
+}
+
+TEST(ViewSchedule, AUseCountsBeforeItsLossIsKnown) {
+  ViewSchedule schedule(1, 0.0);
+  for (std::size_t view = 0; view < 3; ++view) schedule.add(view);
+  for (int i = 0; i < 9; ++i) schedule.use(0);
+  use(schedule, 1, 0.1);
+  auto drawn = draws(schedule, 10000);
+  EXPECT_GT(drawn[2], 3 * drawn[0]);  // alike but for use
+  EXPECT_GT(drawn[0], 0);
+  EXPECT_EQ(schedule.uses(0), 9);
+  schedule.report(0, 0.3);  // three times as much as the other that is known
+  const int before = drawn[0];
+  drawn = draws(schedule, 10000);
+  EXPECT_GT(drawn[0], before);
 }
 
 TEST(ViewSchedule, WhatTheMapNeverExplainsIsDrawnSeldom) {
   ViewSchedule schedule(1, 0.0);
   for (std::size_t view = 0; view < 8; ++view) schedule.add(view);
   for (std::size_t view = 0; view < 8; ++view) {
-    for (int i = 0; i < 20; ++i) schedule.report(view, view == 3 ? 0.5 : 0.05);
+    use(schedule, view, view == 3 ? 0.5 : 0.05, 20);
   }
   auto drawn = draws(schedule, 10000);
   EXPECT_LT(drawn[3], drawn[2]);

@@ -7,6 +7,11 @@
 #include <utility>
 #include <vector>
 
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
+
 namespace apvi::mapping {
 
 /// Losses of views that are read from a GPU many at a time: reading one waits for everything that
@@ -19,6 +24,9 @@ class LateLosses {
   std::vector<std::pair<std::size_t, double>> take();
   /// The newest that is known; 0 before the first.
   double newest() const { return newest_; }
+
+  void save(torch::serialize::OutputArchive& archive) const;
+  void load(torch::serialize::InputArchive& archive, const torch::Device& device);
 
  private:
   void read();

@@ -31,7 +31,9 @@ class ViewSchedule {
 
   /// A view. Throws c10::Error when there is none.
   std::size_t draw(Random& random) const;
-  /// The view was used, with this loss.
+  /// The view was used.
+  void use(std::size_t view);
+  /// Its loss in some use, by now.
   void report(std::size_t view, double loss);
   /// How often a view was used.
   std::int64_t uses(std::size_t view) const;
@@ -48,8 +50,8 @@ class ViewSchedule {
     std::size_t view = 0;
     std::int64_t uses = 0;
     std::int64_t tries = 0;  ///< uses since the last pardon
-    double loss = 0.0;
-    double lately = 0.0;  ///< uses, those of the past less and less
+    double loss = 0.0;       ///< 0: not known yet
+    double lately = 0.0;     ///< uses, those of the past less and less
   };
   Entry* find(std::size_t view);
   double weight(const Entry& entry, double mean_loss, double mean_uses) const;
