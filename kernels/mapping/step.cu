@@ -61,7 +61,8 @@ __global__ void gain_sums_kernel(GainPointers in) {
     const float* const p = in.picture + 3 * i;
     const float* const d = in.drawn + 3 * i;
     const float brightest = fmaxf(p[0], fmaxf(p[1], p[2]));
-    if (in.alpha[i] <= static_cast<float>(kSolid) || brightest >= static_cast<float>(kSaturated)) {
+    if (in.alpha[i] <= static_cast<float>(step::kSolid) ||
+        brightest >= static_cast<float>(step::kSaturated)) {
       continue;
     }
     sums[0] += d[0] + d[1] + d[2];
@@ -78,14 +79,15 @@ __global__ void change_gain_kernel(GainPointers in, float* log_gain) {
   if (threadIdx.x != 0) return;
   const float light = sums[0];
   const float pixels = sums[2];
-  const bool usable = pixels > static_cast<float>(kLeastShare) * static_cast<float>(in.pixels) &&
-                      light > 3.0f * static_cast<float>(kLeastLight) * pixels;
+  const bool usable =
+      pixels > static_cast<float>(step::kLeastShare) * static_cast<float>(in.pixels) &&
+      light > 3.0f * static_cast<float>(step::kLeastLight) * pixels;
   if (!usable) return;
-  const float gain = sums[1] / fmaxf(light, static_cast<float>(kLeastDivisor));
-  const float wanted = logf(fmaxf(gain, static_cast<float>(kLeastGain)));
-  const auto most = static_cast<float>(kMostChange);
+  const float gain = sums[1] / fmaxf(light, static_cast<float>(step::kLeastDivisor));
+  const float wanted = logf(fmaxf(gain, static_cast<float>(step::kLeastGain)));
+  const auto most = static_cast<float>(step::kMostChange);
   const float change = fminf(fmaxf(wanted - *log_gain, -most), most);
-  *log_gain += in.share * change - static_cast<float>(kForgets) * *log_gain;
+  *log_gain += in.share * change - static_cast<float>(step::kForgets) * *log_gain;
 }
 
 /// One thread a pixel.
@@ -95,7 +97,7 @@ __global__ void open_water_kernel(const float* picture, const float* water, int 
   if (i >= width * height) return;
   const int row = i / width;
   const int column = i - row * width;
-  constexpr int kReach = kOpenSquare / 2;
+  constexpr int kReach = step::kOpenSquare / 2;
   float sums[3] = {};
   float squares[3] = {};
   int count = 0;
@@ -108,13 +110,13 @@ __global__ void open_water_kernel(const float* picture, const float* water, int 
       }
     }
   }
-  constexpr auto kTexture2 = static_cast<float>(kOpenTexture * kOpenTexture);
+  constexpr auto kTexture2 = static_cast<float>(step::kOpenTexture * step::kOpenTexture);
   bool is_open = true;
   for (int c = 0; c < 3; ++c) {
     const float mean = sums[c] / static_cast<float>(count);
     const float veil = water[3 * i + c];
     const float tolerance =
-        static_cast<float>(kOpenOffset) + static_cast<float>(kOpenRelative) * veil;
+        static_cast<float>(step::kOpenOffset) + static_cast<float>(step::kOpenRelative) * veil;
     is_open = is_open && squares[c] / static_cast<float>(count) - mean * mean < kTexture2 &&
               fabsf(mean - veil) < tolerance;
   }
@@ -136,8 +138,9 @@ __global__ void invert_kernel(BendPointers in) {
   for (auto i = static_cast<int>(own_index()); i < in.width * in.height;
        i += kStepBlocks * kThreads) {
     const float depth = in.depth[i];
-    const bool solid = in.alpha[i] > static_cast<float>(kSolid) && depth > 0.0f;
-    const float inverse = solid ? 1.0f / fmaxf(depth, static_cast<float>(kBendNearest)) : 0.0f;
+    const bool solid = in.alpha[i] > static_cast<float>(step::kSolid) && depth > 0.0f;
+    const float inverse =
+        solid ? 1.0f / fmaxf(depth, static_cast<float>(step::kBendNearest)) : 0.0f;
     in.inverse[i] = inverse;
     in.grey[i] = (in.picture[3 * i] + in.picture[3 * i + 1] + in.picture[3 * i + 2]) / 3.0f;
     sums[0] += solid ? 1.0f : 0.0f;
@@ -158,8 +161,8 @@ __device__ Bend bend_at(const BendPointers& in, int i, int step) {
   };
   const auto solid = [&in](int at) { return in.inverse[at] > 0.0f ? 1.0f : 0.0f; };
   const float gap = fabsf(solid(i - step) + solid(i + step) - 2.0f * solid(i));
-  const float even = expf(fabsf(second(in.grey)) / static_cast<float>(-kBendEdge) -
-                          gap / static_cast<float>(kBendGap));
+  const float even = expf(fabsf(second(in.grey)) / static_cast<float>(-step::kBendEdge) -
+                          gap / static_cast<float>(step::kBendGap));
   const float bend = second(in.inverse);
   return {even * fabsf(bend), bend > 0.0f ? even : (bend < 0.0f ? -even : 0.0f)};
 }
@@ -171,10 +174,10 @@ __global__ void bend_kernel(BendPointers in) {
   for (auto i = static_cast<int>(own_index()); i < pixels; i += kStepBlocks * kThreads) {
     const int row = i / in.width;
     const int column = i - row * in.width;
-    const bool inside = row >= kBendReach && row < in.height - kBendReach && column >= kBendReach &&
-                        column < in.width - kBendReach;
-    const Bend down = inside ? bend_at(in, i, kBendReach * in.width) : Bend{};
-    const Bend across = inside ? bend_at(in, i, kBendReach) : Bend{};
+    const bool inside = row >= step::kBendReach && row < in.height - step::kBendReach &&
+                        column >= step::kBendReach && column < in.width - step::kBendReach;
+    const Bend down = inside ? bend_at(in, i, step::kBendReach * in.width) : Bend{};
+    const Bend across = inside ? bend_at(in, i, step::kBendReach) : Bend{};
     in.pulls[i] = down.pull;
     in.pulls[pixels + i] = across.pull;
     sums[0] += down.value + across.value;
@@ -190,9 +193,9 @@ __global__ void finish_bend_kernel(BendPointers in, float* bent) {
   add_up(in.partials, inverses);
   add_up(in.partials + kStepBlocks * kBendSums, bends);
   if (threadIdx.x != 0) return;
-  const auto differences = static_cast<float>(2 * (in.width - 2 * kBendReach)) *
-                           static_cast<float>(in.height - 2 * kBendReach);
-  const float scale = inverses[0] / fmaxf(inverses[1], static_cast<float>(kLeastDivisor));
+  const auto differences = static_cast<float>(2 * (in.width - 2 * step::kBendReach)) *
+                           static_cast<float>(in.height - 2 * step::kBendReach);
+  const float scale = inverses[0] / fmaxf(inverses[1], static_cast<float>(step::kLeastDivisor));
   *in.factor = scale / differences;
   *bent = *in.factor * bends[0];
 }
@@ -205,17 +208,17 @@ __global__ void bend_backward_kernel(BendPointers in, const float* by_bent, floa
   const int row = i / in.width;
   const int column = i - row * in.width;
   const float inverse = in.inverse[i];
-  if (inverse == 0.0f || in.depth[i] < static_cast<float>(kBendNearest)) {
+  if (inverse == 0.0f || in.depth[i] < static_cast<float>(step::kBendNearest)) {
     gradient[i] = 0.0f;
     return;
   }
   const float* const down = in.pulls;
   const float* const across = in.pulls + pixels;
   float sum = -2.0f * (down[i] + across[i]);
-  if (row >= kBendReach) sum += down[i - kBendReach * in.width];
-  if (row < in.height - kBendReach) sum += down[i + kBendReach * in.width];
-  if (column >= kBendReach) sum += across[i - kBendReach];
-  if (column < in.width - kBendReach) sum += across[i + kBendReach];
+  if (row >= step::kBendReach) sum += down[i - step::kBendReach * in.width];
+  if (row < in.height - step::kBendReach) sum += down[i + step::kBendReach * in.width];
+  if (column >= step::kBendReach) sum += across[i - step::kBendReach];
+  if (column < in.width - step::kBendReach) sum += across[i + step::kBendReach];
   gradient[i] = -inverse * inverse * *in.factor * *by_bent * sum;
 }
 

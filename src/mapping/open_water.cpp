@@ -12,7 +12,7 @@ namespace {
 using torch::Tensor;
 
 Tensor mean_around(const Tensor& planes) {
-  return torch::avg_pool2d(planes, kOpenSquare, 1, kOpenSquare / 2, /*ceil_mode=*/false,
+  return torch::avg_pool2d(planes, step::kOpenSquare, 1, step::kOpenSquare / 2, /*ceil_mode=*/false,
                            /*count_include_pad=*/false);
 }
 
@@ -23,7 +23,7 @@ std::pair<Tensor, Tensor> evenness(const Tensor& picture) {
   const Tensor planes = picture.permute({2, 0, 1});
   const Tensor mean = mean_around(planes);
   const Tensor texture = mean_around(planes.square()).sub_(mean.square()).amax(0);
-  return {mean, texture < kOpenTexture * kOpenTexture};
+  return {mean, texture < step::kOpenTexture * step::kOpenTexture};
 }
 
 Tensor open_water(const Tensor& picture, const Tensor& water) {

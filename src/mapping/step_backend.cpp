@@ -16,13 +16,14 @@ using torch::Tensor;
 /// convolution with so few taps so far apart is slow.
 Tensor second_differences(const Tensor& image) {
   const auto part = [&image](std::int64_t down, std::int64_t across) {
-    return image.narrow(-2, down, image.size(-2) - 2 * kBendReach)
-        .narrow(-1, across, image.size(-1) - 2 * kBendReach);
+    return image.narrow(-2, down, image.size(-2) - 2 * step::kBendReach)
+        .narrow(-1, across, image.size(-1) - 2 * step::kBendReach);
   };
-  const Tensor twice = 2.0 * part(kBendReach, kBendReach);
-  return torch::stack({part(0, kBendReach) + part(2 * kBendReach, kBendReach) - twice,
-                       part(kBendReach, 0) + part(kBendReach, 2 * kBendReach) - twice},
-                      -3);
+  const Tensor twice = 2.0 * part(step::kBendReach, step::kBendReach);
+  return torch::stack(
+      {part(0, step::kBendReach) + part(2 * step::kBendReach, step::kBendReach) - twice,
+       part(step::kBendReach, 0) + part(step::kBendReach, 2 * step::kBendReach) - twice},
+      -3);
 }
 
 }  // namespace
@@ -36,17 +37,19 @@ Tensor StepBackend::target(const TargetInput& in) const {
 
 void StepBackend::match_gain(const GainInput& in) const {
   const torch::NoGradGuard no_grad;
-  const Tensor counts =
-      ((in.alpha > kSolid) & (in.picture.amax(2) < kSaturated)).to(in.log_gain.options());
+  const Tensor counts = ((in.alpha > step::kSolid) & (in.picture.amax(2) < step::kSaturated))
+                            .to(in.log_gain.options());
   const Tensor weight = counts.unsqueeze(2);
   const Tensor light = (weight * in.drawn).sum();
-  const Tensor wanted =
-      ((weight * in.picture).sum() / light.clamp_min(kLeastDivisor)).clamp_min(kLeastGain).log();
+  const Tensor wanted = ((weight * in.picture).sum() / light.clamp_min(step::kLeastDivisor))
+                            .clamp_min(step::kLeastGain)
+                            .log();
   const Tensor pixels = counts.sum();
-  const Tensor usable = (pixels > kLeastShare * static_cast<double>(counts.numel())) &
-                        (light > kLeastLight * 3.0 * pixels);
+  const Tensor usable = (pixels > step::kLeastShare * static_cast<double>(counts.numel())) &
+                        (light > step::kLeastLight * 3.0 * pixels);
   Tensor own = in.log_gain;
-  const Tensor change = in.share * (wanted - own).clamp(-kMostChange, kMostChange) - kForgets * own;
+  const Tensor change =
+      in.share * (wanted - own).clamp(-step::kMostChange, step::kMostChange) - step::kForgets * own;
   own.add_(torch::where(usable, change, torch::zeros_like(change)));
 }
 
@@ -54,7 +57,7 @@ Tensor StepBackend::open_water(const Tensor& picture, const Tensor& water) const
   const torch::NoGradGuard no_grad;
   const auto [mean, even] = evenness(picture);
   const Tensor veil = water.permute({2, 0, 1});
-  return even & ((mean - veil).abs() < kOpenOffset + kOpenRelative * veil).all(0);
+  return even & ((mean - veil).abs() < step::kOpenOffset + step::kOpenRelative * veil).all(0);
 }
 
 void StepBackend::observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const {
@@ -71,12 +74,13 @@ Tensor StepBackend::bentness(const Tensor& depth, const Tensor& alpha,
   Tensor solid, even, scale;
   {
     const torch::NoGradGuard no_grad;
-    solid = ((alpha > kSolid) & (depth > 0.0)).to(depth.scalar_type());
-    scale = solid.sum() / (solid / depth.clamp_min(kBendNearest)).sum().clamp_min(kLeastDivisor);
+    solid = ((alpha > step::kSolid) & (depth > 0.0)).to(depth.scalar_type());
+    scale = solid.sum() /
+            (solid / depth.clamp_min(step::kBendNearest)).sum().clamp_min(step::kLeastDivisor);
     const Tensor change = second_differences(torch::stack({picture.mean(2), solid})).abs();
-    even = torch::exp(change[0] / -kBendEdge - change[1] / kBendGap);
+    even = torch::exp(change[0] / -step::kBendEdge - change[1] / step::kBendGap);
   }
-  const Tensor inverse = solid / depth.clamp_min(kBendNearest);
+  const Tensor inverse = solid / depth.clamp_min(step::kBendNearest);
   return scale * (even * second_differences(inverse).abs()).mean();
 }
 

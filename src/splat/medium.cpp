@@ -92,6 +92,11 @@ Tensor apply_medium(const Tensor& color, const Tensor& depth, const Tensor& alph
   if (column.ray_lengths.defined()) {
     check_like(column.ray_lengths, "ray_lengths", depth.sizes(), color);
   }
+  if (const Tensor& haze = column.haze; haze.defined()) {
+    TORCH_CHECK(haze.dim() == 5 && haze.is_contiguous() && haze.size(2) > 1 && haze.size(3) > 1,
+                "medium: the haze is no table, but has shape ", haze.sizes());
+    check_like(haze, "haze", {1, 3, haze.size(2), haze.size(3), haze.size(3)}, color);
+  }
   return ApplyMedium::apply(color, depth, alpha, medium.beta_d, medium.beta_b, medium.b_inf,
                             column);
 }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <limits>
 #include <vector>
 
 #include "devices.hpp"
@@ -230,6 +231,20 @@ TEST(Medium, RefusesShapesAndTypesThatDoNotFit) {
   EXPECT_THROW(
       apply_medium(scene.color, scene.range.to(torch::kFloat64), scene.alpha, scene.medium),
       c10::Error);
+}
+
+TEST(Medium, RefusesAHazeThatIsNoTableAndStandsRangesThatAreNoNumbers) {
+  const Scene scene = make_scene(torch::dtype(torch::kFloat32));
+  WaterColumn column = make_column(scene.range);
+  const auto seen = [&](const Tensor& range) {
+    return apply_medium(scene.color, range, scene.alpha, scene.medium, column);
+  };
+  Tensor broken = scene.range.detach().clone();
+  broken[2][3] = std::numeric_limits<float>::quiet_NaN();
+  const Tensor image = seen(broken);
+  EXPECT_TRUE(torch::equal(image[1], seen(scene.range)[1]));
+  column.haze = column.haze[0];
+  EXPECT_THROW(seen(scene.range), c10::Error);
 }
 
 TEST(MediumParameters, AreTheInverseOfTheMediumTheyCameFrom) {

@@ -2,7 +2,7 @@
 #pragma once
 
 /// Numbers that every backend of a training step must agree on; no LibTorch here.
-namespace apvi::mapping {
+namespace apvi::mapping::step {
 
 inline constexpr double kSolid = 0.5;  ///< alpha from which a pixel is a surface
 inline constexpr double kLeastDivisor = 1e-6;
@@ -28,4 +28,4 @@ inline constexpr double kBendNearest = 1e-3;  ///< [m]
 inline constexpr double kBendEdge = 0.05;  ///< second difference of a grey level (0 to 1): an edge
 inline constexpr double kBendGap = 0.02;   ///< of what is solid: what ends there is not bent
 
-}  // namespace apvi::mapping
+}  // namespace apvi::mapping::step

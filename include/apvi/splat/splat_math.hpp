@@ -109,11 +109,12 @@ struct HazePlace {
   int corner;
   T along, across, down;
 };
-/// At `x`, `y` (0 to 1 over the picture) and a range [m]. The steps grow with its square.
+/// At `x`, `y` (0 to 1 over the picture) and a range [m]. The steps grow with its square. A range
+/// that is no number counts as none.
 template <typename T>
 APVI_HD inline HazePlace<T> haze_place(const HazeTable<T>& table, T x, T y, T range) {
-  const T step = std::sqrt(at_most(at_least(range / table.reach_m, T(0)), T(1))) *
-                 static_cast<T>(table.steps - 1);
+  const T part = range > T(0) ? at_most(range / table.reach_m, T(1)) : T(0);
+  const T step = std::sqrt(part) * static_cast<T>(table.steps - 1);
   const T column = x * static_cast<T>(table.nodes - 1);
   const T row = y * static_cast<T>(table.nodes - 1);
   const int s = at_most(static_cast<int>(step), table.steps - 2);
