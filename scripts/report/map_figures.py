@@ -75,6 +75,38 @@ def views(run):
     return [view(run, stamps[i]) for i in chosen] if stamps else [], len(stamps)
 
 
+def view_panels(run):
+    """(title, [(values, color, name)]) of what views.csv can show of the held-out views."""
+    table = run.views
+    if table is None or not np.issubdtype(table["image"].dtype, np.number):
+        return []
+    panels = [("PSNR [dB]", [("psnr_db", style.BLUE, "map"),
+                             ("psnr_median_image_db", style.REFERENCE, "median image")]),
+              ("depth, RMSE [m]", [("depth_rmse_m", style.ORANGE, None)]),
+              ("without water, PSNR [dB]", [("restored_psnr_db", style.TEAL, None)])]
+    found = [(title, [(table[key], color, name) for key, color, name in curves
+                      if key in table and np.isfinite(table[key]).any()])
+             for title, curves in panels]
+    return [(title, curves) for title, curves in found if curves]
+
+
+def views_over_time(run):
+    """Every held-out view's figures: where the map is weak, a mean does not say."""
+    panels = view_panels(run)
+    figure, all_axes = pyplot.subplots(len(panels), 1, squeeze=False, sharex=True,
+                                       figsize=(style.WIDTH, 0.5 + 1.7 * len(panels)))
+    time = run.views["image"] * 1e-9 - run.start_s
+    for axes, (title, curves) in zip(all_axes.flat, panels):
+        for values, color, name in curves:
+            axes.plot(time, values, color=color, marker="o", markersize=3.5, linestyle="none",
+                      label=name)
+        axes.set_title(title, fontweight="normal")
+        if len(curves) > 1:
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    all_axes[-1][0].set_xlabel("time [s]")
+    return figure
+
+
 def water(run):
     """Coefficients by colour, beside the truth where it is known."""
     figure, all_axes = pyplot.subplots(

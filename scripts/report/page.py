@@ -123,7 +123,13 @@ def map_section(run, _):
             "on the right what the map makes of it.")
     if len(views) < count:
         note += f" {len(views)} of {count} views."
-    return Section("Map", note=note, views=views)
+    pictures = []
+    if map_figures.view_panels(run):
+        pictures.append(template.picture(
+            lambda: map_figures.views_over_time(run), "held-out views over time",
+            "Every view that the map never learnt from. Its median image is what sees nothing but "
+            "the water."))
+    return Section("Map", pictures, note=note, views=views)
 
 
 def water_section(run, _):

@@ -68,6 +68,7 @@ class Run:
     health: Table = None           # a row a camera frame
     timing: Table = None           # likewise
     mapping: Table = None          # the map's progress
+    views: Table = None            # a row a held-out view
     medium: dict = None            # the water as it was found
     true_medium: dict = None       # and as it is, where that is known
     dataset: pathlib.Path = None
@@ -271,6 +272,7 @@ def load(folder):
               health=read_table(folder / "health.csv"),
               timing=read_table(folder / "timing.csv"),
               mapping=read_table(folder / "mapping.csv"),
+              views=read_table(folder / "renders" / "views.csv"),
               medium=read_json(folder / "medium.json"), renders=read_renders(folder / "renders"),
               date=datetime.datetime.fromtimestamp(trajectory.stat().st_mtime))
     path = run.setting("dataset", "path")

@@ -172,6 +172,9 @@ def add_camera_and_map(folder):
         for kind, color in (("truth", "teal"), ("render", "green"), ("restored", "olive"),
                             ("depth", None)):
             write_picture(folder.run / "renders" / f"{START_NS + i}_{kind}.png", color)
+    folder.write(folder.run / "renders" / "views.csv",
+                 "#image,psnr_db,ssim,psnr_median_image_db,depth_rmse_m,restored_psnr_db\n" + "".join(
+                     f"{START_NS + i * 10**9},{25 + i},0.9,20,{'' if i % 2 else 0.1},\n" for i in range(9)))
     write_picture(folder.dataset / "truth" / "clear" / f"{START_NS}.png", "khaki")
 
 
@@ -299,11 +302,19 @@ class RunWithAMap(Case):
         self.assert_sections(html, "Trajectory", "Map", "Error over time", "Vision", "Water",
                              "Consistency", "Calibration", "Sensors", "Computing time", "Metrics",
                              "Configuration")
-        self.assertEqual(len(pictures_in(html)), 12)
+        self.assertEqual(len(pictures_in(html)), 13)
 
     def test_every_figure_is_there_for_a_phone_too(self):
         html = self.make()
-        self.assertEqual(len(re.findall(r'srcset="data:image/svg\+xml', html)), 12)
+        self.assertEqual(len(re.findall(r'srcset="data:image/svg\+xml', html)), 13)
+
+    def test_every_held_out_view_has_its_figures(self):
+        from report import map_figures, run_data  # pylint: disable=import-outside-toplevel
+        add_camera_and_map(self.folder)
+        panels = map_figures.view_panels(run_data.load(self.folder.run))
+        self.assertEqual([title for title, _ in panels], ["PSNR [dB]", "depth, RMSE [m]"])
+        self.assertEqual(list(panels[0][1][0][0]), [25.0 + i for i in range(9)])
+        self.assertEqual([name for _, _, name in panels[0][1]], ["map", "median image"])
 
     def test_views_can_be_slid_over(self):
         html = self.make()
