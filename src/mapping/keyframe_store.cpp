@@ -73,7 +73,7 @@ splat::View KeyframeStore::view(std::size_t i, int factor) const {
 }
 
 Tensor to_numbers(const Tensor& bytes, int factor) {
-  const Tensor numbers = bytes.to(torch::kFloat32) / 255.0;
+  Tensor numbers = bytes.to(torch::kFloat32) / 255.0;
   if (factor == 1) return numbers;
   const Tensor planes = numbers.permute({2, 0, 1}).unsqueeze(0);
   return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();

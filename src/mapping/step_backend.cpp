@@ -15,15 +15,15 @@ using torch::Tensor;
 /// Second differences [...,2,H-2r,W-2r] of [...,H,W], down and across, r = kBendReach. By slices: a
 /// convolution with so few taps so far apart is slow.
 Tensor second_differences(const Tensor& image) {
+  constexpr std::int64_t kReach = step::kBendReach;
   const auto part = [&image](std::int64_t down, std::int64_t across) {
-    return image.narrow(-2, down, image.size(-2) - 2 * step::kBendReach)
-        .narrow(-1, across, image.size(-1) - 2 * step::kBendReach);
+    return image.narrow(-2, down, image.size(-2) - 2 * kReach)
+        .narrow(-1, across, image.size(-1) - 2 * kReach);
   };
-  const Tensor twice = 2.0 * part(step::kBendReach, step::kBendReach);
-  return torch::stack(
-      {part(0, step::kBendReach) + part(2 * step::kBendReach, step::kBendReach) - twice,
-       part(step::kBendReach, 0) + part(step::kBendReach, 2 * step::kBendReach) - twice},
-      -3);
+  const Tensor twice = 2.0 * part(kReach, kReach);
+  return torch::stack({part(0, kReach) + part(2 * kReach, kReach) - twice,
+                       part(kReach, 0) + part(kReach, 2 * kReach) - twice},
+                      -3);
 }
 
 }  // namespace
