@@ -177,12 +177,13 @@ Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, cons
   return backend.target(input);
 }
 
-DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64_t seed) {
+DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64_t seed,
+                                  std::int64_t passed) {
   const DensifyResult result =
       mapping::densify(store_, statistics_, options_.densify, extent, limit, seed);
   statistics_.begin_round();
   // Whether it is time can be told from what checkpoints hold.
-  if (store_.steps() % kReorderSteps < options_.densify.interval) reorder();
+  if (store_.steps() % kReorderSteps < passed) reorder();
   return result;
 }
 

@@ -73,7 +73,6 @@ Mapper::Mapper(const MapperOptions& options)
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
-  options_.trainer.densify.interval = options.online.densify_interval;
 }
 
 Intake Mapper::judge(const MapperInput& input) const {
@@ -284,14 +283,24 @@ double Mapper::step() {
   return losses_.newest();
 }
 
+// Two keyframes' steps, within bounds.
+std::int64_t Mapper::round_length() const {
+  const std::int64_t shortest = options_.trainer.densify.interval;
+  const std::int64_t longest = options_.online.densify_interval;
+  const auto views = static_cast<std::int64_t>(std::max<std::size_t>(1, schedule_.size()));
+  return std::max(shortest, std::min(longest, 2 * iteration_ / views));
+}
+
 void Mapper::maybe_densify() {
-  const DensifyOptions& d = options_.trainer.densify;
-  if (final_start_ || d.kind == Densification::none || iteration_ % d.interval != 0) return;
+  const std::int64_t passed = iteration_ - last_round_;
+  if (final_start_ || options_.trainer.densify.kind == Densification::none) return;
+  if (passed < round_length()) return;
+  last_round_ = iteration_;
   const auto entry = times_.enter("growth");
   const std::int64_t before = size();
   const std::int64_t most = before + std::min(static_cast<std::int64_t>(growth_), room());
-  const DensifyResult result =
-      learner_->densify(extent_, most, seed_of(options_.trainer.seed, Stream::split, iteration_));
+  const DensifyResult result = learner_->densify(
+      extent_, most, seed_of(options_.trainer.seed, Stream::split, iteration_), passed);
   growth_ -= static_cast<double>(std::max<std::int64_t>(0, size() - before));
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());

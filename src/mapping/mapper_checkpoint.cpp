@@ -97,6 +97,7 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   archive.write("extent", c10::IValue(extent_));
   archive.write("growth", c10::IValue(growth_));
   archive.write("iteration", c10::IValue(iteration_));
+  archive.write("last_round", c10::IValue(last_round_));
   archive.write("heldout_stride", c10::IValue(heldout_stride_));
   const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
   archive.write("waiting", torch::tensor(waiting, torch::kInt64));
@@ -138,6 +139,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.extent_ = read_double(archive, "extent");
     read.growth_ = read_double(archive, "growth");
     read.iteration_ = read_int(archive, "iteration");
+    read.last_round_ = read_int(archive, "last_round");
     read.heldout_stride_ = read_int(archive, "heldout_stride");
     read.clears_ns_ = read_int(archive, "clears_ns");
     read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));

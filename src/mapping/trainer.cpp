@@ -108,8 +108,8 @@ void Trainer::maybe_densify() {
   const std::int64_t limit =
       initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
   if (d.kind != Densification::gradient) insert_random();
-  const DensifyResult result =
-      learner_.densify(extent_, limit, seed_of(options_.seed, Stream::split, iteration_));
+  const DensifyResult result = learner_.densify(
+      extent_, limit, seed_of(options_.seed, Stream::split, iteration_), d.interval);
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());
 }

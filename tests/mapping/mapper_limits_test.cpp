@@ -213,7 +213,6 @@ TEST(MapLearner, LearnsOnFromAnotherOrderAsItWouldHave) {
 TEST(MapLearner, PutsNeighboursTogetherNowAndThenAndResumesThere) {
   const KeyframeStore keyframes = test::photographs(test::wall_of_gaussians());
   TrainerOptions options;
-  options.densify.interval = 1000;  // as often as the map grows
   MapLearner learner(test::wall_of_gaussians(), options, keyframes.size());
   const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
   learner.step(keyframes, 1, settings);
@@ -226,7 +225,7 @@ TEST(MapLearner, PutsNeighboursTogetherNowAndThenAndResumesThere) {
   MapLearner again(test::wall_of_gaussians(), options, keyframes.size());
   again.load(in);
   for (MapLearner* one : {&learner, &again}) {
-    one->densify(1.0, one->size(), 0);
+    one->densify(1.0, one->size(), 0, 1000);  // as many as pass from one order to the next
     const Tensor order = splat::morton_order(one->map().means);
     EXPECT_TRUE(torch::equal(order.cpu(), torch::arange(one->size())));
     one->step(keyframes, 2, settings);

@@ -30,6 +30,7 @@ MapperOptions quick_options() {
   options.trainer.rates.means = 1e-3;
   options.trainer.rates.sh_dc = 1e-2;
   options.trainer.densify.kind = Densification::none;
+  options.trainer.densify.interval = 20;
   options.online.densify_interval = 20;
   options.trainer.densify.max_gaussians = 900;
   options.online.medium_after = 3;

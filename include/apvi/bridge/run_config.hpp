@@ -102,8 +102,9 @@ struct OnlineSection : mapping::OnlineOptions {
       "of the room that a keyframe finds, so much may go to cloning and splitting, which would "
       "take all of it in seconds");
     v("densify_interval", densify_interval, Range{1, 1000000},
-      "as mapping.densify.interval while keyframes come in: what depth has made needs time to "
-      "settle before it is judged");
+      "while keyframes come in, a round of mapping.densify takes two keyframes' steps, its "
+      "interval "
+      "at least and this at most: what depth has made needs time to settle before it is judged");
     v("late_rates", late_rates, Range{0.01, 1.0},
       "part of their rates that a map's parameters learn at in the end, while it grows");
     v("late_rates_steps", late_rates_steps, Range{1, 100000000},

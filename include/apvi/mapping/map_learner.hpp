@@ -50,7 +50,8 @@ class MapLearner {
   torch::Tensor step(const KeyframeStore& keyframes, std::size_t i, const StepSettings& settings);
 
   /// A round of growth, up to `limit` Gaussians, and of pruning.
-  DensifyResult densify(double extent, std::int64_t limit, std::uint64_t seed);
+  /// `passed`: steps since the last round.
+  DensifyResult densify(double extent, std::int64_t limit, std::uint64_t seed, std::int64_t passed);
   /// Adds Gaussians; `anchors` as in GaussianStore.
   void insert(const splat::Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Takes out those where `remove` [size()] (bool) is set.

@@ -138,6 +138,7 @@ class Mapper {
   std::int64_t make_room(std::int64_t wanted);
   void maybe_survey_water();
   void survey_water();
+  std::int64_t round_length() const;
   void maybe_densify();
   int reduction(std::size_t view) const;
   LearningRates rates() const;
@@ -160,6 +161,7 @@ class Mapper {
   double growth_ = 0.0;          ///< Gaussians that may still come from doubling and splitting
   double extent_ = 0.0;          ///< what sizes and rates are measured in [m]; 0: nothing seen
   std::int64_t iteration_ = 0;
+  std::int64_t last_round_ = 0;  ///< of growth and pruning: the iteration
   std::optional<std::int64_t> final_start_;
   double final_seconds_ = 0.0;
   Timesheet times_;

@@ -117,9 +117,10 @@ struct OnlineOptions {
   bool align = true;  ///< whether keyframes are put where the map that they meet again has them
   double keyframe_share = 0.02;  ///< of the largest map, for one keyframe's Gaussians at most
   double growth_share = 0.01;    ///< of the room left at a keyframe, for cloning and splitting
-  /// Steps between two rounds of growth and pruning. What has come from depth needs time to settle:
-  /// after so few as DensifyOptions::interval it is pulled at as if it were to be cloned, and what
-  /// hardly a view has shown yet goes.
+  /// Steps between two rounds of growth and pruning: as many as two keyframes have, but at least
+  /// DensifyOptions::interval and at most so many. What has come from depth needs time to settle:
+  /// before that it is pulled at as if it were to be cloned, and what hardly a view has shown yet
+  /// goes.
   int densify_interval = 300;
   double drift_m = 0.002;       ///< of odometry against the map, thought possible a second
   double drift_deg = 0.01;      ///< the same of directions
