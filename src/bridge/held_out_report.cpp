@@ -82,6 +82,17 @@ constexpr std::array<NamedFigure, 6> kFigures = {
      {"restored_psnr_db", &TruthErrors::restored_psnr_db},
      {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
 
+struct ImageFigure {
+  const char* name;
+  std::optional<double> mapping::ImageMetrics::*value;
+};
+constexpr std::array<ImageFigure, 5> kImageFigures = {
+    {{"psnr_db", &mapping::ImageMetrics::psnr_db},
+     {"ssim", &mapping::ImageMetrics::ssim},
+     {"ms_ssim", &mapping::ImageMetrics::ms_ssim},
+     {"lpips", &mapping::ImageMetrics::lpips},
+     {"psnr_median_image_db", &mapping::ImageMetrics::psnr_median_image_db}}};
+
 TruthErrors compare(const mapping::Picture& picture, const mapping::Keyframe& keyframe,
                     const SimulatedTruth& truth, const std::optional<splat::Medium>& water) {
   const auto cpu = [](const torch::Tensor& t) { return t.to(torch::kCPU, torch::kFloat32); };
@@ -133,13 +144,13 @@ std::string cell(const std::optional<double>& value) {
 void write_views(const std::filesystem::path& file, const mapping::KeyframeStore& keyframes,
                  const std::vector<mapping::ImageMetrics>& images,
                  const std::vector<TruthErrors>& errors) {
-  std::string text = "#image,psnr_db,ssim,ms_ssim,lpips,psnr_median_image_db";
+  std::string text = "#image";
+  for (const ImageFigure& figure : kImageFigures) text += fmt::format(",{}", figure.name);
   for (const NamedFigure& figure : kFigures) text += fmt::format(",{}", figure.name);
   text += '\n';
   for (std::size_t k = 0; k < images.size(); ++k) {
-    const mapping::ImageMetrics& m = images[k];
-    text += keyframes[keyframes.held_out()[k]].name + cell(m.psnr_db) + cell(m.ssim) +
-            cell(m.ms_ssim) + cell(m.lpips) + cell(m.psnr_median_image_db);
+    text += keyframes[keyframes.held_out()[k]].name;
+    for (const ImageFigure& figure : kImageFigures) text += cell(images[k].*figure.value);
     const TruthErrors none;
     const TruthErrors& view = k < errors.size() ? errors[k] : none;
     for (const NamedFigure& figure : kFigures) text += cell(view.*figure.value);
@@ -175,11 +186,7 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
       mapping::evaluate_images(map, keyframes, keyframes.held_out(), perceptual);
   write_views(folder / "views.csv", keyframes, images, errors);
   const mapping::ImageMetrics metrics = mapping::mean_of(images);
-  put(json, "psnr_db", metrics.psnr_db);
-  put(json, "ssim", metrics.ssim);
-  put(json, "ms_ssim", metrics.ms_ssim);
-  put(json, "lpips", metrics.lpips);
-  put(json, "psnr_median_image_db", metrics.psnr_median_image_db);
+  for (const ImageFigure& figure : kImageFigures) put(json, figure.name, metrics.*figure.value);
   json["heldout_views"] = keyframes.held_out().size();
   put(json, "psnr_all_keyframes_db", mapping::mean_psnr(map, keyframes, keyframes.training()));
   return json;
