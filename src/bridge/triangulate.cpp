@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <opencv2/core/utility.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -18,12 +19,15 @@
 #include "apvi/bridge/camera_conversion.hpp"
 #include "apvi/bridge/initial_points.hpp"
 #include "apvi/core/progress.hpp"
+#include "apvi/splat/device.hpp"
 
 namespace apvi::bridge {
 namespace {
 
 using Matrix34 = Eigen::Matrix<double, 3, 4>;
 
+constexpr std::size_t kPictures = 400;  // a dive has thousands, most of which see the same again
+constexpr std::size_t kAtOnce = 16;     // whose features are looked for between two signs of life
 constexpr int kFeatures = 2000;         // per image
 constexpr std::size_t kNeighbours = 8;  // images that each is matched with
 constexpr float kRatio = 0.8F;          // Lowe's test
@@ -36,7 +40,7 @@ constexpr double kMostTurnDeg = 60.0;  // SIFT finds little beyond
 /// A picture with its features. Pixels in the convention of `splat`.
 struct Picture {
   std::vector<Eigen::Vector2d> pixels;
-  cv::Mat descriptors;
+  torch::Tensor descriptors;  ///< [n,128] whole numbers as float32
   cv::Mat bgr;
   SE3 T_camera_world;
   splat::Intrinsics camera;
@@ -50,7 +54,7 @@ struct Picture {
   Eigen::Vector3d center() const { return T_camera_world.inverse().translation; }
 };
 
-Picture make_picture(const mapping::Keyframe& keyframe, cv::SIFT& sift) {
+Picture make_picture(const mapping::Keyframe& keyframe) {
   Picture picture;
   picture.bgr = to_image(keyframe.image);
   picture.T_camera_world = to_se3(keyframe.T_camera_world);
@@ -58,10 +62,31 @@ Picture make_picture(const mapping::Keyframe& keyframe, cv::SIFT& sift) {
   cv::Mat grey;
   cv::cvtColor(picture.bgr, grey, cv::COLOR_BGR2GRAY);
   std::vector<cv::KeyPoint> points;
-  sift.detectAndCompute(grey, cv::noArray(), points, picture.descriptors);
+  cv::Mat found;
+  cv::SIFT::create(kFeatures)->detectAndCompute(grey, cv::noArray(), points, found);
   for (const cv::KeyPoint& point : points)
     picture.pixels.emplace_back(point.pt.x + 0.5, point.pt.y + 0.5);
+  picture.descriptors = torch::empty({found.rows, found.cols});
+  std::copy_n(found.ptr<float>(), found.total(), picture.descriptors.data_ptr<float>());
   return picture;
+}
+
+std::vector<Picture> make_pictures(const mapping::KeyframeStore& store) {
+  const std::vector<std::size_t>& views = store.training();
+  const std::size_t count = std::min(kPictures, views.size());
+  std::vector<Picture> pictures(count);
+  StatusLine status("finding features");
+  for (std::size_t begin = 0; begin < count; begin += kAtOnce) {
+    const std::size_t end = std::min(count, begin + kAtOnce);
+    cv::parallel_for_({static_cast<int>(begin), static_cast<int>(end)}, [&](const cv::Range& part) {
+      for (auto i = static_cast<std::size_t>(part.start); i < static_cast<std::size_t>(part.end);
+           ++i) {
+        pictures[i] = make_picture(store[views[i * views.size() / count]]);
+      }
+    });
+    status.update(static_cast<double>(end) / static_cast<double>(count), "");
+  }
+  return pictures;
 }
 
 // Pairs worth matching: near in place and direction, with some baseline.
@@ -92,19 +117,32 @@ Eigen::Matrix3d fundamental(const Picture& a, const Picture& b) {
   return b.K().inverse().transpose() * cross * T_b_a.rotation.toRotationMatrix() * a.K().inverse();
 }
 
-std::vector<std::pair<int, int>> match(const Picture& a, const Picture& b) {
-  std::vector<std::pair<int, int>> matches;
-  if (a.descriptors.rows < 2 || b.descriptors.rows < 2) return matches;
-  std::vector<std::vector<cv::DMatch>> candidates;
-  cv::FlannBasedMatcher().knnMatch(a.descriptors, b.descriptors, candidates, 2);
+// The two most alike of `b` for each of `a`, [n_a,2] each: squared distances and which. The whole
+// table as a product of matrices: exact, as descriptors are whole numbers, and faster than a tree.
+std::pair<torch::Tensor, torch::Tensor> two_nearest(const torch::Tensor& a,
+                                                    const torch::Tensor& b) {
+  const torch::Tensor squared =
+      torch::addmm(b.square().sum(1), a, b.t(), /*beta=*/1, /*alpha=*/-2) +
+      a.square().sum(1, /*keepdim=*/true);
+  const auto [distances, which] = squared.topk(2, 1, /*largest=*/false);
+  return {distances.cpu(), which.cpu()};
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> match(const Picture& a, const Picture& b) {
+  std::vector<std::pair<std::size_t, std::size_t>> matches;
+  if (a.pixels.empty() || b.pixels.size() < 2) return matches;
+  const torch::Device device = splat::active_device();
+  const auto [squared, which] = two_nearest(a.descriptors.to(device), b.descriptors.to(device));
+  const float* d = squared.data_ptr<float>();
+  const std::int64_t* nearest = which.data_ptr<std::int64_t>();
   const Eigen::Matrix3d F = fundamental(a, b);
-  for (const auto& pair : candidates) {
-    if (pair.size() < 2 || pair[0].distance > kRatio * pair[1].distance) continue;
-    const auto pa = a.pixels[static_cast<std::size_t>(pair[0].queryIdx)].homogeneous();
-    const auto pb = b.pixels[static_cast<std::size_t>(pair[0].trainIdx)].homogeneous();
-    const Eigen::Vector3d line = F * pa;
-    if (std::abs(line.dot(pb)) > kEpipolarPx * line.head<2>().norm()) continue;
-    matches.emplace_back(pair[0].queryIdx, pair[0].trainIdx);
+  for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+    if (d[2 * i] > kRatio * kRatio * d[2 * i + 1]) continue;
+    const auto j = static_cast<std::size_t>(nearest[2 * i]);
+    const Eigen::Vector3d line = F * a.pixels[i].homogeneous();
+    if (std::abs(line.dot(b.pixels[j].homogeneous())) > kEpipolarPx * line.head<2>().norm())
+      continue;
+    matches.emplace_back(i, j);
   }
   return matches;
 }
@@ -136,7 +174,7 @@ std::vector<std::vector<Observation>> find_tracks(const std::vector<Picture>& pi
   std::size_t done = 0;
   for (const auto& [i, j] : pairs) {
     for (const auto& [a, b] : match(pictures[i], pictures[j])) {
-      sets.join(first[i] + static_cast<std::size_t>(a), first[j] + static_cast<std::size_t>(b));
+      sets.join(first[i] + a, first[j] + b);
     }
     status.update(static_cast<double>(++done) / static_cast<double>(pairs.size()), "");
   }
@@ -197,9 +235,7 @@ Eigen::Vector3d color_at(const Picture& picture, const Eigen::Vector2d& pixel) {
 }  // namespace
 
 splat::PointCloud triangulate_points(const mapping::KeyframeStore& store) {
-  const auto sift = cv::SIFT::create(kFeatures);
-  std::vector<Picture> pictures;
-  for (const std::size_t i : store.training()) pictures.push_back(make_picture(store[i], *sift));
+  const std::vector<Picture> pictures = make_pictures(store);
   std::vector<float> positions;
   std::vector<float> colors;
   for (const auto& track : find_tracks(pictures)) {

@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <opencv2/imgproc.hpp>
+
+#include "apvi/bridge/camera_conversion.hpp"
 #include "apvi/bridge/posed_images.hpp"
 #include "apvi/core/error.hpp"
 #include "support/test_data.hpp"
@@ -50,6 +53,49 @@ TEST(InitialPoints, AFileThatIsNotThereIsNamedWithItsKey) {
     EXPECT_THAT(e.what(),
                 HasSubstr("mapping.initial_points: nowhere.ply: is none of sift, random"));
   }
+}
+
+// A wall two metres ahead, from cameras side by side: it is `kShift` pixels from one to the next.
+mapping::KeyframeStore wall_pictures(int count) {
+  constexpr int kShift = 4;
+  constexpr double kFocal = 200.0;
+  cv::Mat wall(120, 160 + kShift * count, CV_8UC3);
+  cv::RNG(7).fill(wall, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(wall, wall, {}, 2.0);
+  cv::normalize(wall, wall, 0, 255, cv::NORM_MINMAX);
+  mapping::KeyframeStore store;
+  for (int i = 0; i < count; ++i) {
+    const cv::Mat picture = wall(cv::Rect(kShift * i, 0, 160, 120)).clone();
+    mapping::Keyframe keyframe;
+    keyframe.intrinsics = {
+        .fx = kFocal, .fy = kFocal, .cx = 80.0, .cy = 60.0, .width = 160, .height = 120};
+    keyframe.T_camera_world = torch::eye(4, torch::kFloat64);
+    keyframe.T_camera_world[0][3] = -i * kShift * 2.0 / kFocal;
+    keyframe.image = to_tensor(picture);
+    store.add(keyframe);
+  }
+  return store;
+}
+
+TEST(InitialPoints, TriangulatedOnesLieOnTheWall) {
+  const splat::PointCloud points = triangulate_points(wall_pictures(8));
+  ASSERT_GT(points.positions.size(0), 100);
+  const torch::Tensor off = (points.positions.select(1, 2) - 2.0).abs();
+  EXPECT_LT(off.median().item<float>(), 0.02F);
+  EXPECT_LT(off.quantile(0.95).item<float>(), 0.2F);
+}
+
+TEST(InitialPoints, PicturesWithoutFeaturesGiveNone) {
+  mapping::KeyframeStore store = wall_pictures(1);
+  mapping::Keyframe grey = store[0];
+  grey.image = torch::full_like(grey.image, 128);
+  mapping::KeyframeStore plain;
+  for (int i = 0; i < 3; ++i) {
+    grey.T_camera_world = grey.T_camera_world.clone();
+    grey.T_camera_world[0][3] = -0.1 * i;
+    plain.add(grey);
+  }
+  EXPECT_EQ(triangulate_points(plain).positions.size(0), 0);
 }
 
 TEST(InitialPoints, TriangulatedOnesLieOnWhatColmapFound) {

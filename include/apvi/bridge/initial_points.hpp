@@ -21,9 +21,9 @@ splat::PointCloud read_colmap_points(const std::filesystem::path& path);
 /// The box around the cameras, grown on every side by `margin` of its diagonal (at least 1 m).
 mapping::Box camera_box(const mapping::KeyframeStore& store, double margin);
 
-/// Points matched between neighbouring training images by SIFT (Lowe, 2004) and triangulated with
-/// the given poses; those that do not reproject within 2 px, or were seen under less than 1.5
-/// degrees, are left out.
+/// Points matched between neighbouring training images (of more than 400, so many, evenly) by SIFT
+/// (Lowe, 2004) and triangulated with the given poses; those that do not reproject within 2 px, or
+/// were seen under less than 1.5 degrees, are left out.
 splat::PointCloud triangulate_points(const mapping::KeyframeStore& store);
 
 }  // namespace apvi::bridge
