@@ -5,6 +5,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <future>
 #include <utility>
 #include <vector>
 
@@ -249,11 +250,15 @@ void OnlineMap::resume() {
   mapper_.resume(options_.folder / kCheckpoint);
 }
 
+// The two large files side by side.
 void OnlineMap::save() {
+  const auto entry = times_.enter("saving");
   if (mapper_.size() > 0) {
+    auto checkpoint =
+        std::async(std::launch::async, [this] { mapper_.save(options_.folder / kCheckpoint); });
     write_map(options_.folder, mapper_.snapshot());
     io::write_tum(options_.folder / "keyframes.tum", keyframes());
-    mapper_.save(options_.folder / kCheckpoint);
+    checkpoint.get();
   }
   if (curve_) curve_->close();
 }
