@@ -3,8 +3,11 @@
 
 #include <torch/torch.h>
 
+#include <Eigen/QR>
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "apvi/core/error.hpp"
@@ -38,6 +41,33 @@ bool fill_maps(const CameraModel& camera, const CameraModel::Parameters& pinhole
     }
   }
   return true;
+}
+
+// As splat::Intrinsics says, by least squares from the middle to the corners.
+std::array<double, 3> lens_spread(const CameraModel& camera,
+                                  const CameraModel::Parameters& pinhole) {
+  constexpr int kRings = 24;
+  constexpr int kDirections = 16;
+  const CameraModel::Parameters& lens = camera.parameters();
+  const double corner =
+      std::hypot(0.5 * pinhole.width / pinhole.fx, 0.5 * pinhole.height / pinhole.fy);
+  Eigen::MatrixX3d powers(kRings * kDirections, 3);
+  Eigen::VectorXd spread(kRings * kDirections);
+  Eigen::Index count = 0;
+  for (int i = 0; i < kRings * kDirections; ++i) {
+    const double radius = corner * (1 + i / kDirections) / kRings;
+    const double angle = 2.0 * std::numbers::pi * (i % kDirections) / kDirections;
+    const auto pixel = camera.project({radius * std::cos(angle), radius * std::sin(angle), 1.0});
+    if (!pixel) continue;  // beside the picture the polynomial may fold back
+    const double x = (pixel->x() - lens.cx) / lens.fx;
+    const double y = (pixel->y() - lens.cy) / lens.fy;
+    const double t = radius * radius;
+    powers.row(count) << t, t * t, t * t * t;
+    spread[count++] = (x * x + y * y) / t - 1.0;
+  }
+  const Eigen::Vector3d found =
+      powers.topRows(count).colPivHouseholderQr().solve(spread.head(count));
+  return {found.x(), found.y(), found.z()};
 }
 
 }  // namespace
@@ -129,6 +159,7 @@ Undistorter::Undistorter(const CameraModel& camera, double scale) {
                  .cy = sy * full.cy,
                  .width = width,
                  .height = height};
+  if (!map_x_.empty()) intrinsics_.lens_spread = lens_spread(camera, pinhole);
 }
 
 cv::Mat Undistorter::operator()(const cv::Mat& image) const {

@@ -20,7 +20,8 @@ splat::Intrinsics reduced(const splat::Intrinsics& full, int factor) {
           .cx = f * full.cx,
           .cy = f * full.cy,
           .width = full.width / factor,
-          .height = full.height / factor};
+          .height = full.height / factor,
+          .lens_spread = full.lens_spread};
 }
 
 }  // namespace

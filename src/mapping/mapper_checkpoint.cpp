@@ -33,7 +33,8 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
   archive.write("number", c10::IValue(keyframe.number));
   archive.write("width", c10::IValue(static_cast<std::int64_t>(k.width)));
   archive.write("height", c10::IValue(static_cast<std::int64_t>(k.height)));
-  archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy}, torch::kFloat64));
+  const auto& [a, b, c] = k.lens_spread;
+  archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy, a, b, c}, torch::kFloat64));
   archive.write("pose", keyframe.T_camera_world);
   const bool kept = keyframe.image.defined();
   archive.write("kept", c10::IValue(kept));
@@ -52,12 +53,14 @@ Keyframe read_keyframe(InputArchive& archive) {
   Tensor lens;
   archive.read("lens", lens);
   const auto f = lens.accessor<double, 1>();
+  TORCH_CHECK(f.size(0) == 7, "a keyframe's lens has ", f.size(0), " numbers instead of 7");
   keyframe.intrinsics = {.fx = f[0],
                          .fy = f[1],
                          .cx = f[2],
                          .cy = f[3],
                          .width = static_cast<int>(read_int(archive, "width")),
-                         .height = static_cast<int>(read_int(archive, "height"))};
+                         .height = static_cast<int>(read_int(archive, "height")),
+                         .lens_spread = {f[4], f[5], f[6]}};
   archive.read("pose", keyframe.T_camera_world);
   archive.read("kept", value);
   if (value.toBool()) archive.read("image", keyframe.image);

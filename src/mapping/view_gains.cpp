@@ -6,16 +6,17 @@
 #include "apvi/mapping/step_backend.hpp"
 
 namespace apvi::mapping {
-namespace {
 
 using torch::Tensor;
-
-}  // namespace
 
 Tensor corners2(const splat::Intrinsics& camera, const Tensor& x, const Tensor& y) {
   const double corner2 = 0.25 * (static_cast<double>(camera.width) * camera.width +
                                  static_cast<double>(camera.height) * camera.height);
-  return ((x - camera.cx).square() + (y - camera.cy).square()) / corner2;
+  const Tensor dx2 = (x - camera.cx).square();
+  const Tensor dy2 = (y - camera.cy).square();
+  const Tensor t = dx2 / (camera.fx * camera.fx) + dy2 / (camera.fy * camera.fy);
+  const auto& [a, b, c] = camera.lens_spread;
+  return (dx2 + dy2) / corner2 * (1.0 + t * (a + t * (b + t * c)));
 }
 
 Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,

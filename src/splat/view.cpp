@@ -15,7 +15,8 @@ Intrinsics Intrinsics::scaled(int new_width, int new_height) const {
           .cx = cx * x,
           .cy = cy * y,
           .width = new_width,
-          .height = new_height};
+          .height = new_height,
+          .lens_spread = lens_spread};
 }
 
 }  // namespace apvi::splat

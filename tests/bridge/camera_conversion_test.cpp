@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 
 #include "apvi/core/error.hpp"
+#include "apvi/mapping/view_gains.hpp"
 #include "support/matchers.hpp"
 
 namespace apvi::bridge {
@@ -91,6 +92,40 @@ TEST(CameraConversion, APincushionLensIsNarrowedUntilNoPixelIsEmpty) {
   const Undistorter undistort(CameraModel(lens), 1.0);
   EXPECT_GT(undistort.intrinsics().fx, lens.fx);
   EXPECT_LT(undistort.intrinsics().fx, 1.2 * lens.fx);
+}
+
+// Grey that falls off as light does in the lens's own picture.
+cv::Mat falling_off(const CameraModel::Parameters& lens, double vignetting) {
+  cv::Mat picture(lens.height, lens.width, CV_8U);
+  const double corner2 = 0.25 * (lens.width * lens.width + lens.height * lens.height);
+  for (int v = 0; v < lens.height; ++v) {
+    for (int u = 0; u < lens.width; ++u) {
+      const double r2 = (Eigen::Vector2d(u - lens.cx, v - lens.cy)).squaredNorm() / corner2;
+      picture.at<std::uint8_t>(v, u) =
+          cv::saturate_cast<std::uint8_t>(250.0 * (1 - vignetting * r2));
+    }
+  }
+  return picture;
+}
+
+TEST(CameraConversion, LightFallsOffAsInTheLenssOwnPicture) {
+  constexpr double kVignetting = 0.4;
+  CameraModel::Parameters fisheye = euroc_camera();
+  fisheye.distortion = Distortion::equidistant;
+  fisheye.coefficients = {-0.01, 0.02, -0.01, 0.003};
+  for (const CameraModel::Parameters& lens : {euroc_camera(), fisheye}) {
+    const Undistorter undistort(CameraModel(lens), 0.5);
+    ASSERT_NEAR(undistort.intrinsics().fx, 0.5 * lens.fx, 1e-9);  // or the corners are others
+    const torch::Tensor picture =
+        to_tensor(undistort(falling_off(lens, kVignetting))).slice(2, 0, 1);
+    const torch::Tensor expected =
+        250.0 * mapping::lens_falloff(undistort.intrinsics(), kVignetting, torch::kCPU);
+    EXPECT_LT((picture - expected).abs().max().item<float>(), 1.0F);
+    splat::Intrinsics pinhole = undistort.intrinsics();
+    pinhole.lens_spread = {};
+    const torch::Tensor plain = 250.0 * mapping::lens_falloff(pinhole, kVignetting, torch::kCPU);
+    EXPECT_GT((picture - plain).abs().max().item<float>(), 8.0F);  // it matters
+  }
 }
 
 TEST(CameraConversion, PicturesOfAnotherSizeAreRefused) {

@@ -14,7 +14,8 @@ class OutputArchive;
 
 namespace apvi::mapping {
 
-/// Squared distances of pixels from the principal point, 1 in a corner; `x` and `y` [px] broadcast.
+/// Squared distances of pixels from the principal point in the lens's own picture, 1 in a corner of
+/// a pinhole's; `x` and `y` [px] broadcast.
 torch::Tensor corners2(const splat::Intrinsics& camera, const torch::Tensor& x,
                        const torch::Tensor& y);
 

@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <array>
+
 namespace apvi::splat {
 
 /// A pinhole camera without distortion. The centre of the top-left pixel is at (0.5, 0.5): a
@@ -14,6 +16,10 @@ struct Intrinsics {
   double cy = 0.0;
   int width = 0;
   int height = 0;
+  /// Of the lens whose picture was made a pinhole's: squared distances from the middle were
+  /// 1 + a t + b t^2 + c t^3 times as large there, with t = x^2 + y^2 of the ray (x, y, 1). Light
+  /// falls off towards the corners of the lens's own picture.
+  std::array<double, 3> lens_spread{};
 
   /// The same camera at another resolution.
   Intrinsics scaled(int new_width, int new_height) const;
