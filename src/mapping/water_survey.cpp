@@ -54,9 +54,10 @@ struct Look {
   Tensor facing;   ///< [p,3] the same, for a lamp: of more of the surface around
 };
 
-/// Keyframes at least `spacing_m` apart; of many, some stretches.
-std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes,
-                                                  double spacing_m) {
+/// Keyframes at least `spacing_m` apart; of many, some stretches: others each time, so that what
+/// one of them says wrongly is not said again by every survey.
+std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes, double spacing_m,
+                                                  Random& random) {
   std::vector<std::size_t> apart;
   Tensor last;
   for (const std::size_t i : keyframes.training()) {
@@ -67,10 +68,12 @@ std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes
   }
   const std::size_t most = kCluster * kClusters;
   if (apart.size() <= most) return {apart};
+  std::array<std::size_t, kClusters> passed{};  // before each of them, by none
+  for (std::size_t& count : passed) count = random.next() % (apart.size() - most + 1);
+  std::sort(passed.begin(), passed.end());
   std::vector<std::vector<std::size_t>> clusters;
   for (std::size_t k = 0; k < kClusters; ++k) {
-    const std::size_t begin = k * (apart.size() - kCluster) / (kClusters - 1);
-    const auto first = apart.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto first = apart.begin() + static_cast<std::ptrdiff_t>(passed[k] + k * kCluster);
     clusters.emplace_back(first, first + static_cast<std::ptrdiff_t>(kCluster));
   }
   return clusters;
@@ -281,11 +284,11 @@ class Collector {
 std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, double spacing_m,
                               bool by_lamplight, std::uint64_t seed) {
   std::vector<Look> looks;
-  const auto clusters = clusters_of(keyframes, spacing_m);
+  Random random(seed);
+  const auto clusters = clusters_of(keyframes, spacing_m, random);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     for (const std::size_t i : clusters[c]) looks.push_back(look(map, keyframes, i, c));
   }
-  Random random(seed);
   const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
   for (Look& view : looks) draw_points(view, each, by_lamplight, random);
   return looks;
