@@ -80,9 +80,14 @@ DensityStatistics::DensityStatistics(std::int64_t count, const torch::Device& de
       max_weight_(torch::zeros({count}, device)),
       importance_(torch::ones({count}, device)) {}
 
+Tensor DensityStatistics::importance() const {
+  const torch::NoGradGuard no_grad;
+  return torch::maximum(importance_ * torch::pow(kImportanceKept, views_), max_weight_);
+}
+
 void DensityStatistics::begin_round() {
   const torch::NoGradGuard no_grad;
-  importance_ = torch::maximum(importance_ * torch::pow(kImportanceKept, views_), max_weight_);
+  importance_ = importance();
   for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) t->zero_();
 }
 

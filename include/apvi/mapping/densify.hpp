@@ -37,16 +37,17 @@ class DensityStatistics {
   /// Number of views that saw it [N], and its largest blend weight there [N].
   const torch::Tensor& views() const { return views_; }
   const torch::Tensor& max_weight() const { return max_weight_; }
-  /// The largest blend weight that a view gave it until this round [N], 2 % less with every view
-  /// that saw it since; one to begin with. What has little is missed least (Niemeyer et al.,
+  /// The largest blend weight that a view gave it [N], 2 % less with every view that saw it since
+  /// that view's round; one to begin with. What has little is missed least (Niemeyer et al.,
   /// "RadSplat", 2024, who take the largest over all views).
-  const torch::Tensor& importance() const { return importance_; }
+  torch::Tensor importance() const;
 
   void save(torch::serialize::OutputArchive& archive) const;
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  torch::Tensor gradient_sum_, views_, max_weight_, importance_;  // [N] float32
+  torch::Tensor gradient_sum_, views_, max_weight_;  // [N] float32
+  torch::Tensor importance_;                         // when the round began
 };
 
 struct DensifyResult {

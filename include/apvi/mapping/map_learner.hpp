@@ -82,7 +82,7 @@ class MapLearner {
   std::int64_t size() const { return store_.size(); }
   torch::Tensor anchors() const { return store_.anchors(); }
   /// See DensityStatistics.
-  const torch::Tensor& importance() const { return statistics_.importance(); }
+  torch::Tensor importance() const { return statistics_.importance(); }
   std::optional<splat::Medium> medium() const;
   /// What was found of the water by all surveys that were adopted.
   const WaterBelief& surveys() const { return surveys_; }
