@@ -233,9 +233,9 @@ void Mapper::survey_water() {
   const splat::Medium usual = splat::coastal_medium();
   const WaterPrior prior = {
       .medium = usual, .lamp = options_.trainer.lamp, .surveys = learner_->surveys()};
-  const auto survey =
-      mapping::survey_water(map, keyframes_, kSurveySpacing * extent_, prior,
-                            seed_of(options_.trainer.seed, Stream::survey, iteration_));
+  const auto survey = mapping::survey_water(
+      map, keyframes_, kSurveySpacing * extent_, prior,
+      seed_of(options_.trainer.seed, Stream::survey, iteration_), options_.depth);
   if (survey) {
     log::debug("water surveyed after {} keyframes, from {} of them{}, to {:.0f} %",
                keyframes_.training().size(), survey->views.size(),

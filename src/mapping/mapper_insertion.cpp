@@ -16,6 +16,7 @@
 #include "apvi/mapping/quadtree_insertion.hpp"
 #include "apvi/mapping/random_insertion.hpp"
 #include "apvi/splat/render.hpp"
+#include "neighbours.hpp"
 #include "seed_stream.hpp"
 
 namespace apvi::mapping {
@@ -106,14 +107,8 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (!keyframes_[view].image.defined()) return;
   DepthRequest request;
   if (learner_) request.medium = learner_->medium();
-  std::vector<std::size_t> others = keyframes_.training();
-  const auto distance = [view](std::size_t i) { return i > view ? i - view : view - i; };
-  const auto nearer = [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); };
-  std::stable_sort(others.begin(), others.end(), nearer);  // itself first
-  others.resize(
-      std::min<std::size_t>(others.size(), static_cast<std::size_t>(options_.depth.views)));
   // Over a baseline as short as theirs nothing knows better than odometry how they stand.
-  for (const std::size_t i : others) {
+  for (const std::size_t i : neighbours(keyframes_, view, options_.depth.views)) {
     splat::View camera = keyframes_.view(i, 1);
     camera.T_camera_world = drift_.in_map(view, drift_.in_odometry(i, camera.T_camera_world));
     request.views.push_back({to_grey(keyframes_[i].image), camera});

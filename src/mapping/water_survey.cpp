@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "apvi/core/random.hpp"
+#include "apvi/mapping/depth.hpp"
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/mapping/surface_depth.hpp"
 #include "apvi/mapping/view_gains.hpp"
@@ -16,6 +17,7 @@
 #include "apvi/splat/render.hpp"
 #include "blur.hpp"
 #include "empty_places.hpp"
+#include "neighbours.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -83,6 +85,20 @@ int reduction_of(const splat::Intrinsics& camera) {
   return std::max(1, (camera.width + kMostWidth - 1) / kMostWidth);
 }
 
+/// Depth [H,W] float64 on the CPU of a keyframe out of its neighbours' pictures, 0 where nothing is
+/// known. Undefined where they do not tell.
+Tensor swept_depth(const KeyframeStore& keyframes, std::size_t i, const DepthOptions& options) {
+  const int reduction = reduction_of(keyframes[i].intrinsics);
+  DepthRequest request = {.views = {}, .medium = std::nullopt};
+  for (const std::size_t k : neighbours(keyframes, i, options.views)) {
+    request.views.push_back({to_grey(keyframes.image(k, reduction, splat::active_device())),
+                             keyframes.view(k, reduction)});
+  }
+  const DepthEstimate estimate = estimate_depth(request, options);
+  if (estimate.verdict != DepthVerdict::estimated) return {};
+  return estimate.dense.to(torch::kCPU, torch::kFloat64);
+}
+
 Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::size_t cluster) {
   Look look;
   look.keyframe = i;
@@ -120,6 +136,15 @@ Tensor broad_normals(const Look& look, const Tensor& pixels) {
   const Tensor ahead =
       at(0, 0) - by_u * (pixels.select(1, 0) - k.cx) - by_v * (pixels.select(1, 1) - k.cy);
   return unit(torch::stack({by_u * k.fx, by_v * k.fy, ahead}, 1));
+}
+
+/// A lamp's light tells of the water only with how surfaces face it, and a map rounds off where two
+/// meet and tilts what is far and even: depth is that of the pictures where the map has a surface.
+void sweep(std::vector<Look>& looks, const KeyframeStore& keyframes, const DepthOptions& options) {
+  for (Look& view : looks) {
+    const Tensor swept = swept_depth(keyframes, view.keyframe, options);
+    if (swept.defined()) view.depth = swept * (view.depth > 0.0);
+  }
 }
 
 /// Random points of the surfaces that the view shows, and how these lie.
@@ -282,13 +307,14 @@ class Collector {
 };
 
 std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, double spacing_m,
-                              bool by_lamplight, std::uint64_t seed) {
+                              bool by_lamplight, const DepthOptions& depth, std::uint64_t seed) {
   std::vector<Look> looks;
   Random random(seed);
   const auto clusters = clusters_of(keyframes, spacing_m, random);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     for (const std::size_t i : clusters[c]) looks.push_back(look(map, keyframes, i, c));
   }
+  if (by_lamplight) sweep(looks, keyframes, depth);
   const auto each = kPoints / std::max<std::int64_t>(1, static_cast<std::int64_t>(looks.size()));
   for (Look& view : looks) draw_points(view, each, by_lamplight, random);
   return looks;
@@ -364,9 +390,10 @@ double patch_size(const std::vector<Look>& looks) {
 
 std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& keyframes,
                                         double spacing_m, const WaterPrior& prior,
-                                        std::uint64_t seed) {
+                                        std::uint64_t seed, const DepthOptions& depth) {
   const torch::NoGradGuard no_grad;
-  std::vector<Look> looks = look_around(map, keyframes, spacing_m, prior.lamp.has_value(), seed);
+  std::vector<Look> looks =
+      look_around(map, keyframes, spacing_m, prior.lamp.has_value(), depth, seed);
   if (looks.size() < 2) return std::nullopt;
   Collector collector(keyframes, map.gaussians.means.device(), patch_size(looks));
   std::vector<std::int64_t> first = {0};
