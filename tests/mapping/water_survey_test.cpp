@@ -5,10 +5,12 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/mapping/view_gains.hpp"
+#include "apvi/splat/lamp.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "apvi/splat/ply.hpp"
 #include "apvi/splat/render.hpp"
@@ -20,6 +22,7 @@ namespace {
 using torch::Tensor;
 
 constexpr double kVignetting = 0.2;
+constexpr double kRelief = 0.1;  // [m] of the bed
 
 splat::Medium true_water() {
   return {.beta_d = torch::tensor({0.30, 0.14, 0.16}),
@@ -29,7 +32,7 @@ splat::Medium true_water() {
 
 /// How far below (y) the world's origin the bed lies.
 Tensor height_at(const Tensor& x, const Tensor& z) {
-  return 1.0 + 0.1 * torch::sin(1.3 * x) * torch::cos(1.1 * z);
+  return 1.0 + kRelief * torch::sin(1.3 * x) * torch::cos(1.1 * z);
 }
 
 /// Soft colours [...,3].
@@ -69,9 +72,34 @@ double log_gain_of(int i) {
   return 0.2 * std::sin(1.1 * i);
 }
 
+/// Fine sand [...,1], of which neighbouring pictures tell the depth.
+Tensor grain_at(const Tensor& x, const Tensor& z) {
+  const Tensor grain = torch::sin(31.0 * x + 5.0 * torch::sin(7.0 * z)) *
+                       torch::cos(27.0 * z + 4.0 * torch::sin(9.0 * x));
+  return (1.0 + 0.3 * grain).unsqueeze(-1);
+}
+
+/// On the bed's points [H,W,3] of the world, a tenth of it daylight: [H,W,3].
+Tensor lamplight(const splat::Lamp& lamp, const splat::View& view, const Tensor& point) {
+  const Tensor T = view.T_camera_world;
+  const Tensor in_camera =
+      torch::matmul(point, T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
+  const Tensor x = point.select(2, 0);
+  const Tensor z = point.select(2, 2);
+  const Tensor up =
+      torch::stack({1.3 * kRelief * torch::cos(1.3 * x) * torch::cos(1.1 * z), -torch::ones_like(x),
+                    -1.1 * kRelief * torch::sin(1.3 * x) * torch::sin(1.1 * z)},
+                   2);
+  const Tensor rays = point - camera_center(T);
+  const Tensor cosine = (rays * up).sum(2).abs() / (rays.norm(2, 2) * up.norm(2, 2));
+  const Tensor shine =
+      splat::lamp_shine(lamp, 2.0, true_water().beta_d.to(torch::kFloat64), in_camera).value;
+  return 0.1 + 0.9 * shine * cosine.unsqueeze(2);
+}
+
 /// What a camera sees of the bed itself, each pixel by its formula and the length of its ray: not
 /// of the Gaussians, whose drawn depth changes a little with the angle they are seen from.
-Tensor bed_through_water(const splat::View& view) {
+Tensor bed_through_water(const splat::View& view, const std::optional<splat::Lamp>& lamp) {
   const splat::Intrinsics& k = view.intrinsics;
   const Tensor R = view.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
   const Tensor origin = camera_center(view.T_camera_world);
@@ -90,8 +118,10 @@ Tensor bed_through_water(const splat::View& view) {
   const Tensor x = point.select(2, 0);
   const Tensor z = point.select(2, 2);
   const Tensor hit = (ray.select(2, 1) > 0.1) & (x.abs() < 4.0) & (z > 0.0) & (z < 12.0);
+  Tensor color = color_at(x, z);
+  if (lamp) color = color * grain_at(x, z) * lamplight(*lamp, view, point);
   return splat::apply_medium(
-      (color_at(x, z) * hit.unsqueeze(2)).to(torch::kFloat32),
+      (color * hit.unsqueeze(2)).to(torch::kFloat32),
       torch::where(hit, range, torch::full_like(range, 100.0)).to(torch::kFloat32),
       hit.to(torch::kFloat32), true_water());
 }
@@ -100,24 +130,27 @@ constexpr double kDownwards = 0.75;
 constexpr double kAhead = 0.3;  // over the bed's end into open water
 
 /// Pictures through water by a camera that exposes by itself and looks down by about `pitch`.
-KeyframeStore dive(double pitch = kDownwards) {
+KeyframeStore dive(double pitch = kDownwards, const std::optional<splat::Lamp>& lamp = {}) {
   const torch::NoGradGuard no_grad;
   KeyframeStore store;
-  for (int i = 0; i < 14; ++i) {
+  const int count = lamp ? 36 : 14;
+  const double pace = 14.0 / count;
+  for (int i = 0; i < count; ++i) {
     Keyframe keyframe;
     keyframe.stamp_ns = i;
     keyframe.name = std::to_string(i);
     keyframe.intrinsics = {
         .fx = 110.0, .fy = 110.0, .cx = 80.0, .cy = 60.0, .width = 160, .height = 120};
-    keyframe.T_camera_world = pose_at(0.8 * std::sin(1.7 * i), 0.3 * std::cos(2.3 * i) - 0.8,
-                                      0.35 * i, pitch + 0.1 * (i % 3));
+    keyframe.T_camera_world =
+        pose_at(0.8 * std::sin(1.7 * pace * i), 0.3 * std::cos(2.3 * pace * i) - 0.8,
+                0.35 * pace * i, pitch + 0.1 * (i % 3));
     splat::View view;
     view.intrinsics = keyframe.intrinsics;
     view.T_camera_world = keyframe.T_camera_world;
     const Tensor response =
         std::exp(log_gain_of(i)) * lens_falloff(view.intrinsics, kVignetting, torch::kCPU);
-    keyframe.image =
-        ((bed_through_water(view) * response).clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+    keyframe.image = ((bed_through_water(view, lamp) * response).clamp(0.0, 1.0) * 255.0 + 0.5)
+                         .to(torch::kUInt8);
     store.add(std::move(keyframe));
   }
   return store;
@@ -163,6 +196,25 @@ TEST(SurveyWater, SurfacesThatTheMapLacksAreNotOpenWater) {
   ASSERT_TRUE(survey);
   EXPECT_FALSE(survey->sees_open_water);
   EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.1);
+}
+
+TEST(SurveyWater, ByLamplightBelievesThePicturesMoreThanAMapThatIsTooNear) {
+  const splat::Lamp lamp = {
+      .position_m = {0.0, 0.0, 0.0}, .axis = {0.0, 0.0, 1.0}, .half_beam_rad = 1.0};
+  const KeyframeStore keyframes = dive(kDownwards, lamp);
+  Map map = {.gaussians = sea_bed(), .medium = std::nullopt};
+  map.gaussians.means.select(1, 1) -= 0.2;  // of some two metres
+  const WaterPrior prior = {.medium = splat::coastal_medium(), .lamp = lamp};
+  const auto error = [&](const DepthOptions& depth) {
+    const auto survey = survey_water(map, keyframes, 0.1, prior, 1, depth);
+    return survey ? worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d) : 10.0;
+  };
+  DepthOptions blind;
+  blind.views = 1;  // the map's depth is all there is
+  const double by_map = error(blind);
+  const double by_pictures = error({});
+  EXPECT_GT(by_map, 2.0 * by_pictures);
+  EXPECT_LT(by_pictures, 0.25) << by_map;
 }
 
 TEST(SurveyWater, FindsNothingInAnEmptyMapOrInOneView) {
