@@ -89,7 +89,7 @@ int reduction_of(const splat::Intrinsics& camera) {
 /// known. Undefined where they do not tell.
 Tensor swept_depth(const KeyframeStore& keyframes, std::size_t i, const DepthOptions& options) {
   const int reduction = reduction_of(keyframes[i].intrinsics);
-  DepthRequest request = {.views = {}, .medium = std::nullopt};
+  DepthRequest request;
   for (const std::size_t k : neighbours(keyframes, i, options.views)) {
     request.views.push_back({to_grey(keyframes.image(k, reduction, splat::active_device())),
                              keyframes.view(k, reduction)});
