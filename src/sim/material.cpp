@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/sim/material.hpp"
 
+#include <cmath>
+#include <memory>
+
 #include "material_kernels.hpp"
 
 namespace apvi::sim {
@@ -12,6 +15,13 @@ Colour pick(const Colour* palette, int count, float random) {
   return palette[index] * (0.85F + 0.3F * (scaled - static_cast<float>(index)));
 }
 
+// Slopes of variance v (both axes together, normally distributed) have normals whose mean is
+// 1 / sqrt(1 + shortening(v)) long: 1 - v / 2 + 3 v^2 / 4 - ...
+static constexpr float kSpread = 0.75F;
+static float shortening(float variance) {
+  return variance / (1.0F + kSpread * variance);
+}
+
 void bump(SurfaceBatch& s, const Gradient& field, float height) {
   for (int i = 0; i < kBatch; ++i) {
     const float gx = field.dx.v[i] * height;
@@ -21,26 +31,65 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
     const float x = s.nx.v[i] - gx + along * s.nx.v[i];
     const float y = s.ny.v[i] - gy + along * s.ny.v[i];
     const float z = s.nz.v[i] - gz + along * s.nz.v[i];
-    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z);
+    const float faded = shortening(2.0F * height * height * field.faded.v[i]);
+    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z + faded);
     s.nx.v[i] = x * scale;
     s.ny.v[i] = y * scale;
     s.nz.v[i] = z * scale;
   }
 }
 
-void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, float frequency,
-                float height, float radius) {
+const std::vector<Place>& typical_places() {
+  static const std::vector<Place> kCells = [] {
+    constexpr int kBatches = 64;
+    constexpr float kApart = 0.618F;  // [cells]: never at the same place of a cell again
+    std::vector<Place> all;
+    auto p = std::make_unique<Points>();
+    auto field = std::make_unique<Cells>();
+    auto waves = std::make_unique<Lanes>();
+    p->count = kBatch;
+    p->footprint.fill(0.0F);
+    for (int k = 0; k < kBatches; ++k) {
+      for (int i = 0; i < kBatch; ++i) {
+        p->x[i] = kApart * static_cast<float>(i);
+        p->y[i] = kApart * static_cast<float>(k);
+        p->z[i] = kApart * kApart * static_cast<float>(i + k);
+      }
+      cells(*p, 1.0F, 701, *field);
+      fbm(*p, {.frequency = 1.0F, .octaves = 1, .gain = 1.0F, .seed = 702}, *waves);
+      for (int i = 0; i < kBatch; ++i) {
+        all.push_back({field->nearest[i], field->border[i], field->id[i], (*waves)[i]});
+      }
+    }
+    return all;
+  }();
+  return kCells;
+}
+
+Dome make_dome(float frequency, float height, float radius) {
+  const float slope = -2.0F * frequency / (radius * radius);
+  const float length = mean_over_places([&](const Place& c) {
+    const float steep = c.nearest < radius ? height * slope * c.nearest : 0.0F;
+    return 1.0F / std::sqrt(1.0F + steep * steep * 2.0F / 3.0F);  // two of three directions
+  });
+  const float shorter = 1.0F / (length * length) - 1.0F;
+  const float variance = shorter / (1.0F - kSpread * shorter);  // shortening(variance) is shorter
+  return {height, radius, slope, 0.5F * variance / (height * height)};
+}
+
+void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, const Dome& dome) {
   // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): scratch, filled before use
-  Gradient dome;
+  Gradient raised;
   for (int i = 0; i < kBatch; ++i) {
-    // height (1 - d^2 / radius^2) inside: its gradient is -2 offset / radius^2, per metre.
-    const bool inside = field.nearest.v[i] < radius;
-    const float slope = inside ? -2.0F * frequency * cover.v[i] / (radius * radius) : 0.0F;
-    dome.dx.v[i] = slope * field.dx.v[i];
-    dome.dy.v[i] = slope * field.dy.v[i];
-    dome.dz.v[i] = slope * field.dz.v[i];
+    const float seen = field.weight.v[i];
+    const bool inside = field.nearest.v[i] < dome.radius;
+    const float slope = inside ? dome.slope * cover.v[i] * seen : 0.0F;
+    raised.dx.v[i] = slope * field.dx.v[i];
+    raised.dy.v[i] = slope * field.dy.v[i];
+    raised.dz.v[i] = slope * field.dz.v[i];
+    raised.faded.v[i] = (1.0F - seen * seen) * cover.v[i] * cover.v[i] * dome.variance;
   }
-  bump(s, dome, height);
+  bump(s, raised, dome.height);
 }
 
 }  // namespace texture

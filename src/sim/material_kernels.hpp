@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <vector>
+
 #include "apvi/sim/material.hpp"
 
 /// Pieces that the solid textures are put together from.
@@ -31,13 +33,45 @@ inline void put(SurfaceBatch& s, int i, const Colour& c) {
   s.b.v[i] = clamp01(c.b);
 }
 
+/// Variance of a normal's z about its mean, from how much shorter than 1 that is.
+inline float tilt_variance(const SurfaceBatch& s, int i) {
+  const float length2 = s.nx.v[i] * s.nx.v[i] + s.ny.v[i] * s.ny.v[i] + s.nz.v[i] * s.nz.v[i];
+  const float slope2 = 1.0F / length2 - 1.0F;
+  return 0.25F * slope2 * slope2 + 0.5F * slope2 * (length2 - s.nz.v[i] * s.nz.v[i]);
+}
+
 /// One of `count` colours by the thing's random number, shaded a little by the rest of it.
 Colour pick(const Colour* palette, int count, float random);
-/// Turns the normals as if the surface were raised by height * value [m].
+/// Turns the normals as if the surface were raised by height * value [m]. What is too fine to be
+/// seen shortens them to the mean of those it has, so that light on it is as bright from far as
+/// from near (Toksvig, "Mipmapping normal maps", 2005; exact for a matt surface).
 void bump(SurfaceBatch& s, const Gradient& field, float height);
-/// Raises a dome of `height` m times `cover` on every cell (barnacles, polyps, mussels).
-void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, float frequency,
-                float height, float radius);
+
+/// Something on every cell (barnacles, polyps, mussels): height (1 - d^2 / radius^2) inside.
+struct Dome {
+  float height;    ///< [m]
+  float radius;    ///< [cells]
+  float slope;     ///< gradient of height 1 for an offset of a cell [1/m]
+  float variance;  ///< of that along an axis [1/m^2]
+};
+/// `frequency` of the cells [1/m].
+Dome make_dome(float frequency, float height, float radius);
+/// Raises it times `cover`.
+void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, const Dome& dome);
+
+/// What cells of frequency 1 are at a place, and an octave of noise.
+struct Place {
+  float nearest, border, id, wave;
+};
+/// Places spread over many cells and waves.
+const std::vector<Place>& typical_places();
+/// What a texture makes of them in the mean: what is seen of it from too far to tell them apart.
+template <typename Quantity>
+float mean_over_places(const Quantity& of) {
+  double sum = 0.0;
+  for (const Place& cell : typical_places()) sum += static_cast<double>(of(cell));
+  return static_cast<float>(sum / static_cast<double>(typical_places().size()));
+}
 
 void sand(SurfaceBatch& s);
 void silt(SurfaceBatch& s);

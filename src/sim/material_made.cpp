@@ -12,13 +12,20 @@ struct Fouling {
   Lanes cover;  ///< how much of a point is barnacle
 };
 
+float single_barnacle(float nearest, float id) {
+  const float radius = 0.25F + 0.2F * id;
+  return smooth_step(radius, 0.75F * radius, nearest);
+}
+
+// Far away, where single shells cannot be told apart, the colony is a paler patch.
 float barnacle_cover(const Fouling& f, int i, float threshold) {
+  static const float kMean =
+      mean_over_places([](const Place& c) { return single_barnacle(c.nearest, c.id); });
+  const Cells& shells = f.barnacles;
   const float colony =
       smooth_step(threshold, threshold + 0.06F, f.colony.v[i] + 0.15F * f.turf.v[i]);
-  const float radius = 0.25F + 0.2F * f.barnacles.id.v[i];
-  // Far away, where single shells cannot be told apart, the colony is a paler patch.
-  const float single = smooth_step(radius, 0.75F * radius, f.barnacles.nearest.v[i]);
-  return colony * mix(0.35F, single, f.barnacles.weight.v[i]);
+  return colony *
+         mix(kMean, single_barnacle(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
 }
 
 // `threshold`: the higher, the rarer the colonies.
@@ -26,18 +33,28 @@ void add_fouling(SurfaceBatch& s, std::uint32_t seed, float threshold, Fouling& 
   fbm(s.p, {.frequency = 1.6F, .octaves = 4, .gain = 0.6F, .seed = seed}, f.colony);
   fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = seed + 1}, f.turf);
   cells(s.p, 30.0F, seed + 2, f.barnacles);
-  Lanes raised;
-  for (int i = 0; i < kBatch; ++i) {
-    f.cover.v[i] = barnacle_cover(f, i, threshold);
-    raised.v[i] = f.cover.v[i] * f.barnacles.weight.v[i];
-  }
-  bump_cells(s, f.barnacles, raised, 30.0F, 0.006F, 0.45F);
+  for (int i = 0; i < kBatch; ++i) f.cover.v[i] = barnacle_cover(f, i, threshold);
+  static const Dome kShell = make_dome(30.0F, 0.006F, 0.45F);
+  bump_cells(s, f.barnacles, f.cover, kShell);
+}
+
+float barnacle_shade(float nearest, float id) {
+  const float mouth = smooth_step(0.05F, 0.11F, nearest);
+  return (0.3F + 0.7F * mouth) * (0.75F + 0.45F * id);
 }
 
 Colour barnacle_colour(const Fouling& f, int i) {
-  const float mouth = smooth_step(0.05F, 0.11F, f.barnacles.nearest.v[i]);
-  const float shade = mix(0.8F, 0.3F + 0.7F * mouth, f.barnacles.weight.v[i]);
-  return Colour{0.54F, 0.50F, 0.43F} * (shade * (0.75F + 0.45F * f.barnacles.id.v[i]));
+  static const float kMean = [] {
+    const float cover =
+        mean_over_places([](const Place& c) { return single_barnacle(c.nearest, c.id); });
+    return mean_over_places([](const Place& c) {
+             return single_barnacle(c.nearest, c.id) * barnacle_shade(c.nearest, c.id);
+           }) /
+           cover;
+  }();
+  const Cells& shells = f.barnacles;
+  return Colour{0.54F, 0.50F, 0.43F} *
+         mix(kMean, barnacle_shade(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
 }
 
 }  // namespace
@@ -81,12 +98,12 @@ void steel(SurfaceBatch& s) {
 }
 
 void wood(SurfaceBatch& s) {
-  Lanes grain, tone, fine;
+  Lanes grain, tone, fine, fine_faded;
   Fouling life;
   fbm(s.p, {.frequency = 40.0F, .octaves = 3, .gain = 0.7F, .seed = 121, .stretch = {0.06F, 1, 1}},
       grain);
   fbm(s.p, {.frequency = 2.0F, .octaves = 5, .gain = 0.6F, .seed = 122}, tone);
-  fbm(s.p, {.frequency = 60.0F, .octaves = 2, .gain = 0.8F, .seed = 123}, fine);
+  fbm(s.p, {.frequency = 60.0F, .octaves = 2, .gain = 0.8F, .seed = 123}, fine, fine_faded);
   add_fouling(s, 124, 0.24F, life);
   for (int i = 0; i < kBatch; ++i) {
     const float plank = 0.8F + 0.4F * s.object.v[i];
@@ -95,7 +112,7 @@ void wood(SurfaceBatch& s) {
             0.8F * smooth_step(0.0F, 0.35F, life.turf.v[i]));
     c = mix(c, {0.50F, 0.45F, 0.35F},
             0.7F * smooth_step(0.5F, 0.9F, s.nz.v[i]) *
-                smooth_step(-0.1F, 0.35F, tone.v[i] + fine.v[i]));
+                smooth_step(-0.1F, 0.35F, tone.v[i] + fine.v[i], fine_faded.v[i]));
     c = mix(c, barnacle_colour(life, i), life.cover.v[i]);
     put(s, i, c * (0.45F + 0.55F * s.detail.v[i]));
   }
@@ -128,7 +145,8 @@ void concrete(SurfaceBatch& s) {
     const float edge = smooth_step(0.06F, 0.0F, place) + smooth_step(0.94F, 1.0F, place);
     const float plank = unit_float(hash32(static_cast<std::uint32_t>(static_cast<int>(level))));
     const float near = smooth_step(0.05F, 0.01F, s.p.footprint.v[i]);
-    c = c * (1.0F + upright * (0.14F * (plank - 0.5F) - 0.16F * edge * near));
+    const float dark = mix(0.06F, edge, near);
+    c = c * (1.0F + upright * (0.14F * (plank - 0.5F) - 0.16F * dark));
     c = mix(c, {0.17F, 0.16F, 0.11F},
             0.7F * upright * smooth_step(0.05F, 0.4F, streaks.v[i] + 0.4F * tone.v[i]));
     c = mix(c, {0.70F, 0.69F, 0.64F},

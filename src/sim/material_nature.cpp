@@ -67,6 +67,19 @@ bool any_above(const Lanes& lanes, int count, float threshold) {
   return false;
 }
 
+float norm(const SurfaceBatch& s, int i) {
+  return __builtin_sqrtf(s.nx.v[i] * s.nx.v[i] + s.ny.v[i] * s.ny.v[i] + s.nz.v[i] * s.nz.v[i]);
+}
+
+const Lanes& everywhere() {
+  static const Lanes kOnes = [] {
+    Lanes ones{};
+    ones.fill(1.0F);
+    return ones;
+  }();
+  return kOnes;
+}
+
 // `top` over `s` with the weights given: colours and normals.
 void blend(SurfaceBatch& s, const SurfaceBatch& top, const Lanes& weight) {
   for (int i = 0; i < kBatch; ++i) {
@@ -77,7 +90,8 @@ void blend(SurfaceBatch& s, const SurfaceBatch& top, const Lanes& weight) {
     const float x = sim::mix(s.nx.v[i], top.nx.v[i], w);
     const float y = sim::mix(s.ny.v[i], top.ny.v[i], w);
     const float z = sim::mix(s.nz.v[i], top.nz.v[i], w);
-    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z + 1e-12F);
+    const float length = sim::mix(norm(s, i), norm(top, i), w);
+    const float scale = length / __builtin_sqrtf(x * x + y * y + z * z + 1e-12F);
     s.nx.v[i] = x * scale;
     s.ny.v[i] = y * scale;
     s.nz.v[i] = z * scale;
@@ -112,12 +126,12 @@ void silt(SurfaceBatch& s) {
 void rock(SurfaceBatch& s) {
   static constexpr Colour kStone[] = {
       {0.40F, 0.36F, 0.30F}, {0.33F, 0.33F, 0.32F}, {0.47F, 0.40F, 0.29F}, {0.36F, 0.30F, 0.26F}};
-  Lanes patches, algae, fine;
+  Lanes patches, algae, fine, fine_faded;
   Gradient relief;
   Cells spots;
   fbm(s.p, {.frequency = 2.2F, .octaves = 4, .gain = 0.6F, .seed = 31}, patches);
   fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = 32}, algae);
-  fbm(s.p, {.frequency = 45.0F, .octaves = 3, .gain = 0.8F, .seed = 33}, fine);
+  fbm(s.p, {.frequency = 45.0F, .octaves = 3, .gain = 0.8F, .seed = 33}, fine, fine_faded);
   fbm_gradient(s.p, {.frequency = 6.0F, .octaves = 5, .gain = 0.55F, .seed = 34}, relief);
   cells(s.p, 28.0F, 35, spots);
   bump(s, relief, 0.05F);
@@ -139,16 +153,18 @@ void rock(SurfaceBatch& s) {
             spots.id.v[i] > 0.35F ? barnacle : 0.0F);
     put(s, i,
         mix(c, {0.52F, 0.47F, 0.37F},
-            0.75F * smooth_step(0.82F, 0.97F, s.nz.v[i] + 0.25F * fine.v[i])));
+            0.75F * smooth_step(0.82F, 0.97F, s.nz.v[i] + 0.25F * fine.v[i],
+                                0.0625F * fine_faded.v[i] + tilt_variance(s, i))));
   }
 }
 
 void brain_coral(SurfaceBatch& s) {
   static constexpr Colour kRidges[] = {
       {0.54F, 0.44F, 0.27F}, {0.42F, 0.41F, 0.26F}, {0.52F, 0.37F, 0.28F}};
+  static constexpr float kMaze = 26.0F;
   Gradient maze;
   Lanes wide;
-  fbm_gradient(s.p, {.frequency = 26.0F, .octaves = 1, .gain = 0.5F, .seed = 41}, maze);
+  fbm_gradient(s.p, {.frequency = kMaze, .octaves = 1, .gain = 0.5F, .seed = 41}, maze);
   fbm(s.p, {.frequency = 3.0F, .octaves = 4, .gain = 0.6F, .seed = 42}, wide);
   Gradient ridge = maze;
   for (int i = 0; i < kBatch; ++i) {  // the field's zero lines are the valleys
@@ -158,11 +174,13 @@ void brain_coral(SurfaceBatch& s) {
     ridge.dz.v[i] *= side;
   }
   bump(s, ridge, 0.018F);
+  constexpr auto valley_at = [](float x) { return smooth_step(0.2F, 0.02F, magnitude(x)); };
+  static const float kMean = mean_over_places([&](const Place& p) { return valley_at(p.wave); });
   for (int i = 0; i < kBatch; ++i) {
-    const float valley = 1.0F - smooth_step(0.02F, 0.2F, magnitude(maze.value.v[i]));
+    const float seen = visibility(s.p.footprint.v[i], kMaze);
+    const float valley = mix(kMean, valley_at(maze.value.v[i] / (seen + 1e-6F)), seen);
     Colour c = pick(kRidges, 3, s.object.v[i]) * (1.0F + 0.5F * wide.v[i]);
-    c = mix(c, {0.20F, 0.22F, 0.12F},
-            0.8F * valley * smooth_step(0.03F, 0.005F, s.p.footprint.v[i]));
+    c = mix(c, {0.20F, 0.22F, 0.12F}, 0.8F * valley);
     put(s, i, mix(c, {0.62F, 0.58F, 0.48F}, 0.7F * smooth_step(0.28F, 0.42F, wide.v[i])));
   }
 }
@@ -174,9 +192,12 @@ void branch_coral(SurfaceBatch& s) {
   Cells polyps;
   fbm(s.p, {.frequency = 7.0F, .octaves = 4, .gain = 0.6F, .seed = 51}, tone);
   cells(s.p, 110.0F, 52, polyps);
-  bump_cells(s, polyps, polyps.weight, 110.0F, 0.003F, 0.6F);
+  constexpr auto polyp_at = [](float nearest) { return smooth_step(0.5F, 0.2F, nearest); };
+  static const float kMean = mean_over_places([&](const Place& c) { return polyp_at(c.nearest); });
+  static const Dome kPolyp = make_dome(110.0F, 0.003F, 0.6F);
+  bump_cells(s, polyps, everywhere(), kPolyp);
   for (int i = 0; i < kBatch; ++i) {
-    const float polyp = polyps.weight.v[i] * smooth_step(0.5F, 0.2F, polyps.nearest.v[i]);
+    const float polyp = mix(kMean, polyp_at(polyps.nearest.v[i]), polyps.weight.v[i]);
     Colour c = pick(kBranches, 4, s.object.v[i]) * (0.9F + 0.5F * tone.v[i] + 0.35F * polyp);
     const float old = smooth_step(0.35F, 0.0F, s.detail.v[i]);  // dead and overgrown at the foot
     c = mix(c, {0.25F, 0.22F, 0.16F}, 0.8F * old);
@@ -207,9 +228,12 @@ void sponge(SurfaceBatch& s) {
   Cells pores;
   fbm(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.6F, .seed = 71}, tone);
   cells(s.p, 45.0F, 72, pores);
-  bump_cells(s, pores, pores.weight, 45.0F, -0.006F, 0.5F);
+  constexpr auto pore_at = [](float nearest) { return smooth_step(0.38F, 0.15F, nearest); };
+  static const float kMean = mean_over_places([&](const Place& c) { return pore_at(c.nearest); });
+  static const Dome kPore = make_dome(45.0F, -0.006F, 0.5F);
+  bump_cells(s, pores, everywhere(), kPore);
   for (int i = 0; i < kBatch; ++i) {
-    const float pore = pores.weight.v[i] * smooth_step(0.38F, 0.15F, pores.nearest.v[i]);
+    const float pore = mix(kMean, pore_at(pores.nearest.v[i]), pores.weight.v[i]);
     const Colour c = pick(kSponges, 4, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
     put(s, i, mix(c, c * 0.25F, 0.85F * pore));
   }
@@ -222,8 +246,10 @@ void fan_coral(SurfaceBatch& s) {
   Cells mesh;
   fbm(s.p, {.frequency = 6.0F, .octaves = 3, .gain = 0.6F, .seed = 81}, tone);
   cells(s.p, 38.0F, 82, mesh);
+  constexpr auto strand_at = [](float border) { return smooth_step(0.2F, 0.06F, border); };
+  static const float kMean = mean_over_places([&](const Place& c) { return strand_at(c.border); });
   for (int i = 0; i < kBatch; ++i) {
-    const float strand = 1.0F - mesh.weight.v[i] * smooth_step(0.06F, 0.2F, mesh.border.v[i]);
+    const float strand = mix(kMean, strand_at(mesh.border.v[i]), mesh.weight.v[i]);
     const Colour c = pick(kFans, 3, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
     put(s, i, c * (0.35F + 0.75F * strand));
   }
@@ -247,12 +273,17 @@ void mussels(SurfaceBatch& s) {
   Lanes tone;
   cells(s.p, 24.0F, 101, shells);
   fbm(s.p, {.frequency = 6.0F, .octaves = 4, .gain = 0.6F, .seed = 102}, tone);
-  bump_cells(s, shells, shells.weight, 24.0F, 0.020F, 0.75F);
+  constexpr auto gap_at = [](float border) { return smooth_step(0.12F, 0.02F, border); };
+  static const float kGap = mean_over_places([&](const Place& c) { return gap_at(c.border); });
+  static const Dome kShell = make_dome(24.0F, 0.020F, 0.75F);
+  bump_cells(s, shells, everywhere(), kShell);
   for (int i = 0; i < kBatch; ++i) {
-    const float gap = smooth_step(0.12F, 0.02F, shells.border.v[i]) * shells.weight.v[i];
-    Colour c = mix({0.10F, 0.11F, 0.14F}, {0.30F, 0.27F, 0.22F}, shells.id.v[i]);
+    const float gap = mix(kGap, gap_at(shells.border.v[i]), shells.weight.v[i]);
+    const float own = shells.id.v[i];
+    Colour c =
+        mix({0.10F, 0.11F, 0.14F}, {0.30F, 0.27F, 0.22F}, mix(0.5F, own, shells.weight.v[i]));
     c = c * (1.0F + 0.6F * tone.v[i]);
-    c = mix(c, {0.55F, 0.52F, 0.46F}, shells.id.v[i] > 0.9F ? 0.8F : 0.0F);
+    c = mix(c, {0.55F, 0.52F, 0.46F}, mix(0.08F, own > 0.9F ? 0.8F : 0.0F, shells.weight.v[i]));
     c = mix(c, {0.24F, 0.26F, 0.10F}, 0.7F * smooth_step(0.1F, 0.35F, tone.v[i]));
     put(s, i, c * (1.0F - 0.7F * gap));
   }

@@ -9,6 +9,11 @@
 namespace apvi::sim {
 namespace {
 
+constexpr float kLacunarity = 2.03F;  // not two: lattices of neighbouring octaves must not line up
+// Of an octave of amplitude 1, and of its slope along an axis at one wave a metre.
+constexpr float kValueVariance = 0.0364F;
+constexpr float kSlopeVariance = 0.248F;
+
 #define APVI_INLINE inline __attribute__((always_inline))
 
 struct Noise {
@@ -105,12 +110,6 @@ APVI_INLINE Noise gradient_noise(float px, float py, float pz, std::uint32_t see
   return n;
 }
 
-// Full below a quarter of a wave a footprint, nothing above 0.6.
-APVI_INLINE float visibility(float footprint, float frequency) {
-  const float t = (0.6F - footprint * frequency) * (1.0F / 0.35F);
-  return t < 0.0F ? 0.0F : (t > 1.0F ? 1.0F : t);
-}
-
 APVI_CLONES void add_octave(const Points& p, const std::array<float, 3>& scale, float frequency,
                             float amplitude, std::uint32_t seed, Lanes& out) {
   for (int i = 0; i < kBatch; ++i) {
@@ -134,24 +133,41 @@ APVI_CLONES void add_octave_gradient(const Points& p, const std::array<float, 3>
   }
 }
 
+// Variance of what of an octave cannot be seen, by that of a wave of amplitude 1.
+APVI_CLONES void add_faded(const Points& p, float frequency, float amplitude, float of_one,
+                           Lanes& out) {
+  for (int i = 0; i < kBatch; ++i) {
+    const float seen = visibility(p.footprint.v[i], frequency);
+    out.v[i] += (1.0F - seen * seen) * amplitude * amplitude * of_one;
+  }
+}
+
 float smallest_footprint(const Points& p) {
   return *std::min_element(p.footprint.v, p.footprint.v + std::max(1, p.count));
 }
 
-// Calls `octave(scale, frequency, amplitude, seed)` for the octaves that some point can see.
+// Calls `octave(frequency, its highest along an axis, amplitude, number)` for all of them.
 template <typename Octave>
-void each_octave(const Fbm& spec, float footprint, Octave&& octave) {
+void every_octave(const Fbm& spec, Octave&& octave) {
   const float widest = std::max({spec.stretch[0], spec.stretch[1], spec.stretch[2]});
   float frequency = spec.frequency;
   float amplitude = 1.0F;
   for (int k = 0; k < spec.octaves; ++k) {
-    if (footprint * frequency * widest > 0.6F) break;
-    const std::array<float, 3> scale{frequency * spec.stretch[0], frequency * spec.stretch[1],
-                                     frequency * spec.stretch[2]};
-    octave(scale, frequency * widest, amplitude, hash32(spec.seed, static_cast<std::uint32_t>(k)));
-    frequency *= 2.03F;  // not two: lattices of neighbouring octaves must not line up
+    octave(frequency, frequency * widest, amplitude, k);
+    frequency *= kLacunarity;
     amplitude *= spec.gain;
   }
+}
+
+// Calls `octave(scale, frequency, amplitude, seed)` for the octaves that some point can see.
+template <typename Octave>
+void seen_octaves(const Fbm& spec, float footprint, Octave&& octave) {
+  every_octave(spec, [&](float frequency, float highest, float amplitude, int k) {
+    if (footprint * highest > 0.6F) return;
+    const std::array<float, 3> scale{frequency * spec.stretch[0], frequency * spec.stretch[1],
+                                     frequency * spec.stretch[2]};
+    octave(scale, highest, amplitude, hash32(spec.seed, static_cast<std::uint32_t>(k)));
+  });
 }
 
 APVI_INLINE void nearest_in_cell(std::uint32_t X, std::uint32_t Y, std::uint32_t Z, int ox, int oy,
@@ -210,15 +226,23 @@ APVI_CLONES void finish_cells(const Points& p, float frequency, const Best& best
 
 void fbm(const Points& p, const Fbm& spec, Lanes& out) {
   out.fill(0.0F);
-  each_octave(spec, smallest_footprint(p),
-              [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
-                add_octave(p, scale, frequency, amplitude, seed, out);
-              });
+  seen_octaves(spec, smallest_footprint(p),
+               [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
+                 add_octave(p, scale, frequency, amplitude, seed, out);
+               });
+}
+
+void fbm(const Points& p, const Fbm& spec, Lanes& out, Lanes& faded) {
+  fbm(p, spec, out);
+  faded.fill(0.0F);
+  every_octave(spec, [&](float, float highest, float amplitude, int) {
+    add_faded(p, highest, amplitude, kValueVariance, faded);
+  });
 }
 
 float fbm(const Eigen::Vector3f& p, const Fbm& spec) {
   float sum = 0.0F;
-  each_octave(spec, 0.0F, [&](const auto& scale, float, float amplitude, std::uint32_t seed) {
+  seen_octaves(spec, 0.0F, [&](const auto& scale, float, float amplitude, std::uint32_t seed) {
     sum += amplitude *
            gradient_noise(p.x() * scale[0], p.y() * scale[1], p.z() * scale[2], seed).value;
   });
@@ -227,10 +251,14 @@ float fbm(const Eigen::Vector3f& p, const Fbm& spec) {
 
 void fbm_gradient(const Points& p, const Fbm& spec, Gradient& out) {
   for (Lanes* lanes : {&out.value, &out.dx, &out.dy, &out.dz}) lanes->fill(0.0F);
-  each_octave(spec, smallest_footprint(p),
-              [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
-                add_octave_gradient(p, scale, frequency, amplitude, seed, out);
-              });
+  seen_octaves(spec, smallest_footprint(p),
+               [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
+                 add_octave_gradient(p, scale, frequency, amplitude, seed, out);
+               });
+  out.faded.fill(0.0F);
+  every_octave(spec, [&](float frequency, float highest, float amplitude, int) {
+    add_faded(p, highest, frequency * amplitude, kSlopeVariance, out.faded);
+  });
 }
 
 void cells(const Points& p, float frequency, std::uint32_t seed, Cells& out) {

@@ -31,10 +31,10 @@ inline constexpr int kMaterialCount = 14;
 /// Lanes are scratch: clearing ten of them for every batch would cost as much as a material.
 struct SurfaceBatch {  // NOLINT(cppcoreguidelines-pro-type-member-init)
   Points p;            ///< world [m]
-  Lanes nx, ny, nz;    ///< unit normal, towards the camera
-  Lanes detail;        ///< of the mesh: see there
-  Lanes object;        ///< random in [0, 1), the same over a thing
-  Lanes r, g, b;       ///< albedo, filled
+  Lanes nx, ny, nz;  ///< unit normal, towards the camera; evaluated: the mean of a pixel's normals
+  Lanes detail;      ///< of the mesh: see there
+  Lanes object;      ///< random in [0, 1), the same over a thing
+  Lanes r, g, b;     ///< albedo, filled
 };
 void evaluate_material(Material material, SurfaceBatch& batch);
 

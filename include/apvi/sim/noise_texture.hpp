@@ -29,6 +29,12 @@ struct Points {     // NOLINT(cppcoreguidelines-pro-type-member-init): scratch, 
   int count = 0;
 };
 
+/// How much of a wave is left in a pixel: all below a quarter of it a footprint, none above 0.6.
+inline float visibility(float footprint, float frequency) {
+  const float t = (0.6F - footprint * frequency) * (1.0F / 0.35F);
+  return t < 0.0F ? 0.0F : (t > 1.0F ? 1.0F : t);
+}
+
 /// Fractal sum of gradient noise (Perlin 2002 with hashed gradients). Wavelength of the first
 /// octave is 1 / frequency [m]; each next one has half the wavelength and `gain` times the
 /// amplitude. Octaves fade out where their waves become smaller than two footprints.
@@ -42,12 +48,15 @@ struct Fbm {
 
 /// Values about in [-1, 1] (sigma near 0.3 for an octave).
 void fbm(const Points& p, const Fbm& spec, Lanes& out);
+/// The same with the variance of what is too fine to be seen.
+void fbm(const Points& p, const Fbm& spec, Lanes& out, Lanes& faded);
 /// The same for one point, without fading.
 float fbm(const Eigen::Vector3f& p, const Fbm& spec);
 
 /// Value and its gradient [1/m], for bumps.
 struct Gradient {
   Lanes value, dx, dy, dz;
+  Lanes faded;  ///< variance of the gradient along any axis by what is too fine to be seen [1/m^2]
 };
 void fbm_gradient(const Points& p, const Fbm& spec, Gradient& out);
 
@@ -96,6 +105,12 @@ inline float smooth_step(float low, float high, float x) {
   float t = (x - low) / (high - low);
   t = t < 0.0F ? 0.0F : (t > 1.0F ? 1.0F : t);
   return t * t * (3.0F - 2.0F * t);
+}
+/// Its mean where x is spread by that variance: the step becomes wider by as much.
+inline float smooth_step(float low, float high, float x, float variance) {
+  const float width = high - low;  // a step is the integral of a bump of variance width^2 / 20
+  const float wider = 0.5F * (__builtin_sqrtf(width * width + 20.0F * variance) - width);
+  return smooth_step(low - wider, high + wider, x);
 }
 inline float mix(float a, float b, float t) {
   return a + (b - a) * t;
