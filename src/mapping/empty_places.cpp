@@ -17,23 +17,53 @@ constexpr double kEmpty = 0.3;        // alpha, at most
 constexpr std::int64_t kAround = 9;   // [px] of a square that is empty
 constexpr std::int64_t kGrid = 8;     // [px] between places
 constexpr std::int64_t kMost = 2000;  // places that are compared
-constexpr double kNearly = 0.7;       // logarithm of a colour over the water's
-constexpr double kAlike = 0.08;       // the same, of places that show one water
 constexpr double kOffset = 0.01;      // of a colour, which counts as nothing
 constexpr std::int64_t kFewest = 40;  // places
 constexpr std::int64_t kFewestViews = 3;
-constexpr double kShare = 0.5;  // of those nearly of the water's colour
 constexpr double kFar_m = 1e3;
 constexpr int kShifts = 3;
 
+/// When places show one water.
+struct Likeness {
+  double nearly;  ///< most logarithm of a colour over the water's, of places that may show it
+  double alike;   ///< the same, of such among each other
+  double share;   ///< of those nearly of its colour, at least
+};
+constexpr Likeness kOfBare = {.nearly = 0.7, .alike = 0.08, .share = 0.5};
+constexpr Likeness kOfSky = {.nearly = 0.35, .alike = 0.05, .share = 0.8};  // the map may hide it
+
+/// Sine of the elevation [H,W] of what the pixels look at.
+Tensor elevation(const splat::View& camera, const torch::Device& device) {
+  const splat::Intrinsics& k = camera.intrinsics;
+  const auto options = torch::dtype(torch::kFloat32).device(device);
+  const Tensor up = camera.T_camera_world.slice(0, 0, 3).select(1, 2).to(options);
+  const Tensor x = (torch::arange(k.width, options) + 0.5 - k.cx) / k.fx;
+  const Tensor y = ((torch::arange(k.height, options) + 0.5 - k.cy) / k.fy).unsqueeze(1);
+  return (x * up[0] + y * up[1] + up[2]) / (x.square() + y.square() + 1.0).sqrt();
+}
+
 /// Which of the rows [n,3] lie together in the densest place: [n] bool (mean shift from there).
-Tensor densest(const Tensor& rows) {
-  const Tensor near = torch::cdist(rows, rows) < kAlike;
+Tensor densest(const Tensor& rows, double alike) {
+  const Tensor near = torch::cdist(rows, rows) < alike;
   Tensor together = near[near.sum(1).argmax().item<std::int64_t>()];
   for (int i = 0; i < kShifts; ++i) {
-    together = (rows - rows.index({together}).mean(0)).norm(2, 1) < kAlike;
+    together = (rows - rows.index({together}).mean(0)).norm(2, 1) < alike;
   }
   return together;
+}
+
+/// Which of the candidates [n] bool show one water, by `ratios` [n,3] to the `water`'s colour:
+/// their numbers, none when it is not most of those that may, or too few.
+Tensor of_one_water(const Tensor& ratios, const Tensor& water, const Tensor& candidates,
+                    const Likeness& likeness) {
+  const Tensor nearly = (candidates & (ratios.abs() < likeness.nearly).all(1)).nonzero().squeeze(1);
+  const auto count = nearly.size(0);
+  if (count < kFewest) return {};
+  const Tensor comparable = (ratios * water / (water + kOffset)).index_select(0, nearly);
+  Tensor which = nearly.index({densest(comparable, likeness.alike)});
+  const auto n = which.size(0);
+  const bool most = static_cast<double>(n) >= likeness.share * static_cast<double>(count);
+  return n >= kFewest && most ? which : Tensor();
 }
 
 }  // namespace
@@ -44,15 +74,20 @@ void EmptyPlaces::add(std::int64_t number, const splat::View& camera, const Tens
   const Tensor covered =
       torch::max_pool2d(alpha.view({1, 1, k.height, k.width}), kAround, 1, kAround / 2);
   const auto [mean, even] = evenness(picture);
-  const Tensor empty = even & (covered.view({k.height, k.width}) < kEmpty);
+  const Tensor bare = covered.view({k.height, k.width}) < kEmpty;
+  const Tensor above = elevation(camera, picture.device()) > 0.0;
+  const Tensor empty = even & (bare | above);
   const auto thinned = [](const Tensor& t) {
     return t.slice(0, kGrid / 2, t.size(0), kGrid).slice(1, kGrid / 2, t.size(1), kGrid);
   };
   const Tensor at = thinned(empty).nonzero();
   if (at.size(0) == 0) return;
-  colors_.push_back(thinned(mean.permute({1, 2, 0}))
-                        .index({at.select(1, 0), at.select(1, 1)})
-                        .to(torch::kCPU, torch::kFloat64));
+  const auto there = [&](const Tensor& t) {
+    return thinned(t).index({at.select(1, 0), at.select(1, 1)}).to(torch::kCPU);
+  };
+  colors_.push_back(there(mean.permute({1, 2, 0})).to(torch::kFloat64));
+  bare_.push_back(there(bare));
+  above_.push_back(there(above));
   const Tensor pixels =
       (kGrid * at.to(torch::kCPU) + kGrid / 2).to(torch::kFloat64) + 0.5;  // row, column
   corners2_.push_back(corners2(k, pixels.select(1, 1), pixels.select(1, 0)));
@@ -74,14 +109,12 @@ Sightings EmptyPlaces::open_water(const WaterFit& fit) const {
       fit.log_gains.exp().index_select(0, views) * (1.0 - fit.vignetting * corners);
   const Tensor water = fit.medium.b_inf;
   const Tensor ratios = (colors / response.unsqueeze(1) / water).clamp_min(1e-6).log();
-  const Tensor nearly = (ratios.abs() < kNearly).all(1).nonzero().squeeze(1);
-  if (nearly.size(0) < kFewest) return s;
-  const Tensor comparable = (ratios * water / (water + kOffset)).index_select(0, nearly);
-  const Tensor which = nearly.index({densest(comparable)});
+  Tensor which = of_one_water(ratios, water, joined(above_), kOfSky);
+  if (!which.defined()) which = of_one_water(ratios, water, joined(bare_), kOfBare);
+  if (!which.defined()) return s;
   const auto n = which.size(0);
   const auto seen_by = std::get<0>(torch::_unique(views.index_select(0, which))).size(0);
-  if (n < kFewest || seen_by < kFewestViews) return s;
-  if (static_cast<double>(n) < kShare * static_cast<double>(nearly.size(0))) return s;
+  if (seen_by < kFewestViews) return s;
   const auto keep = [&which](const Tensor& t) { return t.index_select(0, which); };
   s.points = torch::arange(n, torch::kInt64);
   s.views = keep(views);

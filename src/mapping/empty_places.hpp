@@ -11,7 +11,10 @@
 
 namespace apvi::mapping {
 
-/// Where views show nothing that the map knows: open water, or surfaces that it does not have yet.
+/// Where views may show open water: even places that the map leaves empty, which may be surfaces
+/// that it does not have yet, and such above the horizon, which it may have hidden behind
+/// Gaussians of the water's colour. The world's z is up; where it is not, what is taken for places
+/// above the horizon is hardly ever of one colour, and that the water's.
 class EmptyPlaces {
  public:
   /// Of a `picture` [H,W,3] that the map covers by `alpha` [H,W], both on one device. `number` is
@@ -21,10 +24,12 @@ class EmptyPlaces {
 
   /// Those that look like one water in daylight, which is about that of `fit`: as sightings from
   /// afar, a point each, without what is for a lamp. No points when most do not, or too few do.
+  /// Above the horizon if there are enough: below it, far sand in the haze is nearly of that
+  /// colour.
   Sightings open_water(const WaterFit& fit) const;
 
  private:
-  std::vector<torch::Tensor> views_, corners2_, colors_;
+  std::vector<torch::Tensor> views_, corners2_, colors_, bare_, above_;
 };
 
 }  // namespace apvi::mapping

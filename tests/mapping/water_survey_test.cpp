@@ -187,6 +187,56 @@ TEST(SurveyWater, OpenWaterSaysHowBrightItIs) {
   EXPECT_LT(worst_relative_error(survey->fit.medium.beta_d, true_water().beta_d), 0.05);
 }
 
+/// The same dive in a world whose z is up, and not its y down.
+KeyframeStore upright(const KeyframeStore& keyframes) {
+  const Tensor to_old = torch::tensor({1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0,
+                                       0.0, 0.0, 0.0, 1.0},
+                                      torch::kFloat64)
+                            .reshape({4, 4});
+  KeyframeStore store;
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    Keyframe keyframe = keyframes[i];
+    keyframe.T_camera_world = keyframe.T_camera_world.mm(to_old);
+    store.add(std::move(keyframe));
+  }
+  return store;
+}
+
+splat::Gaussians upright(splat::Gaussians map) {
+  map.means =
+      torch::stack({map.means.select(1, 0), map.means.select(1, 2), -map.means.select(1, 1)}, 1);
+  const float half = std::sqrt(0.5F);
+  map.quaternions = torch::tensor({half, -half, 0.0F, 0.0F}).repeat({map.size(), 1});
+  return map;
+}
+
+// A young map paints open water with Gaussians of its colour as long as it does not know the
+// water. What is left bare then is far sand in the haze, whose colour is not the water's.
+TEST(SurveyWater, OpenWaterAboveTheHorizonCountsThoughTheMapHidesIt) {
+  const torch::NoGradGuard no_grad;
+  splat::Gaussians map = sea_bed();
+  const std::int64_t n = 4000;
+  torch::manual_seed(5);
+  const Tensor across = 24.0 * torch::rand({n}) - 12.0;
+  const Tensor down = 12.0 * torch::rand({n}) - 10.0;
+  const splat::Gaussians painted = {
+      .means = torch::stack({across, down, torch::full({n}, 13.0)}, 1),
+      .log_scales = torch::full({n, 3}, std::log(0.3F)),
+      .quaternions = map.quaternions.slice(0, 0, n),
+      .logit_opacities = torch::full({n}, 4.0F),
+      .sh_dc = splat::color_to_sh_dc(true_water().b_inf.expand({n, 3})),
+      .sh_rest = torch::zeros({n, 0, 3})};
+  for (std::size_t k = 0; k < map.tensors().size(); ++k) {
+    *map.tensors()[k] = torch::cat({*map.tensors()[k], *painted.tensors()[k]});
+  }
+  const auto survey =
+      survey_water({.gaussians = upright(map), .medium = std::nullopt}, upright(dive(kAhead)), 0.1,
+                   {.medium = splat::coastal_medium()}, 1);
+  ASSERT_TRUE(survey);
+  EXPECT_TRUE(survey->sees_open_water);
+  EXPECT_LT(worst_relative_error(survey->fit.medium.b_inf, true_water().b_inf), 0.03);
+}
+
 TEST(SurveyWater, SurfacesThatTheMapLacksAreNotOpenWater) {
   splat::Gaussians bed = sea_bed();
   const Tensor known = (bed.means.select(1, 0) < 0.5).nonzero().squeeze(1);
