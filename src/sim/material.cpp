@@ -8,18 +8,21 @@
 
 namespace apvi::sim {
 namespace texture {
+namespace {
+
+// Slopes of variance v (both axes together, normally distributed) have normals whose mean is
+// 1 / sqrt(1 + shortening(v)) long: 1 - v / 2 + 3 v^2 / 4 - ...
+constexpr float kSpread = 0.75F;
+float shortening(float variance) {
+  return variance / (1.0F + kSpread * variance);
+}
+
+}  // namespace
 
 Colour pick(const Colour* palette, int count, float random) {
   const float scaled = random * static_cast<float>(count);
   const int index = static_cast<int>(scaled);
   return palette[index] * (0.85F + 0.3F * (scaled - static_cast<float>(index)));
-}
-
-// Slopes of variance v (both axes together, normally distributed) have normals whose mean is
-// 1 / sqrt(1 + shortening(v)) long: 1 - v / 2 + 3 v^2 / 4 - ...
-static constexpr float kSpread = 0.75F;
-static float shortening(float variance) {
-  return variance / (1.0F + kSpread * variance);
 }
 
 void bump(SurfaceBatch& s, const Gradient& field, float height) {
@@ -40,7 +43,7 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
 }
 
 const std::vector<Place>& typical_places() {
-  static const std::vector<Place> kCells = [] {
+  static const std::vector<Place> kPlaces = [] {
     constexpr int kBatches = 64;
     constexpr float kApart = 0.618F;  // [cells]: never at the same place of a cell again
     std::vector<Place> all;
@@ -63,7 +66,7 @@ const std::vector<Place>& typical_places() {
     }
     return all;
   }();
-  return kCells;
+  return kPlaces;
 }
 
 Dome make_dome(float frequency, float height, float radius) {

@@ -69,7 +69,7 @@ const std::vector<Place>& typical_places();
 template <typename Quantity>
 float mean_over_places(const Quantity& of) {
   double sum = 0.0;
-  for (const Place& cell : typical_places()) sum += static_cast<double>(of(cell));
+  for (const Place& place : typical_places()) sum += static_cast<double>(of(place));
   return static_cast<float>(sum / static_cast<double>(typical_places().size()));
 }
 
