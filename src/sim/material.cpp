@@ -43,7 +43,7 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
 }
 
 const std::vector<Place>& typical_places() {
-  static const std::vector<Place> kPlaces = [] {
+  static const std::vector<Place> places = [] {
     constexpr int kBatches = 64;
     constexpr float kApart = 0.618F;  // [cells]: never at the same place of a cell again
     std::vector<Place> all;
@@ -66,7 +66,7 @@ const std::vector<Place>& typical_places() {
     }
     return all;
   }();
-  return kPlaces;
+  return places;
 }
 
 Dome make_dome(float frequency, float height, float radius) {

@@ -2,6 +2,9 @@
 // Steel, wood and concrete after years under water. `detail` is 0 at seams and edges, 1 elsewhere.
 #include "material_kernels.hpp"
 
+// Lanes are scratch, filled before use: clearing them would cost as much as a material.
+// NOLINTBEGIN(cppcoreguidelines-pro-type-member-init)
+
 namespace apvi::sim::texture {
 namespace {
 
@@ -19,13 +22,13 @@ float single_barnacle(float nearest, float id) {
 
 // Far away, where single shells cannot be told apart, the colony is a paler patch.
 float barnacle_cover(const Fouling& f, int i, float threshold) {
-  static const float kMean =
+  static const float mean =
       mean_over_places([](const Place& c) { return single_barnacle(c.nearest, c.id); });
   const Cells& shells = f.barnacles;
   const float colony =
       smooth_step(threshold, threshold + 0.06F, f.colony.v[i] + 0.15F * f.turf.v[i]);
   return colony *
-         mix(kMean, single_barnacle(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
+         mix(mean, single_barnacle(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
 }
 
 // `threshold`: the higher, the rarer the colonies.
@@ -34,8 +37,8 @@ void add_fouling(SurfaceBatch& s, std::uint32_t seed, float threshold, Fouling& 
   fbm(s.p, {.frequency = 5.0F, .octaves = 5, .gain = 0.65F, .seed = seed + 1}, f.turf);
   cells(s.p, 30.0F, seed + 2, f.barnacles);
   for (int i = 0; i < kBatch; ++i) f.cover.v[i] = barnacle_cover(f, i, threshold);
-  static const Dome kShell = make_dome(30.0F, 0.006F, 0.45F);
-  bump_cells(s, f.barnacles, f.cover, kShell);
+  static const Dome shell = make_dome(30.0F, 0.006F, 0.45F);
+  bump_cells(s, f.barnacles, f.cover, shell);
 }
 
 float barnacle_shade(float nearest, float id) {
@@ -44,7 +47,7 @@ float barnacle_shade(float nearest, float id) {
 }
 
 Colour barnacle_colour(const Fouling& f, int i) {
-  static const float kMean = [] {
+  static const float mean = [] {
     const float cover =
         mean_over_places([](const Place& c) { return single_barnacle(c.nearest, c.id); });
     return mean_over_places([](const Place& c) {
@@ -54,7 +57,7 @@ Colour barnacle_colour(const Fouling& f, int i) {
   }();
   const Cells& shells = f.barnacles;
   return Colour{0.54F, 0.50F, 0.43F} *
-         mix(kMean, barnacle_shade(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
+         mix(mean, barnacle_shade(shells.nearest.v[i], shells.id.v[i]), shells.weight.v[i]);
 }
 
 }  // namespace
@@ -172,3 +175,5 @@ void concrete(SurfaceBatch& s) {
 }
 
 }  // namespace apvi::sim::texture
+
+// NOLINTEND(cppcoreguidelines-pro-type-member-init)

@@ -2,6 +2,9 @@
 // Sand, stone and what lives on them. Frequencies are per metre; colours are albedos.
 #include "material_kernels.hpp"
 
+// Lanes are scratch, filled before use: clearing them would cost as much as a material.
+// NOLINTBEGIN(cppcoreguidelines-pro-type-member-init)
+
 namespace apvi::sim::texture {
 
 namespace {
@@ -72,12 +75,12 @@ float norm(const SurfaceBatch& s, int i) {
 }
 
 const Lanes& everywhere() {
-  static const Lanes kOnes = [] {
-    Lanes ones{};
-    ones.fill(1.0F);
-    return ones;
+  static const Lanes ones = [] {
+    Lanes lanes{};
+    lanes.fill(1.0F);
+    return lanes;
   }();
-  return kOnes;
+  return ones;
 }
 
 // `top` over `s` with the weights given: colours and normals.
@@ -174,11 +177,11 @@ void brain_coral(SurfaceBatch& s) {
     ridge.dz.v[i] *= side;
   }
   bump(s, ridge, 0.018F);
-  constexpr auto valley_at = [](float x) { return smooth_step(0.2F, 0.02F, magnitude(x)); };
-  static const float kMean = mean_over_places([&](const Place& p) { return valley_at(p.wave); });
+  const auto valley_at = [](float x) { return smooth_step(0.2F, 0.02F, magnitude(x)); };
+  static const float mean = mean_over_places([&](const Place& p) { return valley_at(p.wave); });
   for (int i = 0; i < kBatch; ++i) {
     const float seen = visibility(s.p.footprint.v[i], kMaze);
-    const float valley = mix(kMean, valley_at(maze.value.v[i] / (seen + 1e-6F)), seen);
+    const float valley = mix(mean, valley_at(maze.value.v[i] / (seen + 1e-6F)), seen);
     Colour c = pick(kRidges, 3, s.object.v[i]) * (1.0F + 0.5F * wide.v[i]);
     c = mix(c, {0.20F, 0.22F, 0.12F}, 0.8F * valley);
     put(s, i, mix(c, {0.62F, 0.58F, 0.48F}, 0.7F * smooth_step(0.28F, 0.42F, wide.v[i])));
@@ -192,12 +195,12 @@ void branch_coral(SurfaceBatch& s) {
   Cells polyps;
   fbm(s.p, {.frequency = 7.0F, .octaves = 4, .gain = 0.6F, .seed = 51}, tone);
   cells(s.p, 110.0F, 52, polyps);
-  constexpr auto polyp_at = [](float nearest) { return smooth_step(0.5F, 0.2F, nearest); };
-  static const float kMean = mean_over_places([&](const Place& c) { return polyp_at(c.nearest); });
-  static const Dome kPolyp = make_dome(110.0F, 0.003F, 0.6F);
-  bump_cells(s, polyps, everywhere(), kPolyp);
+  const auto polyp_at = [](float nearest) { return smooth_step(0.5F, 0.2F, nearest); };
+  static const float mean = mean_over_places([&](const Place& c) { return polyp_at(c.nearest); });
+  static const Dome dome = make_dome(110.0F, 0.003F, 0.6F);
+  bump_cells(s, polyps, everywhere(), dome);
   for (int i = 0; i < kBatch; ++i) {
-    const float polyp = mix(kMean, polyp_at(polyps.nearest.v[i]), polyps.weight.v[i]);
+    const float polyp = mix(mean, polyp_at(polyps.nearest.v[i]), polyps.weight.v[i]);
     Colour c = pick(kBranches, 4, s.object.v[i]) * (0.9F + 0.5F * tone.v[i] + 0.35F * polyp);
     const float old = smooth_step(0.35F, 0.0F, s.detail.v[i]);  // dead and overgrown at the foot
     c = mix(c, {0.25F, 0.22F, 0.16F}, 0.8F * old);
@@ -228,12 +231,12 @@ void sponge(SurfaceBatch& s) {
   Cells pores;
   fbm(s.p, {.frequency = 9.0F, .octaves = 4, .gain = 0.6F, .seed = 71}, tone);
   cells(s.p, 45.0F, 72, pores);
-  constexpr auto pore_at = [](float nearest) { return smooth_step(0.38F, 0.15F, nearest); };
-  static const float kMean = mean_over_places([&](const Place& c) { return pore_at(c.nearest); });
-  static const Dome kPore = make_dome(45.0F, -0.006F, 0.5F);
-  bump_cells(s, pores, everywhere(), kPore);
+  const auto pore_at = [](float nearest) { return smooth_step(0.38F, 0.15F, nearest); };
+  static const float mean = mean_over_places([&](const Place& c) { return pore_at(c.nearest); });
+  static const Dome dome = make_dome(45.0F, -0.006F, 0.5F);
+  bump_cells(s, pores, everywhere(), dome);
   for (int i = 0; i < kBatch; ++i) {
-    const float pore = mix(kMean, pore_at(pores.nearest.v[i]), pores.weight.v[i]);
+    const float pore = mix(mean, pore_at(pores.nearest.v[i]), pores.weight.v[i]);
     const Colour c = pick(kSponges, 4, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
     put(s, i, mix(c, c * 0.25F, 0.85F * pore));
   }
@@ -246,10 +249,10 @@ void fan_coral(SurfaceBatch& s) {
   Cells mesh;
   fbm(s.p, {.frequency = 6.0F, .octaves = 3, .gain = 0.6F, .seed = 81}, tone);
   cells(s.p, 38.0F, 82, mesh);
-  constexpr auto strand_at = [](float border) { return smooth_step(0.2F, 0.06F, border); };
-  static const float kMean = mean_over_places([&](const Place& c) { return strand_at(c.border); });
+  const auto strand_at = [](float border) { return smooth_step(0.2F, 0.06F, border); };
+  static const float mean = mean_over_places([&](const Place& c) { return strand_at(c.border); });
   for (int i = 0; i < kBatch; ++i) {
-    const float strand = mix(kMean, strand_at(mesh.border.v[i]), mesh.weight.v[i]);
+    const float strand = mix(mean, strand_at(mesh.border.v[i]), mesh.weight.v[i]);
     const Colour c = pick(kFans, 3, s.object.v[i]) * (1.0F + 0.5F * tone.v[i]);
     put(s, i, c * (0.35F + 0.75F * strand));
   }
@@ -273,12 +276,12 @@ void mussels(SurfaceBatch& s) {
   Lanes tone;
   cells(s.p, 24.0F, 101, shells);
   fbm(s.p, {.frequency = 6.0F, .octaves = 4, .gain = 0.6F, .seed = 102}, tone);
-  constexpr auto gap_at = [](float border) { return smooth_step(0.12F, 0.02F, border); };
-  static const float kGap = mean_over_places([&](const Place& c) { return gap_at(c.border); });
-  static const Dome kShell = make_dome(24.0F, 0.020F, 0.75F);
-  bump_cells(s, shells, everywhere(), kShell);
+  const auto gap_at = [](float border) { return smooth_step(0.12F, 0.02F, border); };
+  static const float mean_gap = mean_over_places([&](const Place& c) { return gap_at(c.border); });
+  static const Dome dome = make_dome(24.0F, 0.020F, 0.75F);
+  bump_cells(s, shells, everywhere(), dome);
   for (int i = 0; i < kBatch; ++i) {
-    const float gap = mix(kGap, gap_at(shells.border.v[i]), shells.weight.v[i]);
+    const float gap = mix(mean_gap, gap_at(shells.border.v[i]), shells.weight.v[i]);
     const float own = shells.id.v[i];
     Colour c =
         mix({0.10F, 0.11F, 0.14F}, {0.30F, 0.27F, 0.22F}, mix(0.5F, own, shells.weight.v[i]));
@@ -303,3 +306,5 @@ void add_mussel_beds(SurfaceBatch& s) {
 }
 
 }  // namespace apvi::sim::texture
+
+// NOLINTEND(cppcoreguidelines-pro-type-member-init)
