@@ -10,6 +10,7 @@
 
 #include "apvi/core/random.hpp"
 #include "apvi/mapping/depth.hpp"
+#include "apvi/mapping/facing.hpp"
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/mapping/surface_depth.hpp"
 #include "apvi/mapping/view_gains.hpp"
@@ -39,8 +40,8 @@ constexpr double kOneSurface = 0.03;  // relative change of a patch's mean depth
 constexpr std::int64_t kBeside = 3;   // [px] from a point, where its surface is looked at too
 constexpr double kSmooth = 0.15;      // relative change of depth there on a surface
 constexpr double kFlattest = 0.2;     // sine of the angle at which a surface is still looked at
-constexpr double kBroadPx = 16.0;     // sigma of "around" when asking how a surface faces
-constexpr double kAround = 0.3;       // of the distance: normals so near each other are alike
+constexpr double kBroadPx = 6.0;      // sigma of "around" when asking how a surface faces
+constexpr double kAround = 0.2;       // of the distance: normals so near each other are alike
 constexpr double kSaturated = 0.97;
 constexpr std::int64_t kLeastSightings = 3;  // of a point
 
@@ -320,21 +321,19 @@ std::vector<Look> look_around(const Map& map, const KeyframeStore& keyframes, do
   return looks;
 }
 
-/// How the surface around each point faces: the mean of what the views of its cluster say.
-void average_facing(std::vector<Look>& looks, double radius_m) {
+/// How the surface around each point faces, out of what all views of its cluster say.
+void share_facing(std::vector<Look>& looks, double radius_m) {
   for (std::size_t begin = 0, end = 0; begin < looks.size(); begin = end) {
     std::vector<Tensor> points, facing;
     for (; end < looks.size() && looks[end].cluster == looks[begin].cluster; ++end) {
       points.push_back(looks[end].points);
       facing.push_back(looks[end].facing);
     }
-    const Tensor at = torch::cat(points);
-    const Tensor near = (torch::cdist(at, at) < radius_m).to(at.scalar_type());
-    Tensor means = unit(near.mm(torch::cat(facing)));
+    Tensor shared = prevailing_normals(torch::cat(points), torch::cat(facing), radius_m);
     for (std::size_t i = begin; i < end; ++i) {
       const std::int64_t own = looks[i].points.size(0);
-      looks[i].facing = means.slice(0, 0, own);
-      means = means.slice(0, own);
+      looks[i].facing = shared.slice(0, 0, own);
+      shared = shared.slice(0, own);
     }
   }
 }
@@ -399,7 +398,7 @@ std::optional<WaterSurvey> survey_water(const Map& map, const KeyframeStore& key
   std::vector<std::int64_t> first = {0};
   for (const Look& view : looks) first.push_back(first.back() + view.points.size(0));
   WaterSurvey survey;
-  if (prior.lamp) average_facing(looks, kAround * typical_range(looks));
+  if (prior.lamp) share_facing(looks, kAround * typical_range(looks));
   for (std::size_t j = 0; j < looks.size(); ++j) {
     std::vector<Tensor> near_points;
     std::vector<Tensor> normals;
