@@ -24,6 +24,7 @@ namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
+using torch::nn::functional::normalize;
 
 constexpr std::size_t kCluster = 11;  // keyframes in a row that are compared with each other
 constexpr std::size_t kClusters = 3;  // spread over the whole run
@@ -113,10 +114,6 @@ Look look(const Map& map, const KeyframeStore& keyframes, std::size_t i, std::si
   return look;
 }
 
-Tensor unit(const Tensor& vectors) {
-  return vectors / vectors.norm(2, 1, true).clamp_min(1e-12);
-}
-
 /// Which way surfaces face as a whole, at pixels [p,2] of a look: unit normals [p,3] in the
 /// camera's frame. A plane's inverse depth is linear in the pixels, so its slope over many pixels
 /// tells, which the roughness of a young map does not touch.
@@ -136,7 +133,7 @@ Tensor broad_normals(const Look& look, const Tensor& pixels) {
   const Tensor by_v = (at(0, kBeside) - at(0, -kBeside)) / step;
   const Tensor ahead =
       at(0, 0) - by_u * (pixels.select(1, 0) - k.cx) - by_v * (pixels.select(1, 1) - k.cy);
-  return unit(torch::stack({by_u * k.fx, by_v * k.fy, ahead}, 1));
+  return normalize(torch::stack({by_u * k.fx, by_v * k.fy, ahead}, 1));
 }
 
 /// A lamp's light tells of the water only with how surfaces face it, and a map rounds off where two
@@ -177,7 +174,7 @@ void draw_points(Look& look, std::int64_t count, bool by_lamplight, Random& rand
   }
   const Tensor normals = torch::linalg_cross(at[2] - at[1], at[4] - at[3]);
   look.points = at[0];
-  look.normals = unit(normals);
+  look.normals = normalize(normals);
   look.facing = look.normals;
   if (!by_lamplight) return;
   const Tensor R = look.camera.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);

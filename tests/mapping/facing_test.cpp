@@ -10,12 +10,9 @@ namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
+using torch::nn::functional::normalize;
 
 const auto kF64 = torch::dtype(torch::kFloat64);
-
-Tensor unit(const Tensor& vectors) {
-  return vectors / vectors.norm(2, 1, true);
-}
 
 double worst_angle_deg(const Tensor& a, const Tensor& b) {
   return (a * b).sum(1).clamp(-1.0, 1.0).acos().max().item<double>() * 180.0 / M_PI;
@@ -32,12 +29,12 @@ TEST(PrevailingNormals, ViewsThatAreWrongDoNotTiltASurface) {
   torch::manual_seed(5);
   const Tensor points = square(600);
   const Tensor truth = torch::tensor({0.0, 0.0, 1.0}, kF64).expand({600, 3});
-  Tensor normals = unit(truth + 0.1 * torch::randn({600, 3}, kF64));
+  Tensor normals = normalize(truth + 0.1 * torch::randn({600, 3}, kF64));
   // One view in five has a step in its depth, all along it the same way.
   normals.slice(0, 0, 120).copy_(
-      unit(torch::tensor({1.0, 0.0, 0.3}, kF64) + 0.1 * torch::randn({120, 3}, kF64)));
+      normalize(torch::tensor({1.0, 0.0, 0.3}, kF64) + 0.1 * torch::randn({120, 3}, kF64)));
   EXPECT_LT(worst_angle_deg(prevailing_normals(points, normals, 1.0), truth), 3.0);
-  const Tensor mean = unit(normals.mean(0, true));
+  const Tensor mean = normalize(normals.mean(0, true));
   EXPECT_GT(worst_angle_deg(mean, truth.slice(0, 0, 1)), 8.0);
 }
 
@@ -46,7 +43,7 @@ TEST(PrevailingNormals, FollowASurfaceThatBends) {
   const Tensor points = square(900);
   const Tensor slope = points.select(1, 0).sub(1.0).mul(0.4);
   const Tensor normals =
-      unit(torch::stack({slope, torch::zeros_like(slope), torch::ones_like(slope)}, 1));
+      normalize(torch::stack({slope, torch::zeros_like(slope), torch::ones_like(slope)}, 1));
   EXPECT_LT(worst_angle_deg(prevailing_normals(points, normals, 0.2), normals), 6.0);
 }
 
