@@ -14,6 +14,7 @@ BELOW = {
     "core": [],
     "config": ["core"],
     "geometry": ["core"],
+    "loop": ["geometry"],
     "sensors": ["config", "geometry"],
     "imu": ["sensors"],
     "dipo": ["imu"],
@@ -26,7 +27,7 @@ BELOW = {
     "pipeline": ["fusion", "eval"],
     "splat": ["core"],
     "mapping": ["splat"],
-    "bridge": ["pipeline", "mapping"],
+    "bridge": ["pipeline", "loop", "mapping"],
     "apps": ["bridge", "doctor", "sim"],
 }
 TORCH = {"splat", "mapping", "bridge", "apps"}

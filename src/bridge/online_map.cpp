@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <future>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
@@ -71,8 +72,14 @@ void OnlineMap::begin(const Rig& rig) {
   curve_.emplace(options_.folder / "mapping.csv", config_.mapping.report_every_s, options_.resume);
   const pipeline::RunMode mode = config_.run.mode;
   watch_.reset();
-  if (mode == pipeline::RunMode::sequential || options_.resume) return;
+  if (options_.resume) return;
   const bool may_drop = mode == pipeline::RunMode::realtime;
+  if (revisits_of(config_, rig) == Revisits::loops) {
+    const splat::Intrinsics& k = undistort_->intrinsics();
+    const loop::Pinhole pinhole{k.fx, k.fy, k.cx, k.cy, k.width, k.height};
+    loops_.emplace(config_.mapping.loops, pinhole, may_drop);
+  }
+  if (mode == pipeline::RunMode::sequential) return;
   const bool catches_up = !may_drop || splat::active_device().is_cuda();
   worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
       catches_up ? kQueue : kShortQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
@@ -90,6 +97,12 @@ void OnlineMap::finish() {
   if (worker_) {
     worker_->wait();
     dropped_ = worker_->dropped();
+  }
+  if (loops_) loops_->finish();
+  for (auto moved = next_relocation(); !moved.empty(); moved = next_relocation()) {
+    mapping::MapperInput news;
+    news.relocated = std::move(moved);
+    mapper_.add(news);
   }
   fill_end();
 }
@@ -145,6 +158,7 @@ void OnlineMap::process(const pipeline::MapFrame& frame) {
 mapping::Intake OnlineMap::take_in(const pipeline::MapFrame& frame) {
   const auto entry = times_.enter("intake");
   mapping::MapperInput input = to_input(frame);
+  input.relocated = next_relocation();
   input.hurry = in_hurry();
   input.crowded = frames_waiting() > kCrowd;
   return mapper_.add(input);
@@ -216,14 +230,39 @@ mapping::MapperInput OnlineMap::to_input(const pipeline::MapFrame& frame) {
   input.keyframe.name = std::to_string(frame.image_stamp.ns);
   input.keyframe.intrinsics = undistort_->intrinsics();
   input.keyframe.T_camera_world = camera_pose(frame.T_world_body);
-  input.keyframe.image = to_tensor((*undistort_)(frame.image));
+  const cv::Mat picture = (*undistort_)(frame.image);
+  input.keyframe.image = to_tensor(picture);
   input.murky = mapping::is_murky(to_tensor(frame.image));
   input.keyframe.held_out = frame.held_out;
   input.keyframe.number = frame.number;
   input.points = to_points(frame.points);
   if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;
   if (config_.mapping.use_dvl_ranges) input.depth_samples = to_rows(frame.ranged);
+  if (!frame.held_out && !input.murky) close_loops(frame, picture);
   return input;
+}
+
+void OnlineMap::close_loops(const pipeline::MapFrame& frame, const cv::Mat& picture) {
+  if (!loops_) return;
+  const auto entry = times_.enter("loops");
+  LoopJob job;
+  job.stamp = frame.stamp;
+  job.T_world_camera = frame.T_world_body * T_body_camera_;
+  for (const StampedPose& kept : frame.window) {
+    job.moved.push_back({kept.stamp, kept.T_world_body * T_body_camera_});
+  }
+  job.grey = picture;
+  if (picture.channels() == 3) cv::cvtColor(picture, job.grey, cv::COLOR_BGR2GRAY);
+  loops_->take(std::move(job));
+}
+
+std::vector<mapping::Relocated> OnlineMap::next_relocation() {
+  std::vector<mapping::Relocated> relocated;
+  if (!loops_) return relocated;
+  for (const loop::Relocation& moved : loops_->next()) {
+    relocated.push_back({moved.stamp.ns, to_tensor(moved.T_after_before)});
+  }
+  return relocated;
 }
 
 Tensor OnlineMap::camera_pose(const SE3& T_world_body) const {

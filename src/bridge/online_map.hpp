@@ -17,6 +17,7 @@
 #include "apvi/core/worker.hpp"
 #include "apvi/mapping/mapper.hpp"
 #include "apvi/pipeline/map_sink.hpp"
+#include "loop_thread.hpp"
 #include "map_files.hpp"
 
 namespace apvi::bridge {
@@ -59,6 +60,8 @@ class OnlineMap : public pipeline::MapSink {
   mapping::Intake take_in(const pipeline::MapFrame& frame);
   mapping::MapperInput to_input(const pipeline::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
+  void close_loops(const pipeline::MapFrame& frame, const cv::Mat& picture);
+  std::vector<mapping::Relocated> next_relocation();
   void learn();
   void fill_end();
   bool in_realtime() const;
@@ -72,6 +75,7 @@ class OnlineMap : public pipeline::MapSink {
   const MappingRunOptions& options_;
   mapping::Mapper mapper_;
   std::optional<Undistorter> undistort_;
+  std::optional<LoopThread> loops_;
   SE3 T_body_camera_;
   Stopwatch watch_;
   Stopwatch since_save_;

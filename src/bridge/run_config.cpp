@@ -95,10 +95,18 @@ mapping::TrainerOptions trainer_options(const RunConfig& config, const Rig& rig)
   return options;
 }
 
+Revisits revisits_of(const RunConfig& config, const Rig& rig) {
+  const Revisits asked = config.mapping.revisits;
+  if (asked != Revisits::automatic) return asked;
+  return lamp_of(rig) ? Revisits::alignment : Revisits::loops;
+}
+
 mapping::MapperOptions mapper_options(const RunConfig& config, const Rig& rig) {
+  mapping::OnlineOptions online = config.mapping.online;
+  online.align = revisits_of(config, rig) == Revisits::alignment;
   return {.medium = config.mapping.medium,
           .trainer = trainer_options(config, rig),
-          .online = config.mapping.online,
+          .online = online,
           .depth = config.mapping.depth.options()};
 }
 

@@ -62,6 +62,15 @@ void Drift::found(std::size_t i, const Tensor& T_camera_odometry, const Tensor& 
                       .found = true};
 }
 
+void Drift::relocate(std::size_t i, const Tensor& motion) {
+  Tensor& T = keyframes_.at(i).T_odometry_map;
+  T = rigid(T.mm(rigid_inverse(motion)));
+}
+
+void Drift::relocate_next(const Tensor& motion) {
+  now_ = rigid(now_.mm(rigid_inverse(motion)));
+}
+
 void Drift::save(torch::serialize::OutputArchive& archive) const {
   archive.write("now", now_);
   archive.write("last_found", c10::IValue(last_found_ns_));

@@ -8,6 +8,7 @@
 
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/render.hpp"
+#include "apvi/splat/similarity.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -59,6 +60,22 @@ void FirstSight::remember(const splat::Gaussians& gaussians, const splat::View& 
   }
   stamps_ = torch::cat({stamps_, torch::full({which.size(0)}, stamp_ns, torch::kInt64)});
   if (stamps_.size(0) > most_) stamps_ = stamps_.slice(0, stamps_.size(0) - most_).clone();
+}
+
+void FirstSight::move(std::int64_t stamp_ns, const Tensor& motion) {
+  const torch::NoGradGuard no_grad;
+  const std::int64_t begin = (stamps_ < stamp_ns).sum().item<std::int64_t>();
+  const std::int64_t count = (stamps_ == stamp_ns).sum().item<std::int64_t>();
+  if (count == 0) return;
+  splat::Gaussians own;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    *own.tensors()[k] = kept_.tensors()[k]->slice(0, begin, begin + count);
+  }
+  const splat::Gaussians there =
+      splat::transformed(own, {.scale = 1.0,
+                               .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
+                               .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
+  for (std::size_t k = 0; k < kNames.size(); ++k) own.tensors()[k]->copy_(*there.tensors()[k]);
 }
 
 void FirstSight::save(torch::serialize::OutputArchive& archive) const {

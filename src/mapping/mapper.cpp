@@ -96,6 +96,7 @@ Intake Mapper::add(const MapperInput& input) {
   {
     const auto entry = times_.enter("poses");
     for (const MovedKeyframe& moved : input.moved) move(moved);
+    relocate(input.relocated);
   }
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);

@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <map>
 
 #include "apvi/core/log.hpp"
 #include "apvi/mapping/mapper.hpp"
@@ -42,8 +43,42 @@ void Mapper::move(const MovedKeyframe& moved) {
   if (size_of(in_camera) < kLeastMove) return;
   keyframes_.set_pose(i, pose);
   move_followers(i, motion);
+  move_gaussians(i, motion);
+}
+
+// A held-out keyframe goes with the one before it, whoever that follows in the window.
+void Mapper::relocate(const std::vector<Relocated>& relocated) {
+  std::map<std::int64_t, Tensor> motions;
+  for (const Relocated& place : relocated) {
+    if (!is_rigid(place.motion)) return;
+    motions[place.stamp_ns] = place.motion;
+  }
+  if (relocated.empty()) return;
+  const Relocated& last = relocated.back();
+  Tensor motion;
+  for (const auto& [stamp, i] : by_stamp_) {
+    if (stamp > last.stamp_ns) {
+      motion = last.motion;
+    } else if (!keyframes_[i].held_out) {
+      const auto named = motions.find(stamp);
+      motion = named == motions.end() ? Tensor() : named->second;
+    }
+    if (motion.defined()) relocate(i, motion);
+  }
+  drift_.relocate_next(last.motion);
+}
+
+void Mapper::relocate(std::size_t i, const Tensor& motion) {
+  drift_.relocate(i, motion);
+  keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
+  if (keyframes_[i].held_out) return;
+  first_sight_.move(keyframes_[i].stamp_ns, motion);
+  move_gaussians(i, motion);
+}
+
+void Mapper::move_gaussians(std::size_t view, const Tensor& motion) {
   if (!learner_) return;
-  learner_->move(static_cast<std::int64_t>(i),
+  learner_->move(static_cast<std::int64_t>(view),
                  {.scale = 1.0,
                   .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
                   .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});

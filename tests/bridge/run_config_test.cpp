@@ -50,6 +50,21 @@ TEST(MappingConfig, ReachesTheTrainersOptions) {
   EXPECT_EQ(options.seed, 4U);
 }
 
+TEST(MappingConfig, WhatIsMetAgainClosesALoopUnlessALampLightsItDifferently) {
+  Rig daylight;
+  daylight.cameras.emplace_back();
+  Rig lamplight = daylight;
+  lamplight.lamp.emplace();
+  const RunConfig usual = load("mapping: {enabled: true}\n");
+  EXPECT_EQ(revisits_of(usual, daylight), Revisits::loops);
+  EXPECT_FALSE(mapper_options(usual, daylight).online.align);
+  EXPECT_EQ(revisits_of(usual, lamplight), Revisits::alignment);
+  EXPECT_TRUE(mapper_options(usual, lamplight).online.align);
+  const RunConfig none = load("mapping: {enabled: true, revisits: none}\n");
+  EXPECT_EQ(revisits_of(none, lamplight), Revisits::none);
+  EXPECT_FALSE(mapper_options(none, lamplight).online.align);
+}
+
 TEST(MappingConfig, ATypoIsAnsweredWithTheKeyThatWasMeant) {
   EXPECT_THAT(error_of(std::string(kGiven) + "  max_gausians: 5\n"),
               testing::AllOf(HasSubstr("c.yaml:4"), HasSubstr("max_gaussians")));

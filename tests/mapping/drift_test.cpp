@@ -52,6 +52,21 @@ TEST(Drift, MayGrowWithTheTimeSinceTheMapLastSaid) {
   EXPECT_LT(drift.sigmas(9'000'000'000'000).translation_m, 1.0);
 }
 
+TEST(Drift, FollowsWhereAClosedLoopMovesTheMap) {
+  Drift drift({.translation_m = 0.01, .rotation_rad = 0.001});
+  drift.add();
+  drift.found_newest(1000, pose(1.0, 0.5), pose(1.1, 0.52));
+  drift.add();
+  const Tensor motion = pose(0.3, 0.1);  // of the world
+  const Tensor before = drift.in_map(1, pose(2.0, 0.0));
+  drift.relocate(1, motion);
+  EXPECT_TRUE(torch::allclose(drift.in_map(1, pose(2.0, 0.0)), before.mm(rigid_inverse(motion))));
+  EXPECT_TRUE(torch::allclose(drift.in_map(0, pose(1.0, 0.5)), pose(1.1, 0.52)));  // not named
+  drift.relocate_next(motion);
+  drift.add();
+  EXPECT_TRUE(torch::allclose(drift.in_map(2, pose(2.0, 0.0)), before.mm(rigid_inverse(motion))));
+}
+
 TEST(Drift, StaysRigidOverThousandsOfCorrections) {
   Drift drift({.translation_m = 0.01, .rotation_rad = 0.001});
   Tensor odometry = pose(0.0, 0.0);

@@ -50,6 +50,23 @@ TEST(FirstSight, TakesInWhatIsNewLongAfter) {
   EXPECT_GT(memory.gaussians().size(), left + left / 4);
 }
 
+TEST(FirstSight, MovesWithTheKeyframeThatAClosedLoopMoves) {
+  const splat::Gaussians wall = test::wall_of_gaussians(2000);
+  FirstSight memory(100000);
+  memory.remember(wall, view_at(-1.0), 1 * kSecond);
+  const std::int64_t first = memory.gaussians().size();
+  memory.remember(wall, view_at(1.0), 60 * kSecond);
+  const Tensor before = memory.gaussians().means.clone();
+  Tensor motion = torch::eye(4, torch::kFloat64);
+  motion[0][3] = 0.25;
+  memory.move(60 * kSecond, motion);
+  memory.move(30 * kSecond, motion);  // of which nothing is known
+  const Tensor moved = memory.gaussians().means - before;
+  EXPECT_EQ(moved.slice(0, 0, first).abs().max().item<float>(), 0.0F);
+  EXPECT_TRUE(torch::allclose(moved.slice(0, first).select(1, 0), torch::tensor(0.25F), 0.0, 1e-5));
+  EXPECT_LT(moved.slice(0, first).slice(1, 1).abs().max().item<float>(), 1e-5F);
+}
+
 TEST(FirstSight, KeepsToItsBudgetAndForgetsTheOldest) {
   const splat::Gaussians wall = test::wall_of_gaussians(2000);
   FirstSight memory(300);

@@ -7,6 +7,7 @@
 
 #include "apvi/bridge/depth_section.hpp"
 #include "apvi/config/fields.hpp"
+#include "apvi/loop/loop_closer.hpp"
 #include "apvi/mapping/options.hpp"
 #include "apvi/pipeline/run_config.hpp"
 
@@ -109,10 +110,6 @@ struct OnlineSection : mapping::OnlineOptions {
       "part of their rates that a map's parameters learn at in the end, while it grows");
     v("late_rates_steps", late_rates_steps, Range{1, 100000000},
       "iterations after which all but 1/e of that fall is behind");
-    v("align", align,
-      "whether a keyframe is put where the map shows what it sees: what is met again is not drawn "
-      "a "
-      "second time where odometry has drifted to");
     v("drift_m", drift_m, Range{1e-6, 10.0}, "of odometry, thought possible a second [m]");
     v("drift_deg", drift_deg, Range{1e-6, 180.0}, "the same of directions [deg]");
     v("point_sigma", point_sigma, Range{0.0, 10.0},
@@ -125,6 +122,31 @@ struct OnlineSection : mapping::OnlineOptions {
       "a block of a keyframe that the map draws so densely");
     v("covered_error", covered_error, Range{0.0, 1.0},
       "and with so small a mean error gets no Gaussian");
+  }
+};
+
+/// How a map gets to agree with itself where it meets again what it has seen.
+enum class Revisits {
+  automatic,  ///< alignment where the rig has a lamp, else loops
+  loops,      ///< features of places are met again, and the way in between is bent
+  alignment,  ///< each keyframe is put where the map shows what it sees
+  none,
+};
+
+struct LoopSection : loop::LoopOptions {
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("least_age_s", least_age_s, Range{10.0, 1e6},
+      "nearer in time odometry knows better than a picture [s]");
+    v("features", features, Range{50, 100000}, "of a picture, at most");
+    v("places", places, Range{2, 1000000}, "kept at most; beyond it every second one goes");
+    v("least_inliers", least_inliers, Range{6, 100000},
+      "points of a place that must agree where the camera stands");
+    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "of a feature's place in a picture [px]");
+    v("drift_m", drift_m, Range{1e-6, 10.0},
+      "of odometry, thought usual in the square root of a second [m]");
+    v("drift_deg", drift_deg, Range{1e-6, 180.0}, "the same of its heading [deg]");
   }
 };
 
@@ -147,6 +169,8 @@ struct MappingConfig {
   ExposureSection exposure;
   bool use_dvl_ranges = false;
   OnlineSection online;
+  Revisits revisits = Revisits::automatic;
+  LoopSection loops;
   DepthSection depth;
 
   template <typename V>
@@ -204,6 +228,16 @@ struct MappingConfig {
     v("use_dvl_ranges", use_dvl_ranges,
       "with localization: whether what the DVL's beams met makes Gaussians too");
     v("online", online, "with localization: a map that grows as keyframes come");
+    v("revisits", revisits,
+      Choices<Revisits>{{"auto", Revisits::automatic},
+                        {"loops", Revisits::loops},
+                        {"alignment", Revisits::alignment},
+                        {"none", Revisits::none}},
+      "with localization, so that what is met again is not drawn a second time where odometry has "
+      "drifted to: loops bends the way between, alignment puts the keyframe where the map shows "
+      "what it sees; auto: alignment where the rig has a lamp, whose light moves along and makes a "
+      "place look another, else loops");
+    v("loops", loops, "revisits loops: places that are met again");
     v("depth", depth, "densification quadtree: depth of keyframes");
     v("report_every_s", report_every_s, Range{0.0, 1e9},
       "writes the held-out images' PSNR to mapping.csv this often; 0: never [s]");
@@ -228,6 +262,9 @@ mapping::TrainerOptions trainer_options(const RunConfig& config, const Rig& rig 
 
 /// `mapping.max_gaussians`, or what suits the device that maps are made on.
 int most_gaussians(const RunConfig& config);
+
+/// What `mapping.revisits: auto` means for a rig.
+Revisits revisits_of(const RunConfig& config, const Rig& rig);
 
 /// The same for a map that grows while poses are estimated.
 mapping::MapperOptions mapper_options(const RunConfig& config, const Rig& rig = {});

@@ -44,6 +44,9 @@ class Drift {
   /// Odometry has changed its mind about a keyframe that the map has placed.
   void found(std::size_t i, const torch::Tensor& T_camera_odometry,
              const torch::Tensor& T_camera_map);
+  /// The map is moved about a keyframe; and about those that come.
+  void relocate(std::size_t i, const torch::Tensor& motion);
+  void relocate_next(const torch::Tensor& motion);
   /// Whether the map has placed it.
   bool is_found(std::size_t i) const { return keyframes_.at(i).found; }
 

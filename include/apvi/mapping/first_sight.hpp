@@ -31,6 +31,9 @@ class FirstSight {
   void remember(const splat::Gaussians& gaussians, const splat::View& camera,
                 std::int64_t stamp_ns);
 
+  /// Moves what was first seen at a keyframe. A colour stays as it was.
+  void move(std::int64_t stamp_ns, const torch::Tensor& motion);
+
   /// Without change of colour by direction; empty before anything is remembered.
   const splat::Gaussians& gaussians() const { return kept_; }
 

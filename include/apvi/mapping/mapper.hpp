@@ -37,6 +37,12 @@ struct MovedKeyframe {
   torch::Tensor T_camera_world;  ///< [4,4] float64
 };
 
+/// A closed loop has bent the way: how the world is moved about a keyframe.
+struct Relocated {
+  std::int64_t stamp_ns = 0;
+  torch::Tensor motion;  ///< [4,4] float64, rigid: from where the map had it
+};
+
 /// What localization has to say, at one time.
 struct MapperInput {
   Keyframe keyframe;  ///< without `image`: nothing but the rest is news
@@ -44,6 +50,9 @@ struct MapperInput {
   torch::Tensor
       depth_samples;  ///< [m,3] float64 points of the world that were ranged; or undefined
   std::vector<MovedKeyframe> moved;
+  /// In order of time; the last holds for all keyframes after it too. Those in between that are
+  /// not named stay.
+  std::vector<Relocated> relocated;
   /// Stamp of the keyframe that a held-out one moves with; optional.
   std::optional<std::int64_t> follows_ns;
   bool vio_failing = false;
@@ -120,7 +129,10 @@ class Mapper {
  private:
   Intake judge(const MapperInput& input) const;
   void move(const MovedKeyframe& moved);
+  void relocate(const std::vector<Relocated>& relocated);
+  void relocate(std::size_t i, const torch::Tensor& motion);
   void move_followers(std::size_t view, const torch::Tensor& motion);
+  void move_gaussians(std::size_t view, const torch::Tensor& motion);
   void keep(const Keyframe& keyframe);
   void forget_veiled(std::int64_t stamp_ns);
   void remember_until(std::int64_t stamp_ns);
