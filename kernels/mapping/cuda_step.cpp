@@ -107,15 +107,34 @@ class CudaStepBackend final : public StepBackend {
                                            at::cuda::getCurrentCUDAStream()));
   }
 
-  Tensor open_water(const Tensor& picture, const Tensor& water) const override {
+  Tensor water_kinds(const Tensor& picture, const Tensor& water) const override {
     const c10::cuda::CUDAGuard guard(picture.device());
     const Tensor shown = picture.contiguous();
     const Tensor veil = water.contiguous();
-    Tensor open = torch::empty({shown.size(0), shown.size(1)}, shown.options().dtype(torch::kBool));
-    C10_CUDA_CHECK(cuda::launch_open_water(
-        shown.data_ptr<float>(), veil.data_ptr<float>(), as_int(shown.size(1)),
-        as_int(shown.size(0)), open.data_ptr<bool>(), at::cuda::getCurrentCUDAStream()));
-    return open;
+    Tensor kinds =
+        torch::empty({shown.size(0), shown.size(1)}, shown.options().dtype(torch::kInt8));
+    C10_CUDA_CHECK(cuda::launch_water_kinds({.width = as_int(shown.size(1)),
+                                             .height = as_int(shown.size(0)),
+                                             .picture = shown.data_ptr<float>(),
+                                             .water = veil.data_ptr<float>(),
+                                             .kinds = kinds.data_ptr<std::int8_t>()},
+                                            at::cuda::getCurrentCUDAStream()));
+    return kinds;
+  }
+
+  Tensor opacity_pull(const Tensor& picture, const Tensor& water,
+                      const Tensor& alpha) const override {
+    const Tensor kinds = water_kinds(picture, water);
+    const c10::cuda::CUDAGuard guard(picture.device());
+    const Tensor drawn = alpha.contiguous();
+    Tensor pull = torch::empty_like(drawn);
+    C10_CUDA_CHECK(cuda::launch_opacity_pull({.width = as_int(kinds.size(1)),
+                                              .height = as_int(kinds.size(0)),
+                                              .kinds = kinds.data_ptr<std::int8_t>(),
+                                              .alpha = drawn.data_ptr<float>(),
+                                              .pull = pull.data_ptr<float>()},
+                                             at::cuda::getCurrentCUDAStream()));
+    return pull;
   }
 
   void observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const override {

@@ -90,37 +90,67 @@ __global__ void change_gain_kernel(GainPointers in, float* log_gain) {
   *log_gain += in.share * change - static_cast<float>(step::kForgets) * *log_gain;
 }
 
+__device__ bool is_off(float value, float veil) {
+  const float tolerance =
+      static_cast<float>(step::kOpenOffset) + static_cast<float>(step::kOpenRelative) * veil;
+  return fabsf(value - veil) >= tolerance;
+}
+
 /// One thread a pixel.
-__global__ void open_water_kernel(const float* picture, const float* water, int width, int height,
-                                  bool* open) {
+__global__ void water_kinds_kernel(WaterPointers in) {
   const auto i = static_cast<int>(own_index());
-  if (i >= width * height) return;
-  const int row = i / width;
-  const int column = i - row * width;
+  if (i >= in.width * in.height) return;
+  const int row = i / in.width;
+  const int column = i - row * in.width;
   constexpr int kReach = step::kOpenSquare / 2;
   float sums[3] = {};
   float squares[3] = {};
   int count = 0;
-  for (int y = max(0, row - kReach); y <= min(height - 1, row + kReach); ++y) {
-    for (int x = max(0, column - kReach); x <= min(width - 1, column + kReach); ++x, ++count) {
+  for (int y = max(0, row - kReach); y <= min(in.height - 1, row + kReach); ++y) {
+    for (int x = max(0, column - kReach); x <= min(in.width - 1, column + kReach); ++x, ++count) {
       for (int c = 0; c < 3; ++c) {
-        const float value = picture[3 * (y * width + x) + c];
+        const float value = in.picture[3 * (y * in.width + x) + c];
         sums[c] += value;
         squares[c] += value * value;
       }
     }
   }
   constexpr auto kTexture2 = static_cast<float>(step::kOpenTexture * step::kOpenTexture);
-  bool is_open = true;
+  bool even = true;
+  bool off_around = false;
+  bool off_here = false;
   for (int c = 0; c < 3; ++c) {
     const float mean = sums[c] / static_cast<float>(count);
-    const float veil = water[3 * i + c];
-    const float tolerance =
-        static_cast<float>(step::kOpenOffset) + static_cast<float>(step::kOpenRelative) * veil;
-    is_open = is_open && squares[c] / static_cast<float>(count) - mean * mean < kTexture2 &&
-              fabsf(mean - veil) < tolerance;
+    const float veil = in.water[3 * i + c];
+    even = even && squares[c] / static_cast<float>(count) - mean * mean < kTexture2;
+    off_around = off_around || is_off(mean, veil);
+    off_here = off_here || is_off(in.picture[3 * i + c], veil);
   }
-  open[i] = is_open;
+  in.kinds[i] = static_cast<std::int8_t>((even && !off_around) - (off_around && off_here));
+}
+
+/// One thread a pixel.
+__global__ void opacity_pull_kernel(PullPointers in) {
+  const auto i = static_cast<int>(own_index());
+  if (i >= in.width * in.height) return;
+  const int row = i / in.width;
+  const int column = i - row * in.width;
+  constexpr int kReach = step::kBesideOpen;
+  bool near_open = false;
+  for (int y = max(0, row - kReach); y <= min(in.height - 1, row + kReach); ++y) {
+    for (int x = max(0, column - kReach); x <= min(in.width - 1, column + kReach); ++x) {
+      near_open = near_open || in.kinds[y * in.width + x] == 1;
+    }
+  }
+  float of_all = 0.0f;
+  if (in.kinds[i] == 1) {
+    of_all = static_cast<float>(step::kOpenPull);
+  } else if (near_open) {
+    of_all = static_cast<float>(step::kEdgePull);
+  } else if (in.kinds[i] == -1) {
+    of_all = static_cast<float>(step::kSurfacePull) * (in.alpha[i] - 1.0f);
+  }
+  in.pull[i] = of_all / static_cast<float>(in.width * in.height);
 }
 
 __global__ void observe_kernel(SeenPointers in) {
@@ -235,10 +265,13 @@ cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStrea
   return cudaGetLastError();
 }
 
-cudaError_t launch_open_water(const float* picture, const float* water, int width, int height,
-                              bool* open, cudaStream_t stream) {
-  open_water_kernel<<<blocks_for(width * height), kThreads, 0, stream>>>(picture, water, width,
-                                                                         height, open);
+cudaError_t launch_water_kinds(const WaterPointers& in, cudaStream_t stream) {
+  water_kinds_kernel<<<blocks_for(in.width * in.height), kThreads, 0, stream>>>(in);
+  return cudaGetLastError();
+}
+
+cudaError_t launch_opacity_pull(const PullPointers& in, cudaStream_t stream) {
+  opacity_pull_kernel<<<blocks_for(in.width * in.height), kThreads, 0, stream>>>(in);
   return cudaGetLastError();
 }
 

@@ -37,9 +37,21 @@ struct GainPointers {
 /// `log_gain` [1] in place.
 cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStream_t stream);
 
-/// `open` [height,width] of a picture and the water's look [height,width,3].
-cudaError_t launch_open_water(const float* picture, const float* water, int width, int height,
-                              bool* open, cudaStream_t stream);
+struct WaterPointers {
+  int width, height;
+  const float* picture;  ///< [height,width,3]
+  const float* water;    ///< [height,width,3] what it looks like
+  std::int8_t* kinds;    ///< [height,width] out
+};
+cudaError_t launch_water_kinds(const WaterPointers& in, cudaStream_t stream);
+
+struct PullPointers {
+  int width, height;
+  const std::int8_t* kinds;  ///< [height,width] of water
+  const float* alpha;        ///< [height,width]
+  float* pull;               ///< [height,width] out
+};
+cudaError_t launch_opacity_pull(const PullPointers& in, cudaStream_t stream);
 
 struct SeenPointers {
   std::int64_t count;

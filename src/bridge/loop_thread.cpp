@@ -24,7 +24,11 @@ void LoopThread::take(LoopJob job) {
 
 void LoopThread::process(const LoopJob& job) {
   for (const auto& [stamp, pose] : job.moved) closer_.move(stamp, pose);
-  auto relocations = closer_.add(job.stamp, job.grey, job.T_world_camera);
+  tell(closer_.add(job.stamp, job.grey, job.T_world_camera));
+  closures_ = closer_.closures();
+}
+
+void LoopThread::tell(std::vector<loop::Relocation> relocations) {
   if (relocations.empty()) return;
   const std::lock_guard lock(mutex_);
   found_.push_back(std::move(relocations));
@@ -40,6 +44,7 @@ std::vector<loop::Relocation> LoopThread::next() {
 
 void LoopThread::finish() {
   if (worker_) worker_->wait();
+  tell(closer_.settle());
 }
 
 }  // namespace apvi::bridge

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -30,15 +31,16 @@ class LoopThread {
   void take(LoopJob job);
   /// What one closure has changed, in order; empty when there is nothing new.
   std::vector<loop::Relocation> next();
-  /// Everything taken is worked in. Throws what the thread has thrown.
+  /// Everything taken is worked in, and the last is told. Throws what the thread has thrown.
   void finish();
-  /// Only after `finish`.
-  std::size_t closures() const { return closer_.closures(); }
+  std::size_t closures() const { return closures_; }
 
  private:
   void process(const LoopJob& job);
+  void tell(std::vector<loop::Relocation> relocations);
 
   loop::LoopCloser closer_;
+  std::atomic<std::size_t> closures_ = 0;
   std::mutex mutex_;
   std::deque<std::vector<loop::Relocation>> found_;  // under the mutex
   std::unique_ptr<Worker<LoopJob>> worker_;          // last: ends before what it uses

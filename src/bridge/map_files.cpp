@@ -120,6 +120,7 @@ void write_map_metrics(const std::filesystem::path& file, const MapFigures& figu
       medium["error_percent"] = error_percent(*figures.medium, *figures.true_medium);
     }
   }
+  if (figures.closed_loops) sections["mapping"]["closed_loops"] = *figures.closed_loops;
   if (figures.dropped_keyframes) sections["dropped"]["keyframes"] = *figures.dropped_keyframes;
   for (const auto& [why, count] : figures.not_mapped) sections["not_mapped"][why] = count;
   eval::merge_metrics(file, sections);

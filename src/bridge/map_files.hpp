@@ -56,6 +56,7 @@ struct MapFigures {
   std::optional<splat::Medium> medium;
   std::optional<splat::Medium> true_medium;
   std::optional<std::size_t> dropped_keyframes = std::nullopt;
+  std::optional<std::size_t> closed_loops = std::nullopt;
   std::map<std::string, std::size_t> not_mapped = {};  ///< keyframes, by why
   std::map<std::string, double> times = {};            ///< of the mapper's thread [s], by activity
 };

@@ -207,6 +207,10 @@ std::map<std::string, std::size_t> OnlineMap::not_mapped() const {
   return counts;
 }
 
+std::optional<std::size_t> OnlineMap::closed_loops() const {
+  return loops_ ? std::optional(loops_->closures()) : std::nullopt;
+}
+
 // What a long run leaves in its folder on the way.
 void OnlineMap::look_after() {
   if (curve_->due(watch_.seconds()) && mapper_.size() > 0) {

@@ -51,6 +51,8 @@ class OnlineMap : public pipeline::MapSink {
   /// pictures.
   std::map<std::string, double> times() const;
   std::size_t dropped_keyframes() const { return dropped_; }
+  /// How often a place was met again; nothing when nobody looked.
+  std::optional<std::size_t> closed_loops() const;
   /// Keyframes that the mapper would not have, and held-out ones, by why.
   std::map<std::string, std::size_t> not_mapped() const;
 

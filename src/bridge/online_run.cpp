@@ -97,6 +97,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
                      .medium = made.medium,
                      .true_medium = truth ? truth->medium() : std::nullopt,
                      .dropped_keyframes = map.dropped_keyframes(),
+                     .closed_loops = map.closed_loops(),
                      .not_mapped = map.not_mapped(),
                      .times = map.times()});
   return {.interrupted = !refined,

@@ -267,7 +267,11 @@ std::vector<Relocation> LoopCloser::add(Stamp stamp, const cv::Mat& grey,
   const bool news = close(place);
   keep(std::move(place));
   has_news_ = has_news_ || news;
-  if (!has_news_ || !is_due()) return {};
+  return is_due() ? settle() : std::vector<Relocation>{};
+}
+
+std::vector<Relocation> LoopCloser::settle() {
+  if (!has_news_) return {};
   bend();
   return relocations();
 }

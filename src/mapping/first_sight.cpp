@@ -71,10 +71,7 @@ void FirstSight::move(std::int64_t stamp_ns, const Tensor& motion) {
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     *own.tensors()[k] = kept_.tensors()[k]->slice(0, begin, begin + count);
   }
-  const splat::Gaussians there =
-      splat::transformed(own, {.scale = 1.0,
-                               .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
-                               .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
+  const splat::Gaussians there = splat::transformed(own, splat::rigid_motions(motion.unsqueeze(0)));
   for (std::size_t k = 0; k < kNames.size(); ++k) own.tensors()[k]->copy_(*there.tensors()[k]);
 }
 

@@ -28,9 +28,8 @@ constexpr int kGainReduction = 4;   // of the picture that a new view's gain is 
 constexpr std::int64_t kGainSteps = 4;
 constexpr std::int64_t kWaterSteps = 8;  // once the water is known about
 constexpr std::int64_t kReorderSteps = 1000;
-constexpr std::int64_t kOpenWaterSteps = 4;
+constexpr std::int64_t kOpacitySteps = 4;
 constexpr std::int64_t kSmoothSteps = 8;
-constexpr double kOpenWaterWeight = 1.0;  // of opacity there
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
 
@@ -137,11 +136,10 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
     loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target);
   }
-  if (water != nullptr && store_.steps() % kOpenWaterSteps == 0) {
-    const Tensor open = open_water(target, water->open_water());
-    const double each = kOpenWaterWeight / static_cast<double>(open.numel());
-    torch::autograd::backward({loss, out.alpha},
-                              {Tensor(), open.to(target.scalar_type()).mul_(each)});
+  if (water != nullptr && store_.steps() % kOpacitySteps == 0) {
+    torch::autograd::backward(
+        {loss, out.alpha},
+        {Tensor(), opacity_pull(target, water->open_water(), out.alpha.detach())});
   } else {
     loss.backward();
   }
@@ -203,9 +201,20 @@ void MapLearner::remove(const Tensor& remove) {
   statistics_.keep(remove.logical_not());
 }
 
-void MapLearner::move(std::int64_t anchor, const splat::Similarity& motion) {
-  const Tensor own = store_.anchors() == anchor;
-  if (own.any().item<bool>()) store_.transform(motion, own);
+void MapLearner::move(const std::map<std::int64_t, Tensor>& motions) {
+  if (motions.empty()) return;
+  // Which motion an anchor has, by its number; the first is of those without an anchor.
+  std::vector<std::int64_t> which(2 + static_cast<std::size_t>(motions.rbegin()->first), -1);
+  std::vector<Tensor> each;
+  for (const auto& [anchor, motion] : motions) {
+    which[1 + static_cast<std::size_t>(anchor)] = static_cast<std::int64_t>(each.size());
+    each.push_back(motion);
+  }
+  const Tensor anchors = store_.anchors();
+  const auto last = static_cast<std::int64_t>(which.size()) - 1;
+  const Tensor known = torch::tensor(which, torch::kInt64).to(anchors.device());
+  const Tensor of = known.index_select(0, torch::where(anchors < last, anchors + 1, 0));
+  store_.transform(splat::rigid_motions(torch::stack(each)), of);
 }
 
 void MapLearner::add_view() {

@@ -95,7 +95,7 @@ Intake Mapper::add(const MapperInput& input) {
   const torch::NoGradGuard no_grad;
   {
     const auto entry = times_.enter("poses");
-    for (const MovedKeyframe& moved : input.moved) move(moved);
+    move(input.moved);
     relocate(input.relocated);
   }
   vio_failing_ = input.vio_failing;

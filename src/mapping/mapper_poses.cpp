@@ -28,60 +28,66 @@ double size_of(const Tensor& motion) {
 
 }  // namespace
 
-// The keyframe's own Gaussians keep their place before its camera. A little is drift, not a move,
-// where the map has said how the keyframe stands on it.
-void Mapper::move(const MovedKeyframe& moved) {
-  const auto known = by_stamp_.find(moved.stamp_ns);
-  if (known == by_stamp_.end() || !is_rigid(moved.T_camera_world)) return;
-  const std::size_t i = known->second;
-  const Tensor pose = drift_.in_map(i, moved.T_camera_world);
-  const Tensor motion = rigid_inverse(pose).mm(keyframes_[i].T_camera_world);  // of the world
-  const Tensor in_camera = pose.mm(rigid_inverse(keyframes_[i].T_camera_world));
-  if (drift_.is_found(i) && size_of(in_camera) < kMapKnows_m) {
-    return drift_.found(i, moved.T_camera_world, keyframes_[i].T_camera_world);
+// Keyframes' own Gaussians keep their place before the camera.
+void Mapper::move(const std::vector<MovedKeyframe>& moved) {
+  std::map<std::int64_t, Tensor> motions;
+  for (const MovedKeyframe& keyframe : moved) {
+    const auto known = by_stamp_.find(keyframe.stamp_ns);
+    if (known == by_stamp_.end() || !is_rigid(keyframe.T_camera_world)) continue;
+    const Tensor motion = place(known->second, keyframe.T_camera_world);
+    if (!motion.defined()) continue;
+    move_followers(known->second, motion);
+    motions[static_cast<std::int64_t>(known->second)] = motion;
   }
-  if (size_of(in_camera) < kLeastMove) return;
+  move_gaussians(motions);
+}
+
+// How the world moves about a keyframe that odometry has elsewhere; undefined: not worth it. A
+// little is drift, not a move, where the map has said how the keyframe stands on it.
+Tensor Mapper::place(std::size_t i, const Tensor& T_camera_odometry) {
+  const Tensor pose = drift_.in_map(i, T_camera_odometry);
+  const Tensor before = keyframes_[i].T_camera_world;
+  const double moved = size_of(pose.mm(rigid_inverse(before)));
+  if (drift_.is_found(i) && moved < kMapKnows_m) {
+    drift_.found(i, T_camera_odometry, before);
+    return {};
+  }
+  if (moved < kLeastMove) return {};
   keyframes_.set_pose(i, pose);
-  move_followers(i, motion);
-  move_gaussians(i, motion);
+  return rigid_inverse(pose).mm(before);
 }
 
 // A held-out keyframe goes with the one before it, whoever that follows in the window.
 void Mapper::relocate(const std::vector<Relocated>& relocated) {
-  std::map<std::int64_t, Tensor> motions;
+  std::map<std::int64_t, Tensor> by_time;
   for (const Relocated& place : relocated) {
     if (!is_rigid(place.motion)) return;
-    motions[place.stamp_ns] = place.motion;
+    by_time[place.stamp_ns] = place.motion;
   }
   if (relocated.empty()) return;
+  std::map<std::int64_t, Tensor> motions;
   const Relocated& last = relocated.back();
   Tensor motion;
   for (const auto& [stamp, i] : by_stamp_) {
     if (stamp > last.stamp_ns) {
       motion = last.motion;
     } else if (!keyframes_[i].held_out) {
-      const auto named = motions.find(stamp);
-      motion = named == motions.end() ? Tensor() : named->second;
+      const auto named = by_time.find(stamp);
+      motion = named == by_time.end() ? Tensor() : named->second;
     }
-    if (motion.defined()) relocate(i, motion);
+    if (!motion.defined()) continue;
+    drift_.relocate(i, motion);
+    keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
+    if (keyframes_[i].held_out) continue;
+    first_sight_.move(stamp, motion);
+    motions[static_cast<std::int64_t>(i)] = motion;
   }
+  move_gaussians(motions);
   drift_.relocate_next(last.motion);
 }
 
-void Mapper::relocate(std::size_t i, const Tensor& motion) {
-  drift_.relocate(i, motion);
-  keyframes_.set_pose(i, keyframes_[i].T_camera_world.mm(rigid_inverse(motion)));
-  if (keyframes_[i].held_out) return;
-  first_sight_.move(keyframes_[i].stamp_ns, motion);
-  move_gaussians(i, motion);
-}
-
-void Mapper::move_gaussians(std::size_t view, const Tensor& motion) {
-  if (!learner_) return;
-  learner_->move(static_cast<std::int64_t>(view),
-                 {.scale = 1.0,
-                  .R = motion.slice(0, 0, 3).slice(1, 0, 3).contiguous(),
-                  .t = motion.slice(0, 0, 3).select(1, 3).contiguous()});
+void Mapper::move_gaussians(const std::map<std::int64_t, Tensor>& motions) {
+  if (learner_) learner_->move(motions);
 }
 
 // Held-out keyframes are no part of the window; they stay where its keyframes see them.

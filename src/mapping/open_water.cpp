@@ -27,7 +27,15 @@ std::pair<Tensor, Tensor> evenness(const Tensor& picture) {
 }
 
 Tensor open_water(const Tensor& picture, const Tensor& water) {
-  return step_backend(picture.device()).open_water(picture, water);
+  return water_kinds(picture, water) == 1;
+}
+
+Tensor water_kinds(const Tensor& picture, const Tensor& water) {
+  return step_backend(picture.device()).water_kinds(picture, water);
+}
+
+Tensor opacity_pull(const Tensor& picture, const Tensor& water, const Tensor& alpha) {
+  return step_backend(picture.device()).opacity_pull(picture, water, alpha);
 }
 
 }  // namespace apvi::mapping

@@ -53,11 +53,31 @@ void StepBackend::match_gain(const GainInput& in) const {
   own.add_(torch::where(usable, change, torch::zeros_like(change)));
 }
 
-Tensor StepBackend::open_water(const Tensor& picture, const Tensor& water) const {
+Tensor StepBackend::water_kinds(const Tensor& picture, const Tensor& water) const {
   const torch::NoGradGuard no_grad;
   const auto [mean, even] = evenness(picture);
   const Tensor veil = water.permute({2, 0, 1});
-  return even & ((mean - veil).abs() < step::kOpenOffset + step::kOpenRelative * veil).all(0);
+  const Tensor tolerance = step::kOpenOffset + step::kOpenRelative * veil;
+  const auto is_off = [&](const Tensor& colors) {
+    return ((colors - veil).abs() >= tolerance).any(0);
+  };
+  const Tensor off = is_off(mean);
+  const Tensor open = even & off.logical_not();
+  const Tensor surface = off & is_off(picture.permute({2, 0, 1}));
+  return open.to(torch::kInt8) - surface.to(torch::kInt8);
+}
+
+Tensor StepBackend::opacity_pull(const Tensor& picture, const Tensor& water,
+                                 const Tensor& alpha) const {
+  const torch::NoGradGuard no_grad;
+  const Tensor kinds = water_kinds(picture, water);
+  const Tensor open = kinds == 1;
+  const Tensor near_open = torch::max_pool2d(open.to(alpha.scalar_type()).unsqueeze(0),
+                                             2 * step::kBesideOpen + 1, 1, step::kBesideOpen)
+                               .squeeze(0);
+  const Tensor closing = step::kSurfacePull * (alpha - 1.0) * (kinds == -1);
+  const Tensor pull = torch::where(near_open > 0.0, step::kEdgePull, closing);
+  return torch::where(open, step::kOpenPull, pull).div_(static_cast<double>(alpha.numel()));
 }
 
 void StepBackend::observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const {

@@ -219,12 +219,16 @@ void GaussianStore::reset_opacity(double highest) {
   second_.logit_opacities.zero_();
 }
 
-void GaussianStore::transform(const Similarity& similarity, const Tensor& which) {
-  check_mask(which, "what to move", size_);
+void GaussianStore::transform(const Similarities& similarities, const Tensor& which) {
+  TORCH_CHECK(which.defined() && which.scalar_type() == torch::kInt64 &&
+                  which.sizes() == at::IntArrayRef({size_}),
+              "gaussian store: what to move must be int64 [", size_, "]");
   const torch::NoGradGuard no_grad;
-  const Tensor rows = which.nonzero().squeeze(1).to(parameters_.means.device());
-  const Gaussians moved = transformed(
-      map(parameters_, [&](const Tensor& t) { return t.index_select(0, rows); }), similarity);
+  const Tensor of = which.to(parameters_.means.device());
+  const Tensor rows = (of >= 0).nonzero().squeeze(1);
+  const Gaussians moved =
+      transformed(map(parameters_, [&](const Tensor& t) { return t.index_select(0, rows); }),
+                  similarities, of.index_select(0, rows));
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     parameters_.tensors()[k]->index_copy_(0, rows, *moved.tensors()[k]);
   }

@@ -3,7 +3,9 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "apvi/splat/sh_math.hpp"
 
@@ -11,6 +13,8 @@ namespace apvi::splat {
 namespace {
 
 using torch::Tensor;
+
+constexpr std::int64_t kRowsAtOnce = 65536;
 
 /// Directions [D,3] spread over the sphere along a spiral (Swinbank and Purser, 2006).
 Tensor spread_directions(std::int64_t count) {
@@ -22,61 +26,86 @@ Tensor spread_directions(std::int64_t count) {
       {radius * torch::cos(golden_angle * i), radius * torch::sin(golden_angle * i), z}, 1);
 }
 
-/// Values [D,K] of the basis for directions [D,3].
+/// Values [...,K] of the basis for directions [...,3].
 Tensor sh_values(int degree, const Tensor& directions) {
-  const Tensor d = directions.contiguous();
-  Tensor values = torch::empty({d.size(0), sh_rest_count(degree)}, torch::kFloat64);
-  for (std::int64_t i = 0; i < d.size(0); ++i) {
+  const Tensor d = directions.reshape({-1, 3}).contiguous();
+  std::vector<std::int64_t> shape = directions.sizes().vec();
+  shape.back() = sh_rest_count(degree);
+  Tensor values = torch::empty(shape, torch::kFloat64);
+  double* out = values.data_ptr<double>();
+  for (std::int64_t i = 0; i < d.size(0); ++i, out += shape.back()) {
     const double* const v = d.data_ptr<double>() + 3 * i;
-    sh_basis(degree, v[0], v[1], v[2], values.data_ptr<double>() + i * values.size(1));
+    sh_basis(degree, v[0], v[1], v[2], out);
   }
   return values;
 }
 
-/// Product of quaternions w x y z, [4] and [N,4].
-Tensor quaternion_product(const Tensor& a, const Tensor& b) {
-  const auto w = b.select(1, 0);
-  const auto x = b.select(1, 1);
-  const auto y = b.select(1, 2);
-  const auto z = b.select(1, 3);
-  const Tensor c = a.to(b.options());
-  return torch::stack(
-      {c[0] * w - c[1] * x - c[2] * y - c[3] * z, c[0] * x + c[1] * w + c[2] * z - c[3] * y,
-       c[0] * y - c[1] * z + c[2] * w + c[3] * x, c[0] * z + c[1] * y - c[2] * x + c[3] * w},
+/// Products of quaternions w x y z, [N,4] each.
+Tensor quaternion_products(const Tensor& a, const Tensor& b) {
+  const std::vector<Tensor> p = a.unbind(1);
+  const std::vector<Tensor> q = b.unbind(1);
+  return torch::stack({p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+                       p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+                       p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+                       p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]},
+                      1);
+}
+
+/// Unit quaternions [M,4] w x y z of rotation matrices [M,3,3]: the eigenvectors of the largest
+/// eigenvalues of Bar-Itzhack's matrices (2000), which have no case to tell apart.
+Tensor quaternions_of(const Tensor& R) {
+  const auto r = [&](int row, int column) { return R.select(1, row).select(1, column); };
+  const Tensor K = torch::stack(
+      {r(0, 0) + r(1, 1) + r(2, 2), r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1),  //
+       r(2, 1) - r(1, 2), r(0, 0) - r(1, 1) - r(2, 2), r(1, 0) + r(0, 1), r(0, 2) + r(2, 0),  //
+       r(0, 2) - r(2, 0), r(1, 0) + r(0, 1), r(1, 1) - r(0, 0) - r(2, 2), r(2, 1) + r(1, 2),  //
+       r(1, 0) - r(0, 1), r(0, 2) + r(2, 0), r(2, 1) + r(1, 2), r(2, 2) - r(0, 0) - r(1, 1)},
       1);
+  const Tensor q = std::get<1>(torch::linalg_eigh(K.reshape({-1, 4, 4}))).select(2, 3);
+  return q * q.gather(1, q.abs().argmax(1, true)).sign();  // an eigenvector comes with either sign
 }
 
-/// Unit quaternion [4] w x y z of a rotation matrix: the eigenvector of the largest eigenvalue of
-/// Bar-Itzhack's matrix (2000), which has no case to tell apart.
-Tensor quaternion_of(const Tensor& R) {
-  const auto r = R.accessor<double, 2>();
-  const Tensor K = torch::tensor(
-      {r[0][0] + r[1][1] + r[2][2], r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1],  //
-       r[2][1] - r[1][2], r[0][0] - r[1][1] - r[2][2], r[1][0] + r[0][1], r[0][2] + r[2][0],  //
-       r[0][2] - r[2][0], r[1][0] + r[0][1], r[1][1] - r[0][0] - r[2][2], r[2][1] + r[1][2],  //
-       r[1][0] - r[0][1], r[0][2] + r[2][0], r[2][1] + r[1][2], r[2][2] - r[0][0] - r[1][1]},
-      torch::kFloat64);
-  const Tensor q = std::get<1>(torch::linalg_eigh(K.reshape({4, 4}))).select(1, 3);
-  return q * q.index_select(0, q.abs().argmax()).sign();  // an eigenvector comes with either sign
+void check(const Similarities& s) {
+  TORCH_CHECK(s.scales.defined() && s.scales.dim() == 1 && s.scales.device().is_cpu() &&
+                  s.scales.scalar_type() == torch::kFloat64,
+              "similarities: scales must be [M] float64 on the CPU");
+  const std::int64_t count = s.scales.size(0);
+  TORCH_CHECK(s.R.defined() && s.R.sizes() == at::IntArrayRef({count, 3, 3}) &&
+                  s.R.device().is_cpu() && s.R.scalar_type() == torch::kFloat64,
+              "similarities: R must be [M,3,3] float64 on the CPU");
+  TORCH_CHECK(s.t.defined() && s.t.sizes() == at::IntArrayRef({count, 3}),
+              "similarities: t must be [M,3]");
+  if (count == 0) return;
+  TORCH_CHECK(((s.scales > 0.0) & torch::isfinite(s.scales)).all().item<bool>(),
+              "similarities: a scale must be positive");
+  const Tensor excess = torch::matmul(s.R, s.R.transpose(1, 2)) - torch::eye(3, torch::kFloat64);
+  TORCH_CHECK(
+      excess.abs().max().item<double>() < 1e-6 && (torch::det(s.R) > 0.0).all().item<bool>(),
+      "similarities: an R is no rotation");
 }
 
-void check(const Similarity& similarity) {
-  TORCH_CHECK(similarity.scale > 0.0 && std::isfinite(similarity.scale),
-              "similarity: the scale must be positive, not ", similarity.scale);
-  const Tensor& R = similarity.R;
-  TORCH_CHECK(R.defined() && R.sizes() == at::IntArrayRef({3, 3}) && R.device().is_cpu() &&
-                  R.scalar_type() == torch::kFloat64,
-              "similarity: R must be [3,3] float64 on the CPU");
-  const Tensor excess = torch::matmul(R, R.t()) - torch::eye(3, torch::kFloat64);
-  TORCH_CHECK(excess.abs().max().item<double>() < 1e-6 && torch::det(R).item<double>() > 0.0,
-              "similarity: R is no rotation");
-  TORCH_CHECK(similarity.t.defined() && similarity.t.sizes() == at::IntArrayRef({3}),
-              "similarity: t must be [3]");
+/// `sh_rest` [N,K,3], each turned by that of `rotations` [M,K,K] which `which` [N] says; by parts,
+/// as a matrix for each Gaussian is more than the map itself.
+Tensor turned(const Tensor& sh_rest, const Tensor& rotations, const Tensor& which) {
+  std::vector<Tensor> parts;
+  for (std::int64_t begin = 0; begin < which.size(0); begin += kRowsAtOnce) {
+    const std::int64_t end = std::min(begin + kRowsAtOnce, which.size(0));
+    parts.push_back(torch::matmul(rotations.index_select(0, which.slice(0, begin, end)),
+                                  sh_rest.slice(0, begin, end)));
+  }
+  return parts.empty() ? sh_rest : torch::cat(parts);
 }
 
 }  // namespace
 
-Tensor sh_rotation(int degree, const Tensor& R) {
+Similarities rigid_motions(const Tensor& motions) {
+  const Tensor rows = motions.slice(1, 0, 3);
+  return {.scales = torch::ones({motions.size(0)}, torch::kFloat64),
+          .R = rows.slice(2, 0, 3).contiguous(),
+          .t = rows.select(2, 3).contiguous()};
+}
+
+Tensor sh_rotations(int degree, const Tensor& R) {
   // Each degree's functions of a rotated direction are combinations of themselves. So the matrix
   // follows from their values at more directions than there are coefficients.
   const Tensor directions = spread_directions(64);
@@ -85,21 +114,28 @@ Tensor sh_rotation(int degree, const Tensor& R) {
   return torch::matmul(torch::pinverse(values), turned_back);
 }
 
-Gaussians transformed(const Gaussians& gaussians, const Similarity& similarity) {
-  check(similarity);
+Gaussians transformed(const Gaussians& gaussians, const Similarities& similarities,
+                      const Tensor& which) {
+  check(similarities);
   const torch::NoGradGuard no_grad;
   const auto like = gaussians.means.options();
+  const Tensor of = which.defined() ? which.to(like.device())
+                                    : torch::zeros({gaussians.size()}, like.dtype(torch::kInt64));
+  const auto each = [&](const Tensor& values) {
+    return values.to(like.device()).index_select(0, of);
+  };
   const Tensor means = gaussians.means.to(torch::kFloat64);
-  const auto on_device = torch::dtype(torch::kFloat64).device(like.device());
   Gaussians out = gaussians;
-  out.means = (similarity.scale * torch::matmul(means, similarity.R.t().to(on_device)) +
-               similarity.t.to(on_device))
-                  .to(like);
-  out.log_scales = gaussians.log_scales + std::log(similarity.scale);
-  out.quaternions = quaternion_product(quaternion_of(similarity.R), gaussians.quaternions);
+  out.means =
+      ((each(similarities.scales.view({-1, 1, 1}) * similarities.R) * means.unsqueeze(1)).sum(2) +
+       each(similarities.t))
+          .to(like);
+  out.log_scales = gaussians.log_scales + each(similarities.scales.log().unsqueeze(1)).to(like);
+  out.quaternions =
+      quaternion_products(each(quaternions_of(similarities.R)).to(like), gaussians.quaternions);
   const int degree = gaussians.sh_degree();
   if (degree > 0) {
-    out.sh_rest = torch::matmul(sh_rotation(degree, similarity.R).to(like), gaussians.sh_rest);
+    out.sh_rest = turned(gaussians.sh_rest, sh_rotations(degree, similarities.R).to(like), of);
   }
   return out;
 }

@@ -27,16 +27,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A simulated swim of seven seconds over a reef, made once for all tests.
+/// A swim over a reef, as a small camera sees it.
+void simulate_reef(const fs::path& to, std::vector<std::string> overrides) {
+  overrides.insert(overrides.end(), {"rig.cam0.resolution=[240, 180]",
+                                     "rig.cam0.intrinsics=[157.5, 157.5, 119.5, 89.5]"});
+  sim::simulate(sim::load_scene(test::source_dir() / "configs/scenes/seabed_easy.yaml", overrides),
+                to, {.threads = 2});
+}
+
+/// A simulated swim of seven seconds, made once for all tests.
 class OnlineRunTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     data_ = std::make_unique<test::TmpDir>();
-    const sim::Scene scene =
-        sim::load_scene(test::source_dir() / "configs/scenes/seabed_easy.yaml",
-                        {"duration_s=7", "rig.cam0.resolution=[240, 180]",
-                         "rig.cam0.intrinsics=[157.5, 157.5, 119.5, 89.5]", "rig.cam0.rate_hz=15"});
-    sim::simulate(scene, data_->path() / "reef", {.threads = 2});
+    simulate_reef(data_->path() / "reef", {"duration_s=7", "rig.cam0.rate_hz=15"});
   }
   static void TearDownTestSuite() { data_.reset(); }
 
@@ -100,6 +104,20 @@ TEST_F(OnlineRunTest, AMapperOnItsOwnThreadMakesTheSameMap) {
   for (const char* file : {"map.ply", "keyframes.tum", "trajectory.tum"}) {
     EXPECT_EQ(bytes(folder("one") / file), bytes(folder("three") / file)) << file;
   }
+}
+
+TEST_F(OnlineRunTest, ARoundIsClosedWhereItBegan) {
+  const fs::path round = folder("round");
+  simulate_reef(round,
+                {"duration_s=15", "rig.cam0.rate_hz=8", "motion.path=orbit",
+                 "motion.origin=[0, 0, -7]", "motion.radius_m=0.8", "motion.max_turn_deg_s=60"});
+  const std::vector<std::string> overrides = {
+      "dataset.path=" + round.string(), "mapping.loops.least_age_s=10", "mapping.medium=false",
+      "mapping.final_iterations=0", "mapping.online.steps_per_keyframe=1"};
+  run_online(config(overrides), {.folder = folder("run")});
+  const eval::Json metrics = eval::read_metrics(folder("run") / "metrics.json");
+  EXPECT_GT(metrics["mapping"]["closed_loops"].get<int>(), 0);
+  EXPECT_GT(metrics["speed"]["mapper_s"]["loops"].get<double>(), 0.0);
 }
 
 TEST_F(OnlineRunTest, AStopOnTheWaySavesTheMap) {

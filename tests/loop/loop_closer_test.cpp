@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 #include <vector>
 
 #include "apvi/geometry/so3.hpp"
@@ -20,6 +19,10 @@ constexpr double kDrift = 4e-4;  // of the heading from one keyframe to the next
 
 Stamp stamp_of(int i) {
   return Stamp{1'000'000'000 + static_cast<std::int64_t>(i) * 500'000'000};
+}
+
+std::size_t index_of(Stamp stamp) {
+  return static_cast<std::size_t>((stamp.ns - stamp_of(0).ns) / 500'000'000);
 }
 
 SE3 truth(int i) {
@@ -41,26 +44,32 @@ struct Swim {
   std::vector<SE3> poses;
   std::size_t closures = 0;
   std::size_t told = 0;
+  bool has_news_at_end = false;
+  SE3 now;  ///< what holds for new ones
+
+  void relocate(const std::vector<Relocation>& relocations) {
+    if (relocations.empty()) return;
+    ++told;
+    for (const Relocation& moved : relocations) {
+      SE3& pose = poses.at(index_of(moved.stamp));
+      pose = moved.T_after_before * pose;
+    }
+    EXPECT_EQ(index_of(relocations.back().stamp) + 1, poses.size());
+    now = relocations.back().T_after_before * now;
+  }
 };
 
 Swim swim(const LoopOptions& options, int keyframes) {
   LoopCloser closer(options, test::floor_camera());
   Swim result;
-  SE3 now;  // what holds for new ones
-  std::map<Stamp, std::size_t> index;
   for (int i = 0; i < keyframes; ++i) {
-    index[stamp_of(i)] = result.poses.size();
-    result.poses.push_back(now * odometry(i));
-    const auto relocations = closer.add(stamp_of(i), test::picture_of_floor(truth(i)), odometry(i));
-    result.told += relocations.empty() ? 0 : 1;
-    for (const Relocation& moved : relocations) {
-      SE3& pose = result.poses[index.at(moved.stamp)];
-      pose = moved.T_after_before * pose;
-    }
-    if (relocations.empty()) continue;
-    EXPECT_EQ(relocations.back().stamp, stamp_of(i));
-    now = relocations.back().T_after_before * now;
+    result.poses.push_back(result.now * odometry(i));
+    result.relocate(closer.add(stamp_of(i), test::picture_of_floor(truth(i)), odometry(i)));
   }
+  const std::size_t told = result.told;
+  result.relocate(closer.settle());
+  result.has_news_at_end = result.told > told;
+  EXPECT_TRUE(closer.settle().empty());
   result.closures = closer.closures();
   return result;
 }

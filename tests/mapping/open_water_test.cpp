@@ -46,6 +46,22 @@ TEST(OpenWater, EndsWhereASurfaceBegins) {
   EXPECT_GT(share(open.slice(0, 0, 27)), 0.99);
 }
 
+TEST(OpacityPull, OpensWaterAndItsEdgesAndClosesSurfaces) {
+  torch::manual_seed(5);
+  const Tensor water = blue_water().b_inf.expand({60, 80, 3});
+  Tensor picture = water + 0.005 * torch::randn({60, 80, 3});
+  picture.slice(0, 30).copy_(torch::tensor({0.4F, 0.5F, 0.3F}).expand({30, 80, 3}));
+  const Tensor kinds = water_kinds(picture, water);
+  EXPECT_EQ(share(kinds.slice(0, 30) == -1), 1.0);
+  const Tensor alpha = torch::full({60, 80}, 0.25);
+  const Tensor pull = opacity_pull(picture, water, alpha) * 60.0 * 80.0;
+  EXPECT_GT(share(pull.slice(0, 0, 27) == 2.0), 0.99);
+  EXPECT_EQ(share((pull.slice(0, 28, 31) - 0.3).abs() < 1e-6), 1.0);     // to both sides
+  EXPECT_EQ(share((pull.slice(0, 34) + 0.5 * 0.75).abs() < 1e-6), 1.0);  // the more, the less
+  EXPECT_EQ(opacity_pull(picture, water, 0 * alpha + 1.0).slice(0, 34).abs().max().item<float>(),
+            0.0F);  // what is closed stays as it is
+}
+
 /// A wall, open water above it; and a fog of the water's colour that nobody can see there.
 struct Fog {
   splat::Gaussians world;
@@ -78,6 +94,31 @@ Fog wall_under_open_water() {
     scene.keyframes.add(keyframe);
   }
   return scene;
+}
+
+// It looks the same as one farther off that is opaque; without the water it is too dark.
+TEST(MapLearner, ClosesAVeilOfASurfaceBeforeOpenWater) {
+  Fog scene = wall_under_open_water();
+  splat::Gaussians faint = scene.world;
+  faint.logit_opacities = faint.logit_opacities - 2.5;
+  TrainerOptions options;
+  options.auto_gain = false;
+  MapLearner learner(faint, options, scene.keyframes.size(), blue_water());
+  const auto alpha = [&](const splat::Gaussians& gaussians) {
+    const Keyframe& keyframe = scene.keyframes[2];
+    const Picture seen = take_picture({.gaussians = gaussians, .medium = blue_water()},
+                                      {.intrinsics = keyframe.intrinsics,
+                                       .T_camera_world = keyframe.T_camera_world,
+                                       .pose_delta = {}});
+    const Tensor picture = keyframe.image.cpu().to(torch::kFloat32) / 255.0;
+    const Tensor kinds = water_kinds(picture, blue_water().b_inf.expand(picture.sizes()));
+    return seen.alpha.cpu().masked_select(kinds == -1).mean().item<double>();
+  };
+  const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
+  const double before = alpha(faint);
+  for (std::size_t k = 0; k < 240; ++k) learner.step(scene.keyframes, k % 6, settings);
+  EXPECT_LT(before, 0.8);
+  EXPECT_GT(alpha(learner.map()), 1.0 - 0.5 * (1.0 - before));
 }
 
 TEST(MapLearner, LetsGoOfWhatHidesOpenWaterInItsOwnColour) {

@@ -71,18 +71,23 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
   EXPECT_FLOAT_EQ(static_cast<float>(matched(gpu_, torch::kCUDA, darker, hardly_solid)), 0.1F);
 }
 
-TEST_F(CudaStep, OpenWaterIsWhereTheOperatorsFindIt) {
+TEST_F(CudaStep, WaterAndItsPullAreWhatTheOperatorsFind) {
   const Tensor across = torch::linspace(0.2, 0.5, kWidth).view({1, kWidth, 1});
   const Tensor water = across.expand({kHeight, kWidth, 3});
   Tensor picture = water + 0.01 * torch::randn({kHeight, kWidth, 3});
   picture.slice(0, 20, 50) += 0.1 * torch::randn({30, kWidth, 3});
   picture.slice(1, 90) += 0.05;
-  const Tensor expected = cpu_.open_water(picture, water);
-  const Tensor got = gpu_.open_water(on_gpu(picture), on_gpu(water)).cpu();
-  const double share = expected.to(torch::kFloat64).mean().item<double>();
-  ASSERT_GT(share, 0.2);
-  ASSERT_LT(share, 0.8);
-  EXPECT_GT((got == expected).to(torch::kFloat64).mean().item<double>(), 0.9999);
+  const Tensor expected = cpu_.water_kinds(picture, water);
+  const Tensor got = gpu_.water_kinds(on_gpu(picture), on_gpu(water)).cpu();
+  const auto share = [](const Tensor& which) {
+    return which.to(torch::kFloat64).mean().item<double>();
+  };
+  for (const int kind : {-1, 0, 1}) ASSERT_GT(share(expected == kind), 0.05) << kind;
+  EXPECT_GT(share(got == expected), 0.9999);
+  const Tensor alpha = torch::rand({kHeight, kWidth});
+  const Tensor pull = cpu_.opacity_pull(picture, water, alpha);
+  const Tensor on_device = gpu_.opacity_pull(on_gpu(picture), on_gpu(water), on_gpu(alpha)).cpu();
+  EXPECT_GT(share((on_device - pull).abs() < 1e-10), 0.999);
 }
 
 TEST_F(CudaStep, SeenSumsAreThoseOfTheOperators) {

@@ -212,14 +212,15 @@ TEST(GaussianStore, MovesOnlyWhatItIsToldTo) {
   const Gaussians start = make_gaussians(9);
   GaussianStore store(start);
   const Tensor which = torch::arange(9) < 4;
-  const Similarity similarity = {
-      .scale = 2.0,
+  const Similarities similarity = {
+      .scales = torch::full({1}, 2.0, torch::kFloat64),
       .R = torch::tensor({0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0}, torch::kFloat64)
-               .reshape({3, 3}),
-      .t = torch::tensor({1.0, 2.0, 3.0}, torch::kFloat64)};
-  store.transform(similarity, which);
+               .reshape({1, 3, 3}),
+      .t = torch::tensor({{1.0, 2.0, 3.0}}, torch::kFloat64)};
+  store.transform(similarity, which.to(torch::kInt64) - 1);
   expect_equal(rows(store.view(), ~which), rows(start, ~which));
   expect_equal(rows(store.view(), which), transformed(rows(start, which), similarity));
+  EXPECT_THROW(store.transform(similarity, which), c10::Error);
 }
 
 TEST(GaussianStore, ACheckpointIsExactToTheBitAndLearningGoesOnTheSame) {

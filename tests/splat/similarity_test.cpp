@@ -5,6 +5,7 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <vector>
 
 #include "apvi/splat/sh_math.hpp"
 #include "support/torch_reference.hpp"
@@ -52,8 +53,10 @@ Gaussians make_gaussians(std::int64_t count, int degree) {
           .sh_rest = torch::randn({count, sh_rest_count(degree), 3}, kF64)};
 }
 
-Similarity make_similarity(std::uint64_t seed) {
-  return {.scale = 1.7, .R = random_rotation(seed), .t = torch::randn({3}, kF64)};
+Similarities make_similarity(std::uint64_t seed) {
+  return {.scales = torch::full({1}, 1.7, kF64),
+          .R = random_rotation(seed).unsqueeze(0),
+          .t = torch::randn({1, 3}, kF64)};
 }
 
 /// The part of a colour [3] that depends on the direction [3].
@@ -67,18 +70,18 @@ Tensor color_seen(const Tensor& sh_rest, int degree, const Tensor& direction) {
 TEST(Similarity, MovesMeansAndCovariancesAsTheFormulaSays) {
   const Gaussians g = make_gaussians(20, 0);
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    const Similarity s = make_similarity(seed);
+    const Similarities s = make_similarity(seed);
     const Gaussians moved = transformed(g, s);
-    EXPECT_TRUE(tensors_near(moved.means, s.scale * torch::matmul(g.means, s.R.t()) + s.t, 1e-12));
-    const Tensor expected =
-        s.scale * s.scale * torch::matmul(torch::matmul(s.R, covariances(g)), s.R.t());
+    const Tensor R = s.R[0];
+    EXPECT_TRUE(tensors_near(moved.means, 1.7 * torch::matmul(g.means, R.t()) + s.t, 1e-12));
+    const Tensor expected = 1.7 * 1.7 * torch::matmul(torch::matmul(R, covariances(g)), R.t());
     EXPECT_TRUE(tensors_near(covariances(moved), expected, 1e-12)) << seed;
   }
 }
 
 TEST(Similarity, AddsTheLogarithmOfTheScaleToLogScales) {
   const Gaussians g = make_gaussians(5, 0);
-  const Similarity s = make_similarity(1);
+  const Similarities s = make_similarity(1);
   const Tensor added = transformed(g, s).log_scales - g.log_scales;
   EXPECT_TRUE(tensors_near(added, torch::full({5, 3}, std::log(1.7), kF64), 1e-14));
 }
@@ -87,13 +90,13 @@ TEST(Similarity, ColoursLookTheSameFromDirectionsTurnedAlong) {
   for (int degree = 1; degree <= kMaxShDegree; ++degree) {
     const Gaussians g = make_gaussians(3, degree);
     for (std::uint64_t seed = 0; seed < 5; ++seed) {
-      const Similarity s = make_similarity(seed);
+      const Similarities s = make_similarity(seed);
       const Gaussians moved = transformed(g, s);
       const Tensor direction = torch::nn::functional::normalize(
           torch::randn({3}, kF64), torch::nn::functional::NormalizeFuncOptions().dim(0));
       for (std::int64_t i = 0; i < 3; ++i) {
         EXPECT_TRUE(
-            tensors_near(color_seen(moved.sh_rest[i], degree, torch::matmul(s.R, direction)),
+            tensors_near(color_seen(moved.sh_rest[i], degree, torch::matmul(s.R[0], direction)),
                          color_seen(g.sh_rest[i], degree, direction), 1e-12));
       }
     }
@@ -101,7 +104,7 @@ TEST(Similarity, ColoursLookTheSameFromDirectionsTurnedAlong) {
 }
 
 TEST(Similarity, RotationsOfHarmonicsMixNoDegrees) {
-  const Tensor D = sh_rotation(3, random_rotation(3));
+  const Tensor D = sh_rotations(3, random_rotation(3).unsqueeze(0))[0];
   EXPECT_TRUE(tensors_near(torch::matmul(D, D.t()), torch::eye(15, kF64), 1e-12));
   EXPECT_LT(D.slice(0, 0, 3).slice(1, 3).abs().max().item<double>(), 1e-13);
   EXPECT_LT(D.slice(0, 3, 8).slice(1, 8).abs().max().item<double>(), 1e-13);
@@ -109,25 +112,47 @@ TEST(Similarity, RotationsOfHarmonicsMixNoDegrees) {
 
 TEST(Similarity, ThereAndBackIsNothing) {
   const Gaussians g = make_gaussians(6, 3);
-  const Similarity s = make_similarity(2);
-  const Similarity back = {.scale = 1.0 / s.scale,
-                           .R = s.R.t().contiguous(),
-                           .t = -torch::matmul(s.R.t(), s.t) / s.scale};
+  const Similarities s = make_similarity(2);
+  const Similarities back = {.scales = 1.0 / s.scales,
+                             .R = s.R.transpose(1, 2).contiguous(),
+                             .t = -torch::matmul(s.t, s.R[0]) / 1.7};
   const Gaussians again = transformed(transformed(g, s), back);
   EXPECT_TRUE(tensors_near(again.means, g.means, 1e-12));
   EXPECT_TRUE(tensors_near(covariances(again), covariances(g), 1e-12));
   EXPECT_TRUE(tensors_near(again.sh_rest, g.sh_rest, 1e-12));
 }
 
+TEST(Similarity, ManyMotionsAtOnceAreEachByItself) {
+  const Gaussians g = make_gaussians(7, 2);
+  const Tensor which = torch::tensor({2, 0, 1, 1, 2, 0, 2}, torch::kInt64);
+  std::vector<Similarities> alone;
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    alone.push_back(make_similarity(seed));
+    alone.back().scales += static_cast<double>(seed);
+  }
+  const Similarities all = {
+      .scales = torch::cat({alone[0].scales, alone[1].scales, alone[2].scales}),
+      .R = torch::cat({alone[0].R, alone[1].R, alone[2].R}),
+      .t = torch::cat({alone[0].t, alone[1].t, alone[2].t})};
+  const Gaussians moved = transformed(g, all, which);
+  for (std::int64_t i = 0; i < g.size(); ++i) {
+    const auto own = static_cast<std::size_t>(which[i].item<std::int64_t>());
+    const Gaussians expected = transformed(g, alone[own]);
+    for (std::size_t k = 0; k < 6; ++k) {
+      EXPECT_TRUE(tensors_near((*moved.tensors()[k])[i], (*expected.tensors()[k])[i], 1e-12));
+    }
+  }
+}
+
 TEST(Similarity, RefusesWhatIsNone) {
   const Gaussians g = make_gaussians(2, 1);
-  Similarity s = make_similarity(1);
-  s.scale = 0.0;
+  Similarities s = make_similarity(1);
+  s.scales[0] = 0.0;
   EXPECT_THROW(transformed(g, s), c10::Error);
   s = make_similarity(1);
   s.R = 1.1 * s.R;
   EXPECT_THROW(transformed(g, s), c10::Error);
-  s.R = -torch::eye(3, kF64);
+  s.R = -torch::eye(3, kF64).unsqueeze(0);
   EXPECT_THROW(transformed(g, s), c10::Error);
 }
 

@@ -41,9 +41,12 @@ class LoopCloser {
   /// changes: relocations of keyframes in order of time, the last of this one; mostly nothing.
   /// An empty picture is not looked at.
   std::vector<Relocation> add(Stamp stamp, const cv::Mat& grey, const SE3& T_world_camera);
+  /// The end of the way: relocations as `add`'s, for what was met since it told the last.
+  std::vector<Relocation> settle();
   /// Odometry has changed its mind about a keyframe; nothing when it is not known.
   void move(Stamp stamp, const SE3& T_world_camera);
 
+  /// How often a place has been met again.
   std::size_t closures() const { return loops_.size(); }
 
  private:

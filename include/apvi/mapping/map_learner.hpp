@@ -59,8 +59,8 @@ class MapLearner {
   /// Puts Gaussians next to each other in memory that are neighbours in space (see
   /// splat::morton_order), which is drawn faster on a GPU. `densify` does so now and then.
   void reorder();
-  /// Moves the Gaussians of one anchor.
-  void move(std::int64_t anchor, const splat::Similarity& motion);
+  /// Moves the Gaussians of anchors, each by a rigid motion [4,4] (float64).
+  void move(const std::map<std::int64_t, torch::Tensor>& motions);
   /// From now on the map is seen through this water, which is held near (see
   /// splat::MediumOptimizer::hold). Its colours are changed so that to the keyframes it looks as
   /// before.

@@ -128,11 +128,11 @@ class Mapper {
 
  private:
   Intake judge(const MapperInput& input) const;
-  void move(const MovedKeyframe& moved);
+  void move(const std::vector<MovedKeyframe>& moved);
+  torch::Tensor place(std::size_t i, const torch::Tensor& T_camera_odometry);
   void relocate(const std::vector<Relocated>& relocated);
-  void relocate(std::size_t i, const torch::Tensor& motion);
   void move_followers(std::size_t view, const torch::Tensor& motion);
-  void move_gaussians(std::size_t view, const torch::Tensor& motion);
+  void move_gaussians(const std::map<std::int64_t, torch::Tensor>& motions);
   void keep(const Keyframe& keyframe);
   void forget_veiled(std::int64_t stamp_ns);
   void remember_until(std::int64_t stamp_ns);

@@ -15,6 +15,20 @@ namespace apvi::mapping {
 /// left when the water is taken away. So none are made there, and those that reach in are let go.
 torch::Tensor open_water(const torch::Tensor& picture, const torch::Tensor& water);
 
+/// What a picture [H,W,3] shows where `water` would look like [H,W,3], int8 [H,W]: 1 open water, -1
+/// surely a surface, 0 one of both.
+torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& water);
+
+/// By how much a loss should grow [H,W] with a drawing's `alpha` [H,W], summed over the pixels, so
+/// that a pixel is either water or a surface. Pictures alone do not say: what is translucent before
+/// open water looks like something farther off, and without the water it is too dark; an edge of
+/// the water's colour looks like one that is half transparent, and without the water it glows. So
+/// open water is let through, edges beside it as much as the picture allows with colours that are
+/// no less than black, and all else is closed. (SeaSplat, Yang et al., 2024, lets go of opacity
+/// where a picture has the water's colour.)
+torch::Tensor opacity_pull(const torch::Tensor& picture, const torch::Tensor& water,
+                           const torch::Tensor& alpha);
+
 /// The mean colour [3,H,W] of a square around each pixel of a picture [H,W,3], and whether it is
 /// even [H,W] bool, but for noise.
 std::pair<torch::Tensor, torch::Tensor> evenness(const torch::Tensor& picture);

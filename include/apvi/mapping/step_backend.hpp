@@ -48,8 +48,10 @@ class StepBackend {
   virtual torch::Tensor target(const TargetInput& input) const;
   /// See ViewGains::match.
   virtual void match_gain(const GainInput& input) const;
-  /// See mapping::open_water.
-  virtual torch::Tensor open_water(const torch::Tensor& picture, const torch::Tensor& water) const;
+  /// See mapping::water_kinds and mapping::opacity_pull.
+  virtual torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& water) const;
+  virtual torch::Tensor opacity_pull(const torch::Tensor& picture, const torch::Tensor& water,
+                                     const torch::Tensor& alpha) const;
   /// See DensityStatistics::observe.
   virtual void observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const;
   /// See mapping::bentness; of pictures that are large enough.

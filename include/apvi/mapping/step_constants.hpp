@@ -21,6 +21,12 @@ inline constexpr double kOpenOffset = 0.01;    ///< of a colour
 inline constexpr double kOpenRelative = 0.06;  ///< the same over the water's
 inline constexpr double kOpenTexture = 0.03;   ///< standard deviation over the square, noise and a
                                                ///< grain or two
+inline constexpr int kBesideOpen = 3;          ///< [px] to each side: what is so near is an edge
+
+// Opacity before water, as a share of a picture's photometric loss
+inline constexpr double kOpenPull = 2.0;
+inline constexpr double kEdgePull = 0.3;
+inline constexpr double kSurfacePull = 0.5;  ///< of what lets all through
 
 // Bentness
 inline constexpr int kBendReach = 6;          ///< [px] of a second difference, to each side

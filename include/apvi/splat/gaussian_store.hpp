@@ -79,9 +79,9 @@ class GaussianStore {
   void forget_momentum(const torch::Tensor& which);
   /// Lowers every opacity to `highest` at most, without momentum: what is needed grows again.
   void reset_opacity(double highest);
-  /// Moves the Gaussians where `which` [size()] (bool) is set. Momentum stays as it is: it is of
-  /// the next few steps only, and corrections turn little.
-  void transform(const Similarity& similarity, const torch::Tensor& which);
+  /// Moves each Gaussian by the motion that `which` [size()] (int64) says; -1: it stays. Momentum
+  /// stays as it is: it is of the next few steps only, and corrections turn little.
+  void transform(const Similarities& similarities, const torch::Tensor& which);
 
   /// Everything, to the bit.
   void save(torch::serialize::OutputArchive& archive) const;
