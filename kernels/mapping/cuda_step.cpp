@@ -122,8 +122,8 @@ class CudaStepBackend final : public StepBackend {
     return kinds;
   }
 
-  Tensor opacity_pull(const Tensor& picture, const Tensor& water,
-                      const Tensor& alpha) const override {
+  Tensor opacity_pull(const Tensor& picture, const Tensor& water, const Tensor& alpha,
+                      const OpacityWeights& weights) const override {
     const Tensor kinds = water_kinds(picture, water);
     const c10::cuda::CUDAGuard guard(picture.device());
     const Tensor drawn = alpha.contiguous();
@@ -132,6 +132,9 @@ class CudaStepBackend final : public StepBackend {
                                               .height = as_int(kinds.size(0)),
                                               .kinds = kinds.data_ptr<std::int8_t>(),
                                               .alpha = drawn.data_ptr<float>(),
+                                              .open = static_cast<float>(weights.open),
+                                              .edge = static_cast<float>(weights.edge),
+                                              .surface = static_cast<float>(weights.surface),
                                               .pull = pull.data_ptr<float>()},
                                              at::cuda::getCurrentCUDAStream()));
     return pull;

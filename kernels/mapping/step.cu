@@ -144,11 +144,11 @@ __global__ void opacity_pull_kernel(PullPointers in) {
   }
   float of_all = 0.0f;
   if (in.kinds[i] == 1) {
-    of_all = static_cast<float>(step::kOpenPull);
+    of_all = in.open;
   } else if (near_open) {
-    of_all = static_cast<float>(step::kEdgePull);
+    of_all = in.edge;
   } else if (in.kinds[i] == -1) {
-    of_all = static_cast<float>(step::kSurfacePull) * (in.alpha[i] - 1.0f);
+    of_all = in.surface * (in.alpha[i] - 1.0f);
   }
   in.pull[i] = of_all / static_cast<float>(in.width * in.height);
 }

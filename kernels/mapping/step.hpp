@@ -49,7 +49,8 @@ struct PullPointers {
   int width, height;
   const std::int8_t* kinds;  ///< [height,width] of water
   const float* alpha;        ///< [height,width]
-  float* pull;               ///< [height,width] out
+  float open, edge, surface;
+  float* pull;  ///< [height,width] out
 };
 cudaError_t launch_opacity_pull(const PullPointers& in, cudaStream_t stream);
 

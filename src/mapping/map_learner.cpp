@@ -137,9 +137,10 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
     loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target);
   }
   if (water != nullptr && store_.steps() % kOpacitySteps == 0) {
+    const OpacityWeights& weights = medium()->lamp ? kByLamplight : kByDaylight;
     torch::autograd::backward(
         {loss, out.alpha},
-        {Tensor(), opacity_pull(target, water->open_water(), out.alpha.detach())});
+        {Tensor(), opacity_pull(target, water->open_water(), out.alpha.detach(), weights)});
   } else {
     loss.backward();
   }

@@ -34,8 +34,9 @@ Tensor water_kinds(const Tensor& picture, const Tensor& water) {
   return step_backend(picture.device()).water_kinds(picture, water);
 }
 
-Tensor opacity_pull(const Tensor& picture, const Tensor& water, const Tensor& alpha) {
-  return step_backend(picture.device()).opacity_pull(picture, water, alpha);
+Tensor opacity_pull(const Tensor& picture, const Tensor& water, const Tensor& alpha,
+                    const OpacityWeights& weights) {
+  return step_backend(picture.device()).opacity_pull(picture, water, alpha, weights);
 }
 
 }  // namespace apvi::mapping

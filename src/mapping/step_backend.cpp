@@ -67,17 +67,17 @@ Tensor StepBackend::water_kinds(const Tensor& picture, const Tensor& water) cons
   return open.to(torch::kInt8) - surface.to(torch::kInt8);
 }
 
-Tensor StepBackend::opacity_pull(const Tensor& picture, const Tensor& water,
-                                 const Tensor& alpha) const {
+Tensor StepBackend::opacity_pull(const Tensor& picture, const Tensor& water, const Tensor& alpha,
+                                 const OpacityWeights& weights) const {
   const torch::NoGradGuard no_grad;
   const Tensor kinds = water_kinds(picture, water);
   const Tensor open = kinds == 1;
   const Tensor near_open = torch::max_pool2d(open.to(alpha.scalar_type()).unsqueeze(0),
                                              2 * step::kBesideOpen + 1, 1, step::kBesideOpen)
                                .squeeze(0);
-  const Tensor closing = step::kSurfacePull * (alpha - 1.0) * (kinds == -1);
-  const Tensor pull = torch::where(near_open > 0.0, step::kEdgePull, closing);
-  return torch::where(open, step::kOpenPull, pull).div_(static_cast<double>(alpha.numel()));
+  const Tensor closing = weights.surface * (alpha - 1.0) * (kinds == -1);
+  const Tensor pull = torch::where(near_open > 0.0, weights.edge, closing);
+  return torch::where(open, weights.open, pull).div_(static_cast<double>(alpha.numel()));
 }
 
 void StepBackend::observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const {

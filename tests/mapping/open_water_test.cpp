@@ -25,6 +25,13 @@ double share(const Tensor& mask) {
   return mask.to(torch::kFloat64).mean().item<double>();
 }
 
+/// The water's look, and sand in the lower half.
+Tensor sand_under(const Tensor& water) {
+  Tensor picture = water + 0.005 * torch::randn(water.sizes());
+  picture.slice(0, 30).copy_(torch::tensor({0.4F, 0.5F, 0.3F}));
+  return picture;
+}
+
 TEST(OpenWater, IsEvenAndOfTheWatersColour) {
   torch::manual_seed(3);
   const Tensor water = blue_water().b_inf.expand({60, 80, 3});
@@ -39,8 +46,7 @@ TEST(OpenWater, IsEvenAndOfTheWatersColour) {
 TEST(OpenWater, EndsWhereASurfaceBegins) {
   torch::manual_seed(4);
   const Tensor water = blue_water().b_inf.expand({60, 80, 3});
-  Tensor picture = water + 0.005 * torch::randn({60, 80, 3});
-  picture.slice(0, 30).copy_(torch::tensor({0.4F, 0.5F, 0.3F}).expand({30, 80, 3}));
+  const Tensor picture = sand_under(water);
   const Tensor open = open_water(picture, water);
   EXPECT_EQ(share(open.slice(0, 30)), 0.0);
   EXPECT_GT(share(open.slice(0, 0, 27)), 0.99);
@@ -49,17 +55,17 @@ TEST(OpenWater, EndsWhereASurfaceBegins) {
 TEST(OpacityPull, OpensWaterAndItsEdgesAndClosesSurfaces) {
   torch::manual_seed(5);
   const Tensor water = blue_water().b_inf.expand({60, 80, 3});
-  Tensor picture = water + 0.005 * torch::randn({60, 80, 3});
-  picture.slice(0, 30).copy_(torch::tensor({0.4F, 0.5F, 0.3F}).expand({30, 80, 3}));
+  const Tensor picture = sand_under(water);
   const Tensor kinds = water_kinds(picture, water);
   EXPECT_EQ(share(kinds.slice(0, 30) == -1), 1.0);
   const Tensor alpha = torch::full({60, 80}, 0.25);
-  const Tensor pull = opacity_pull(picture, water, alpha) * 60.0 * 80.0;
+  const OpacityWeights weights = {.open = 2.0, .edge = 0.3, .surface = 0.5};
+  const Tensor pull = opacity_pull(picture, water, alpha, weights) * 60.0 * 80.0;
   EXPECT_GT(share(pull.slice(0, 0, 27) == 2.0), 0.99);
-  EXPECT_EQ(share((pull.slice(0, 28, 31) - 0.3).abs() < 1e-6), 1.0);     // to both sides
-  EXPECT_EQ(share((pull.slice(0, 34) + 0.5 * 0.75).abs() < 1e-6), 1.0);  // the more, the less
-  EXPECT_EQ(opacity_pull(picture, water, 0 * alpha + 1.0).slice(0, 34).abs().max().item<float>(),
-            0.0F);  // what is closed stays as it is
+  EXPECT_EQ(share((pull.slice(0, 28, 31) - 0.3).abs() < 1e-6), 1.0);  // to both sides
+  EXPECT_EQ(share((pull.slice(0, 34) + 0.5 * 0.75).abs() < 1e-6), 1.0);
+  const Tensor closed = opacity_pull(picture, water, torch::ones_like(alpha), weights);
+  EXPECT_EQ(closed.slice(0, 34).abs().max().item<float>(), 0.0F);
 }
 
 /// A wall, open water above it; and a fog of the water's colour that nobody can see there.

@@ -85,8 +85,9 @@ TEST_F(CudaStep, WaterAndItsPullAreWhatTheOperatorsFind) {
   for (const int kind : {-1, 0, 1}) ASSERT_GT(share(expected == kind), 0.05) << kind;
   EXPECT_GT(share(got == expected), 0.9999);
   const Tensor alpha = torch::rand({kHeight, kWidth});
-  const Tensor pull = cpu_.opacity_pull(picture, water, alpha);
-  const Tensor on_device = gpu_.opacity_pull(on_gpu(picture), on_gpu(water), on_gpu(alpha)).cpu();
+  const Tensor pull = cpu_.opacity_pull(picture, water, alpha, kByDaylight);
+  const Tensor on_device =
+      gpu_.opacity_pull(on_gpu(picture), on_gpu(water), on_gpu(alpha), kByDaylight).cpu();
   EXPECT_GT(share((on_device - pull).abs() < 1e-10), 0.999);
 }
 

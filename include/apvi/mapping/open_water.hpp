@@ -19,6 +19,16 @@ torch::Tensor open_water(const torch::Tensor& picture, const torch::Tensor& wate
 /// surely a surface, 0 one of both.
 torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& water);
 
+/// Weights of opacity beside a picture's photometric loss, by what a pixel shows.
+struct OpacityWeights {
+  double open = 0.0;     ///< for letting through
+  double edge = 0.0;     ///< the same a few pixels from open water
+  double surface = 0.0;  ///< for closing, of what lets all through
+};
+inline constexpr OpacityWeights kByDaylight{.open = 2.0, .edge = 0.3, .surface = 0.5};
+/// A dim surface looks much like the dark water before it.
+inline constexpr OpacityWeights kByLamplight{.open = 1.0, .edge = 0.0, .surface = 0.0};
+
 /// By how much a loss should grow [H,W] with a drawing's `alpha` [H,W], summed over the pixels, so
 /// that a pixel is either water or a surface. Pictures alone do not say: what is translucent before
 /// open water looks like something farther off, and without the water it is too dark; an edge of
@@ -27,7 +37,7 @@ torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& wat
 /// no less than black, and all else is closed. (SeaSplat, Yang et al., 2024, lets go of opacity
 /// where a picture has the water's colour.)
 torch::Tensor opacity_pull(const torch::Tensor& picture, const torch::Tensor& water,
-                           const torch::Tensor& alpha);
+                           const torch::Tensor& alpha, const OpacityWeights& weights);
 
 /// The mean colour [3,H,W] of a square around each pixel of a picture [H,W,3], and whether it is
 /// even [H,W] bool, but for noise.

@@ -5,6 +5,7 @@
 
 #include <string_view>
 
+#include "apvi/mapping/open_water.hpp"
 #include "apvi/splat/render.hpp"
 
 namespace apvi::mapping {
@@ -51,7 +52,8 @@ class StepBackend {
   /// See mapping::water_kinds and mapping::opacity_pull.
   virtual torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& water) const;
   virtual torch::Tensor opacity_pull(const torch::Tensor& picture, const torch::Tensor& water,
-                                     const torch::Tensor& alpha) const;
+                                     const torch::Tensor& alpha,
+                                     const OpacityWeights& weights) const;
   /// See DensityStatistics::observe.
   virtual void observe(const splat::RenderStatistics& statistics, const SeenSums& sums) const;
   /// See mapping::bentness; of pictures that are large enough.

@@ -23,11 +23,6 @@ inline constexpr double kOpenTexture = 0.03;   ///< standard deviation over the 
                                                ///< grain or two
 inline constexpr int kBesideOpen = 3;          ///< [px] to each side: what is so near is an edge
 
-// Opacity before water, as a share of a picture's photometric loss
-inline constexpr double kOpenPull = 2.0;
-inline constexpr double kEdgePull = 0.3;
-inline constexpr double kSurfacePull = 0.5;  ///< of what lets all through
-
 // Bentness
 inline constexpr int kBendReach = 6;          ///< [px] of a second difference, to each side
 inline constexpr double kBendNearest = 1e-3;  ///< [m]
