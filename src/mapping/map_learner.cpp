@@ -137,7 +137,7 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
     loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target);
   }
   if (water != nullptr && store_.steps() % kOpacitySteps == 0) {
-    const OpacityWeights& weights = medium()->lamp ? kByLamplight : kByDaylight;
+    const OpacityWeights& weights = water->has_lamp() ? kByLamplight : kByDaylight;
     torch::autograd::backward(
         {loss, out.alpha},
         {Tensor(), opacity_pull(target, water->open_water(), out.alpha.detach(), weights)});
@@ -204,7 +204,7 @@ void MapLearner::remove(const Tensor& remove) {
 
 void MapLearner::move(const std::map<std::int64_t, Tensor>& motions) {
   if (motions.empty()) return;
-  // Which motion an anchor has, by its number; the first is of those without an anchor.
+  // Which motion an anchor has, by its number; the first is of all that stay.
   std::vector<std::int64_t> which(2 + static_cast<std::size_t>(motions.rbegin()->first), -1);
   std::vector<Tensor> each;
   for (const auto& [anchor, motion] : motions) {

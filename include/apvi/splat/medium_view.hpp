@@ -35,6 +35,8 @@ class MediumView {
   /// The same where nothing is drawn at all: [H,W,3]. Not recorded by autograd.
   torch::Tensor open_water() const;
 
+  bool has_lamp() const { return medium_.lamp.has_value(); }
+
  private:
   Medium medium_;       ///< daylight and glow on the device, too
   WaterColumn column_;  ///< before the camera
