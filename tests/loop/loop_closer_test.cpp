@@ -96,6 +96,13 @@ TEST(LoopCloser, ARoundThatEndsWhereItBeganComesOutRound) {
   EXPECT_LT(closed.told, 10U);  // then it is known
 }
 
+// Within 4 s of the last bend, which otherwise would have to be waited for.
+TEST(LoopCloser, WhatWasMetLastIsToldAtTheEnd) {
+  const Swim end = swim({}, kLap + 2);
+  EXPECT_TRUE(end.has_news_at_end);
+  EXPECT_LT(worst(end.poses), 0.03);
+}
+
 TEST(LoopCloser, IsSilentBeforeAnythingIsMetAgain) {
   const Swim part = swim({}, kLap / 2);
   EXPECT_EQ(part.closures, 0U);
