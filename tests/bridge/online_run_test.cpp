@@ -109,7 +109,7 @@ TEST_F(OnlineRunTest, AMapperOnItsOwnThreadMakesTheSameMap) {
 TEST_F(OnlineRunTest, ARoundIsClosedWhereItBegan) {
   const fs::path round = folder("round");
   simulate_reef(round,
-                {"duration_s=15", "rig.cam0.rate_hz=8", "motion.path=orbit",
+                {"duration_s=17", "rig.cam0.rate_hz=10", "motion.path=orbit",
                  "motion.origin=[0, 0, -7]", "motion.radius_m=0.8", "motion.max_turn_deg_s=60"});
   const std::vector<std::string> overrides = {
       "dataset.path=" + round.string(), "mapping.loops.least_age_s=10", "mapping.medium=false",
