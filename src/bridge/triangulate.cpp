@@ -18,6 +18,7 @@
 
 #include "apvi/bridge/camera_conversion.hpp"
 #include "apvi/bridge/initial_points.hpp"
+#include "apvi/core/angles.hpp"
 #include "apvi/core/progress.hpp"
 #include "apvi/splat/device.hpp"
 
@@ -96,8 +97,8 @@ std::set<std::pair<std::size_t, std::size_t>> choose_pairs(const std::vector<Pic
     std::vector<std::pair<double, std::size_t>> costs;
     for (std::size_t j = 0; j < pictures.size(); ++j) {
       const double baseline = (pictures[i].center() - pictures[j].center()).norm();
-      const double turn = 57.29577951308232 * pictures[i].T_camera_world.rotation.angularDistance(
-                                                  pictures[j].T_camera_world.rotation);
+      const double turn = kDegrees * pictures[i].T_camera_world.rotation.angularDistance(
+                                         pictures[j].T_camera_world.rotation);
       if (j == i || baseline < kLeastBaselineM || turn > kMostTurnDeg) continue;
       costs.emplace_back(baseline + turn / 30.0, j);  // 30 degrees are as far as one metre
     }
@@ -202,7 +203,7 @@ bool agrees(const std::vector<Picture>& pictures, const std::vector<Observation>
     const Eigen::Vector3d ray = (point - pictures[i].center()).normalized();
     most_parallax = std::max(most_parallax, std::acos(std::clamp(ray.dot(first_ray), -1.0, 1.0)));
   }
-  return most_parallax * 57.29577951308232 >= kLeastParallaxDeg;
+  return most_parallax * kDegrees >= kLeastParallaxDeg;
 }
 
 // Linear triangulation from all views (Hartley and Zisserman, 12.2), rows scaled to pixels.

@@ -5,13 +5,12 @@
 #include <cmath>
 #include <utility>
 
+#include "apvi/core/angles.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
 
 namespace apvi::loop {
 namespace {
-
-constexpr double kRadians = 0.017453292519943295;
 
 // From one place to the next, so that they tell each other distances.
 constexpr double kLeastStep_m = 0.25;

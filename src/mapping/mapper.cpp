@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "apvi/core/angles.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/core/random.hpp"
 #include "apvi/core/stopwatch.hpp"
@@ -29,8 +30,6 @@ constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr double kSurveyGrowth = 1.4;        // in keyframes, from one survey to the next
 constexpr double kSurveySpacing = 0.1;       // of the extent, between keyframes that are compared
-
-constexpr double kRadians = 0.017453292519943295;
 
 splat::Gaussians clone(const splat::Gaussians& gaussians) {
   splat::Gaussians copy;

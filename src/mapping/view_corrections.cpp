@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "apvi/core/angles.hpp"
 #include "apvi/splat/adam.hpp"
 
 namespace apvi::mapping {
@@ -16,7 +17,6 @@ using torch::Tensor;
 
 // What one sigma off costs, as loss of an image: about what a tenth of a pixel costs there.
 constexpr double kPriorLoss = 1e-3;
-constexpr double kRadians = 0.017453292519943295;
 
 Tensor row(const Tensor& tensor, std::size_t i) {
   return tensor.select(0, static_cast<std::int64_t>(i));

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <system_error>
 
+#include "apvi/core/angles.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/io/tum.hpp"
@@ -62,7 +63,6 @@ std::string calibration_line(const dipo::Estimate& e) {
 std::string ping_line(const LocalizationOutput& output) {
   const dipo::Matrix& P = output.estimate.covariance;
   const dipo::Report& ping = output.ping;
-  constexpr double kDegrees = 57.29577951308232;
   return fmt::format("{},{},{:.4f},{},{:.3f},{:.3f},{:.5f},{:.5f},{:.5f}\n",
                      output.estimate.stamp.ns, dipo::to_string(ping.verdict), ping.nis, ping.rows,
                      ping.accel_factor, ping.dvl_variance_factor, sigma(P, imu::kPosition, 3),
