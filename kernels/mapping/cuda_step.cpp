@@ -101,7 +101,8 @@ class CudaStepBackend final : public StepBackend {
                                             .drawn = drawn.data_ptr<float>(),
                                             .alpha = alpha.data_ptr<float>(),
                                             .picture = picture.data_ptr<float>(),
-                                            .share = static_cast<float>(in.share),
+                                            .share = static_cast<float>(in.pace.share),
+                                            .most = static_cast<float>(in.pace.most),
                                             .partials = partials.data_ptr<float>()},
                                            in.log_gain.data_ptr<float>(),
                                            at::cuda::getCurrentCUDAStream()));

@@ -85,8 +85,7 @@ __global__ void change_gain_kernel(GainPointers in, float* log_gain) {
   if (!usable) return;
   const float gain = sums[1] / fmaxf(light, static_cast<float>(step::kLeastDivisor));
   const float wanted = logf(fmaxf(gain, static_cast<float>(step::kLeastGain)));
-  const auto most = static_cast<float>(step::kMostChange);
-  const float change = fminf(fmaxf(wanted - *log_gain, -most), most);
+  const float change = fminf(fmaxf(wanted - *log_gain, -in.most), in.most);
   *log_gain += in.share * change - static_cast<float>(step::kForgets) * *log_gain;
 }
 

@@ -32,6 +32,7 @@ struct GainPointers {
   const float* alpha;    ///< [pixels]
   const float* picture;  ///< [pixels,3]
   float share;
+  float most;
   float* partials;  ///< [kStepBlocks,kGainSums] scratch
 };
 /// `log_gain` [1] in place.

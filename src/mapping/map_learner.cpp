@@ -21,8 +21,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kGainShare = 0.3;  // of a gain's error that one step takes away
-constexpr int kGainReduction = 4;   // of the picture that a new view's gain is found with
+constexpr int kGainReduction = 4;  // of the picture that a new view's gain is found with
 // What changes slowly is looked after in one of so many steps: a step is as long on a GPU as its
 // operators are many, and these have as many as the rest together.
 constexpr std::int64_t kGainSteps = 4;
@@ -55,27 +54,12 @@ splat::Medium on_device(const splat::Medium& medium) {
           .lamp = medium.lamp};
 }
 
-/// The gains of all views, those that the survey looked at as it says; between two of these the
-/// others change as they do.
-Tensor survey_gains(const Tensor& logs, const WaterSurvey& survey) {
-  Tensor result = logs.clone();
-  const auto old = logs.accessor<double, 1>();
-  const auto found = survey.fit.log_gains.accessor<double, 1>();
-  const std::vector<std::size_t>& views = survey.views;
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(logs.size(0)); ++i) {
-    while (next < views.size() && views[next] < i) ++next;
-    const std::size_t after = std::min(next, views.size() - 1);
-    const std::size_t before = next == 0 ? 0 : next - 1;
-    const auto change = [&](std::size_t k) {
-      return found[static_cast<std::int64_t>(k)] - old[static_cast<std::int64_t>(views[k])];
-    };
-    const double span = static_cast<double>(views[after]) - static_cast<double>(views[before]);
-    const double share =
-        span > 0.0 ? (static_cast<double>(i) - static_cast<double>(views[before])) / span : 1.0;
-    result[static_cast<std::int64_t>(i)] += (1.0 - share) * change(before) + share * change(after);
+std::vector<double> seconds_of(const KeyframeStore& keyframes) {
+  std::vector<double> seconds(keyframes.size());
+  for (std::size_t i = 0; i < seconds.size(); ++i) {
+    seconds[i] = 1e-9 * static_cast<double>(keyframes[i].stamp_ns - keyframes[0].stamp_ns);
   }
-  return result;
+  return seconds;
 }
 
 }  // namespace
@@ -170,7 +154,7 @@ Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, cons
                        .log_gain = {}};
   if (!options_.auto_gain) return backend.target(input);
   if (settings.match_gain && store_.steps() % kGainSteps == 0) {
-    gains_.match(i, drawn, alpha, backend.target(input), kGainShare);
+    gains_.match(i, drawn, alpha, backend.target(input), kGainFollowed);
   }
   input.log_gain = gains_.log_gain(i);
   return backend.target(input);
@@ -240,7 +224,7 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
                    .reduction = kGainReduction,
                    .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
                    .log_gain = {}});
-  gains_.match(i, drawn.as_seen, drawn.alpha, picture, 1.0);
+  gains_.match(i, drawn.as_seen, drawn.alpha, picture, kGainFound);
 }
 
 void MapLearner::adopt(const splat::Medium& medium, const Tensor& known,
@@ -257,7 +241,8 @@ void MapLearner::adopt(const WaterSurvey& survey, const KeyframeStore& keyframes
   splat::Medium water = survey.fit.medium;
   surveys_ = survey.fit.surveys;
   if (options_.auto_gain) {
-    Tensor logs = survey_gains(gains_.logs().to(torch::kCPU, torch::kFloat64), survey);
+    const Tensor logs = surveyed_gains(gains_.logs().to(torch::kCPU, torch::kFloat64),
+                                       seconds_of(keyframes), survey.views, survey.fit.log_gains);
     const auto& views = keyframes.training();
     const double median =
         logs.index_select(0, torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()),

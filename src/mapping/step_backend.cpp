@@ -49,7 +49,7 @@ void StepBackend::match_gain(const GainInput& in) const {
                         (light > step::kLeastLight * 3.0 * pixels);
   Tensor own = in.log_gain;
   const Tensor change =
-      in.share * (wanted - own).clamp(-step::kMostChange, step::kMostChange) - step::kForgets * own;
+      in.pace.share * (wanted - own).clamp(-in.pace.most, in.pace.most) - step::kForgets * own;
   own.add_(torch::where(usable, change, torch::zeros_like(change)));
 }
 

@@ -3,11 +3,34 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
 #include "apvi/mapping/step_backend.hpp"
 
 namespace apvi::mapping {
 
 using torch::Tensor;
+
+namespace {
+
+constexpr double kChangeLasts = 3.0;  // [s] until a change says a third of what it did
+
+/// How much the readings at `before` and `after` say about a moment `t` [s], the nearer the more.
+std::pair<double, double> sway(double before, double t, double after) {
+  const double left = std::max(0.0, t - before) / kChangeLasts;
+  const double right = std::max(0.0, after - t) / kChangeLasts;
+  if (left == 0.0) return {1.0, 0.0};
+  if (right == 0.0) return {0.0, 1.0};
+  // sinh(right) / sinh(left + right) and the reverse, which cannot overflow.
+  const double both = -std::expm1(-2.0 * (left + right));
+  return {std::exp(-left) * -std::expm1(-2.0 * right) / both,
+          std::exp(-right) * -std::expm1(-2.0 * left) / both};
+}
+
+}  // namespace
 
 Tensor corners2(const splat::Intrinsics& camera, const Tensor& x, const Tensor& y) {
   const double corner2 = 0.25 * (static_cast<double>(camera.width) * camera.width +
@@ -40,17 +63,41 @@ void ViewGains::add_view() {
 
 // Sums, not least squares: a map that is not sharp yet would look too bright to them.
 void ViewGains::match(std::size_t view, const Tensor& drawn, const Tensor& alpha,
-                      const Tensor& picture, double share) {
+                      const Tensor& picture, const GainPace& pace) {
   step_backend(logs_.device())
       .match_gain({.drawn = drawn,
                    .alpha = alpha,
                    .picture = picture,
                    .log_gain = log_gain(view),
-                   .share = share});
+                   .pace = pace});
 }
 
 Tensor ViewGains::log_gain(std::size_t view) const {
   return logs_.narrow(0, static_cast<std::int64_t>(view), 1);
+}
+
+Tensor surveyed_gains(const Tensor& logs, const std::vector<double>& seconds,
+                      const std::vector<std::size_t>& views, const Tensor& found) {
+  const std::vector<std::int64_t> which(views.begin(), views.end());
+  const Tensor changes = found - logs.index_select(0, torch::tensor(which, torch::kInt64));
+  const double usual = changes.median().item<double>();
+  const auto change = changes.accessor<double, 1>();
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  Tensor result = logs.clone();
+  auto log = result.accessor<double, 1>();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < seconds.size(); ++i) {
+    while (next < views.size() && views[next] < i) ++next;
+    const bool is_last = next == views.size();
+    const double before = next == 0 ? -kNever : seconds[views[next - 1]];
+    const double after = is_last ? kNever : seconds[views[next]];
+    const auto [left, right] = sway(before, seconds[i], after);
+    double moved = usual;
+    if (next > 0) moved += left * (change[static_cast<std::int64_t>(next) - 1] - usual);
+    if (!is_last) moved += right * (change[static_cast<std::int64_t>(next)] - usual);
+    log[static_cast<std::int64_t>(i)] += moved;
+  }
+  return result;
 }
 
 void ViewGains::save(torch::serialize::OutputArchive& archive) const {

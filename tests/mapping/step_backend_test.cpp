@@ -59,7 +59,7 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
                         .alpha = solid.to(device),
                         .picture = picture.to(device),
                         .log_gain = log_gain,
-                        .share = 0.3});
+                        .pace = kGainFollowed});
     return log_gain.cpu().item<double>();
   };
   const Tensor darker = 0.8 * drawn;

@@ -280,45 +280,5 @@ TEST(SurveyWater, FindsNothingInAnEmptyMapOrInOneView) {
       survey_water({.gaussians = bed, .medium = std::nullopt}, KeyframeStore(), 0.1, prior, 1));
 }
 
-TEST(ViewGains, FindHowBrightAPictureIs) {
-  torch::manual_seed(3);
-  const Tensor drawn = 0.5 * torch::rand({20, 30, 3});
-  const Tensor solid = torch::ones({20, 30});
-  ViewGains gains(2, torch::kCPU);
-  gains.match(1, drawn, solid, 1.3 * drawn, 1.0);
-  EXPECT_NEAR(std::exp(gains.log_gain(1).item<float>()), 1.3, 1e-3);
-  EXPECT_FLOAT_EQ(gains.log_gain(0).item<float>(), 0.0F);
-  gains.add_view();
-  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
-  gains.match(2, drawn, torch::zeros_like(solid), 3.0 * drawn, 1.0);  // nothing solid there
-  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
-  gains.match(2, torch::zeros_like(drawn), solid, drawn, 1.0);  // nor is there light
-  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
-}
-
-TEST(CameraGain, OfAHeldOutViewLiesBetweenItsNeighboursInTime) {
-  KeyframeStore store;
-  for (int i = 0; i < 4; ++i) {
-    Keyframe keyframe;
-    keyframe.stamp_ns = i == 2 ? 30 : 10 * i;
-    if (i == 3) keyframe.stamp_ns = 50;
-    keyframe.intrinsics = {.fx = 4.0, .fy = 4.0, .cx = 2.0, .cy = 2.0, .width = 4, .height = 4};
-    keyframe.T_camera_world = torch::eye(4, torch::kFloat64);
-    keyframe.image = torch::zeros({4, 4, 3}, torch::kUInt8);
-    keyframe.held_out = i == 0 || i == 2;
-    store.add(std::move(keyframe));
-  }
-  Map map = {.gaussians = splat::Gaussians::empty(0, torch::kFloat32), .medium = std::nullopt};
-  EXPECT_FLOAT_EQ(camera_gain(map, store, 1).item<float>(), 1.0F);
-  map.log_gains = torch::tensor({9.0F, 0.2F, 9.0F, 0.6F});
-  EXPECT_NEAR(std::log(camera_gain(map, store, 1).item<float>()), 0.2, 1e-6);
-  EXPECT_NEAR(std::log(camera_gain(map, store, 2).item<float>()), 0.4, 1e-6);
-  EXPECT_NEAR(std::log(camera_gain(map, store, 0).item<float>()), 0.2, 1e-6);
-  map.vignetting = 0.5;
-  const Tensor response = camera_response(map, store, 1, 1);
-  EXPECT_EQ(response.sizes(), at::IntArrayRef({4, 4, 1}));
-  EXPECT_LT(response[0][0].item<float>(), 0.85F * response[1][1].item<float>());
-}
-
 }  // namespace
 }  // namespace apvi::mapping

@@ -19,12 +19,22 @@ struct TargetInput {
 };
 
 /// What a view's gain is found with.
+/// How fast a gain goes to where a picture has it.
+struct GainPace {
+  double share = 1.0;  ///< of the difference of logarithms
+  double most = 0.5;   ///< of that difference that is believed
+};
+/// A new view's, of which nothing is known: glare takes a factor of three within a second.
+inline constexpr GainPace kGainFound{.share = 1.0, .most = 3.0};
+/// One that is known, on the way: a picture that the map does not show yet shall not take it along.
+inline constexpr GainPace kGainFollowed{.share = 0.3, .most = 0.5};
+
 struct GainInput {
   torch::Tensor drawn;     ///< [H,W,3]
   torch::Tensor alpha;     ///< [H,W]
   torch::Tensor picture;   ///< [H,W,3] without the lens' falloff, with the gain
   torch::Tensor log_gain;  ///< [1] before, and in place after
-  double share = 1.0;      ///< of the change that is made
+  GainPace pace = kGainFound;
 };
 
 /// What views have said about Gaussians [N] float32, in place.

@@ -12,8 +12,7 @@ inline constexpr double kSaturated = 0.98;   ///< a channel that bright tells no
 inline constexpr double kLeastShare = 0.1;   ///< of the pixels must be compared
 inline constexpr double kLeastLight = 0.02;  ///< mean of what is drawn
 inline constexpr double kLeastGain = 1e-3;
-inline constexpr double kMostChange = 0.5;  ///< of a logarithm at once
-inline constexpr double kForgets = 2e-3;    ///< keeps all of them from drifting away together
+inline constexpr double kForgets = 2e-3;  ///< keeps all of them from drifting away together
 
 // Open water
 inline constexpr int kOpenSquare = 5;          ///< [px]

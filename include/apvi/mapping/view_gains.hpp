@@ -4,7 +4,9 @@
 #include <torch/types.h>
 
 #include <cstddef>
+#include <vector>
 
+#include "apvi/mapping/step_backend.hpp"
 #include "apvi/splat/view.hpp"
 
 namespace torch::serialize {
@@ -33,9 +35,9 @@ class ViewGains {
   /// One more view, at first as bright as the one before.
   void add_view();
   /// Brings a view's gain towards what makes `drawn` [H,W,3] as bright as `picture`, where the map
-  /// is solid; all the way with a `share` of 1. Both without the lens' falloff.
+  /// is solid. Both without the lens' falloff.
   void match(std::size_t view, const torch::Tensor& drawn, const torch::Tensor& alpha,
-             const torch::Tensor& picture, double share);
+             const torch::Tensor& picture, const GainPace& pace);
 
   /// Logarithm [1] of a view's factor, of the memory kept here.
   torch::Tensor log_gain(std::size_t view) const;
@@ -49,5 +51,12 @@ class ViewGains {
  private:
   torch::Tensor logs_;
 };
+
+/// The logarithms [n] of all views at `seconds`, float64, after a survey `found` [k] those of
+/// `views`, ascending. The others change as much as the nearest that were looked at, before and
+/// after, the less the longer ago, and at last as much as most have: what takes one gain astray is
+/// a place or a moment. (Between two readings of an Ornstein-Uhlenbeck process.)
+torch::Tensor surveyed_gains(const torch::Tensor& logs, const std::vector<double>& seconds,
+                             const std::vector<std::size_t>& views, const torch::Tensor& found);
 
 }  // namespace apvi::mapping

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/view_gains.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "apvi/mapping/keyframe_store.hpp"
+#include "apvi/mapping/rendering.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+TEST(SurveyedGains, FollowWhatWasFoundNearbyAndElsewhereWhatIsUsual) {
+  // A view each second but for ten seconds of darkness; glare has taken the last before it astray.
+  const std::vector<double> seconds = {0.0, 1.0, 2.0, 3.0, 4.0, 14.0, 15.0};
+  const Tensor logs = torch::tensor({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7}, torch::kFloat64);
+  const std::vector<std::size_t> views = {0, 1, 3};
+  const Tensor found = torch::tensor({0.15, 0.25, -0.6}, torch::kFloat64);
+  const Tensor after = surveyed_gains(logs, seconds, views, found);
+  const auto change = [&](int i) { return (after[i] - logs[i]).item<double>(); };
+  EXPECT_NEAR(change(0), 0.05, 1e-12);
+  EXPECT_NEAR(change(1), 0.05, 1e-12);
+  EXPECT_NEAR(change(3), -1.0, 1e-12);
+  // Half way between two: nearly their mean.
+  EXPECT_NEAR(change(2), -0.475, 0.05);
+  // A second later: still most of the change. After the darkness: what is usual.
+  EXPECT_LT(change(4), -0.6);
+  EXPECT_GT(change(5), 0.0);
+  EXPECT_NEAR(change(6), 0.05, 0.03);
+}
+
+TEST(SurveyedGains, AreBetweenTwoViewsFarApartWhatIsUsual) {
+  const std::vector<double> seconds = {0.0, 500.0, 1e5};
+  const Tensor after = surveyed_gains(torch::zeros({3}, torch::kFloat64), seconds, {0, 2},
+                                      torch::tensor({0.2, 0.3}, torch::kFloat64));
+  EXPECT_NEAR(after[1].item<double>(), 0.2, 1e-9);  // the lower of two in the middle
+  EXPECT_NEAR(after[2].item<double>(), 0.3, 1e-12);
+}
+
+TEST(ViewGains, FindHowBrightAPictureIs) {
+  torch::manual_seed(3);
+  const Tensor drawn = 0.5 * torch::rand({20, 30, 3});
+  const Tensor solid = torch::ones({20, 30});
+  ViewGains gains(2, torch::kCPU);
+  gains.match(1, drawn, solid, 1.3 * drawn, kGainFound);
+  EXPECT_NEAR(std::exp(gains.log_gain(1).item<float>()), 1.3, 1e-3);
+  EXPECT_FLOAT_EQ(gains.log_gain(0).item<float>(), 0.0F);
+  gains.match(0, drawn, solid, 0.3 * drawn, kGainFound);  // all at once after glare
+  EXPECT_NEAR(std::exp(gains.log_gain(0).item<float>()), 0.3, 1e-3);
+  gains.add_view();
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
+  gains.match(2, drawn, torch::zeros_like(solid), 3.0 * drawn, kGainFound);  // nothing solid there
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
+  gains.match(2, torch::zeros_like(drawn), solid, drawn, kGainFound);  // nor is there light
+  EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
+}
+
+TEST(CameraGain, OfAHeldOutViewLiesBetweenItsNeighboursInTime) {
+  KeyframeStore store;
+  for (int i = 0; i < 4; ++i) {
+    Keyframe keyframe;
+    keyframe.stamp_ns = i == 2 ? 30 : 10 * i;
+    if (i == 3) keyframe.stamp_ns = 50;
+    keyframe.intrinsics = {.fx = 4.0, .fy = 4.0, .cx = 2.0, .cy = 2.0, .width = 4, .height = 4};
+    keyframe.T_camera_world = torch::eye(4, torch::kFloat64);
+    keyframe.image = torch::zeros({4, 4, 3}, torch::kUInt8);
+    keyframe.held_out = i == 0 || i == 2;
+    store.add(std::move(keyframe));
+  }
+  Map map = {.gaussians = splat::Gaussians::empty(0, torch::kFloat32), .medium = std::nullopt};
+  EXPECT_FLOAT_EQ(camera_gain(map, store, 1).item<float>(), 1.0F);
+  map.log_gains = torch::tensor({9.0F, 0.2F, 9.0F, 0.6F});
+  EXPECT_NEAR(std::log(camera_gain(map, store, 1).item<float>()), 0.2, 1e-6);
+  EXPECT_NEAR(std::log(camera_gain(map, store, 2).item<float>()), 0.4, 1e-6);
+  EXPECT_NEAR(std::log(camera_gain(map, store, 0).item<float>()), 0.2, 1e-6);
+  map.vignetting = 0.5;
+  const Tensor response = camera_response(map, store, 1, 1);
+  EXPECT_EQ(response.sizes(), at::IntArrayRef({4, 4, 1}));
+  EXPECT_LT(response[0][0].item<float>(), 0.85F * response[1][1].item<float>());
+}
+
+}  // namespace
+}  // namespace apvi::mapping
