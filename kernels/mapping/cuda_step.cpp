@@ -97,15 +97,19 @@ class CudaStepBackend final : public StepBackend {
     const Tensor picture = in.picture.contiguous();
     const Tensor partials =
         torch::empty({cuda::kStepBlocks * cuda::kGainSums}, drawn.options().requires_grad(false));
-    C10_CUDA_CHECK(cuda::launch_match_gain({.pixels = as_int(alpha.numel()),
-                                            .drawn = drawn.data_ptr<float>(),
-                                            .alpha = alpha.data_ptr<float>(),
-                                            .picture = picture.data_ptr<float>(),
-                                            .share = static_cast<float>(in.pace.share),
-                                            .most = static_cast<float>(in.pace.most),
-                                            .partials = partials.data_ptr<float>()},
-                                           in.log_gain.data_ptr<float>(),
-                                           at::cuda::getCurrentCUDAStream()));
+    const Tensor water = in.water.defined() ? in.water.contiguous() : Tensor();
+    C10_CUDA_CHECK(
+        cuda::launch_match_gain({.width = as_int(alpha.size(1)),
+                                 .height = as_int(alpha.size(0)),
+                                 .drawn = drawn.data_ptr<float>(),
+                                 .alpha = alpha.data_ptr<float>(),
+                                 .picture = picture.data_ptr<float>(),
+                                 .water = water.defined() ? water.data_ptr<float>() : nullptr,
+                                 .share = static_cast<float>(in.pace.share),
+                                 .most = static_cast<float>(in.pace.most),
+                                 .forgets = static_cast<float>(in.pace.forgets),
+                                 .partials = partials.data_ptr<float>()},
+                                in.log_gain.data_ptr<float>(), at::cuda::getCurrentCUDAStream()));
   }
 
   Tensor water_kinds(const Tensor& picture, const Tensor& water) const override {

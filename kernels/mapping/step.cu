@@ -54,20 +54,71 @@ __global__ void target_kernel(TargetPointers in, float* target) {
   for (int c = 0; c < 3; ++c) target[3 * i + c] = sums[c] / light;
 }
 
-__global__ void gain_sums_kernel(GainPointers in) {
+__device__ bool is_off(float value, float veil) {
+  const float tolerance =
+      static_cast<float>(step::kOpenOffset) + static_cast<float>(step::kOpenRelative) * veil;
+  return fabsf(value - veil) >= tolerance;
+}
+
+/// Of a square around a pixel.
+struct Square {
+  float mean[3];
+  bool even;
+};
+__device__ Square square_around(const float* picture, int width, int height, int i) {
+  const int row = i / width;
+  const int column = i - row * width;
+  constexpr int kReach = step::kOpenSquare / 2;
+  float sums[3] = {};
+  float squares[3] = {};
+  int count = 0;
+  for (int y = max(0, row - kReach); y <= min(height - 1, row + kReach); ++y) {
+    for (int x = max(0, column - kReach); x <= min(width - 1, column + kReach); ++x, ++count) {
+      for (int c = 0; c < 3; ++c) {
+        const float value = picture[3 * (y * width + x) + c];
+        sums[c] += value;
+        squares[c] += value * value;
+      }
+    }
+  }
+  constexpr auto kTexture2 = static_cast<float>(step::kOpenTexture * step::kOpenTexture);
+  Square square = {.mean = {}, .even = true};
+  for (int c = 0; c < 3; ++c) {
+    const float mean = sums[c] / static_cast<float>(count);
+    square.mean[c] = mean;
+    square.even = square.even && squares[c] / static_cast<float>(count) - mean * mean < kTexture2;
+  }
+  return square;
+}
+
+/// Whether a picture shows water there, of its hue and nearly as bright as the gain makes it.
+__device__ bool is_open_at_gain(const GainPointers& in, int i, float log_gain) {
+  const Square around = square_around(in.picture, in.width, in.height, i);
+  const float* const veil = in.water + 3 * i;
+  const float factor = (around.mean[0] + around.mean[1] + around.mean[2]) /
+                       fmaxf(veil[0] + veil[1] + veil[2], static_cast<float>(step::kLeastDivisor));
+  bool open = around.even;
+  for (int c = 0; c < 3; ++c) open = open && !is_off(around.mean[c], factor * veil[c]);
+  const float off = logf(fmaxf(factor, static_cast<float>(step::kLeastGain))) - log_gain;
+  return open && fabsf(off) < static_cast<float>(step::kOpenGain);
+}
+
+__global__ void gain_sums_kernel(GainPointers in, const float* log_gain) {
   __shared__ float warps[kThreads / kWarp][kGainSums];
   float sums[kGainSums] = {};
-  for (auto i = static_cast<int>(own_index()); i < in.pixels; i += kStepBlocks * kThreads) {
+  const int pixels = in.width * in.height;
+  for (auto i = static_cast<int>(own_index()); i < pixels; i += kStepBlocks * kThreads) {
     const float* const p = in.picture + 3 * i;
-    const float* const d = in.drawn + 3 * i;
     const float brightest = fmaxf(p[0], fmaxf(p[1], p[2]));
-    if (in.alpha[i] <= static_cast<float>(step::kSolid) ||
-        brightest >= static_cast<float>(step::kSaturated)) {
-      continue;
-    }
-    sums[0] += d[0] + d[1] + d[2];
-    sums[1] += p[0] + p[1] + p[2];
-    sums[2] += 1.0f;
+    if (brightest >= static_cast<float>(step::kSaturated)) continue;
+    const bool solid = in.alpha[i] > static_cast<float>(step::kSolid);
+    const bool open = !solid && in.water != nullptr && is_open_at_gain(in, i, *log_gain);
+    if (!solid && !open) continue;
+    const float* const d = (open ? in.water : in.drawn) + 3 * i;
+    const float weight = open ? static_cast<float>(step::kOpenSay) : 1.0f;
+    sums[0] += weight * (d[0] + d[1] + d[2]);
+    sums[1] += weight * (p[0] + p[1] + p[2]);
+    sums[2] += weight;
   }
   const float sum = block_sums<kThreads>(sums, warps);
   if (threadIdx.x < kGainSums) in.partials[blockIdx.x * kGainSums + threadIdx.x] = sum;
@@ -79,53 +130,29 @@ __global__ void change_gain_kernel(GainPointers in, float* log_gain) {
   if (threadIdx.x != 0) return;
   const float light = sums[0];
   const float pixels = sums[2];
-  const bool usable =
-      pixels > static_cast<float>(step::kLeastShare) * static_cast<float>(in.pixels) &&
-      light > 3.0f * static_cast<float>(step::kLeastLight) * pixels;
+  const auto all = static_cast<float>(in.width * in.height);
+  const bool usable = pixels > static_cast<float>(step::kLeastShare) * all &&
+                      light > 3.0f * static_cast<float>(step::kLeastLight) * pixels;
   if (!usable) return;
   const float gain = sums[1] / fmaxf(light, static_cast<float>(step::kLeastDivisor));
   const float wanted = logf(fmaxf(gain, static_cast<float>(step::kLeastGain)));
   const float change = fminf(fmaxf(wanted - *log_gain, -in.most), in.most);
-  *log_gain += in.share * change - static_cast<float>(step::kForgets) * *log_gain;
-}
-
-__device__ bool is_off(float value, float veil) {
-  const float tolerance =
-      static_cast<float>(step::kOpenOffset) + static_cast<float>(step::kOpenRelative) * veil;
-  return fabsf(value - veil) >= tolerance;
+  *log_gain += in.share * change - in.forgets * *log_gain;
 }
 
 /// One thread a pixel.
 __global__ void water_kinds_kernel(WaterPointers in) {
   const auto i = static_cast<int>(own_index());
   if (i >= in.width * in.height) return;
-  const int row = i / in.width;
-  const int column = i - row * in.width;
-  constexpr int kReach = step::kOpenSquare / 2;
-  float sums[3] = {};
-  float squares[3] = {};
-  int count = 0;
-  for (int y = max(0, row - kReach); y <= min(in.height - 1, row + kReach); ++y) {
-    for (int x = max(0, column - kReach); x <= min(in.width - 1, column + kReach); ++x, ++count) {
-      for (int c = 0; c < 3; ++c) {
-        const float value = in.picture[3 * (y * in.width + x) + c];
-        sums[c] += value;
-        squares[c] += value * value;
-      }
-    }
-  }
-  constexpr auto kTexture2 = static_cast<float>(step::kOpenTexture * step::kOpenTexture);
-  bool even = true;
+  const Square around = square_around(in.picture, in.width, in.height, i);
   bool off_around = false;
   bool off_here = false;
   for (int c = 0; c < 3; ++c) {
-    const float mean = sums[c] / static_cast<float>(count);
     const float veil = in.water[3 * i + c];
-    even = even && squares[c] / static_cast<float>(count) - mean * mean < kTexture2;
-    off_around = off_around || is_off(mean, veil);
+    off_around = off_around || is_off(around.mean[c], veil);
     off_here = off_here || is_off(in.picture[3 * i + c], veil);
   }
-  in.kinds[i] = static_cast<std::int8_t>((even && !off_around) - (off_around && off_here));
+  in.kinds[i] = static_cast<std::int8_t>((around.even && !off_around) - (off_around && off_here));
 }
 
 /// One thread a pixel.
@@ -259,7 +286,7 @@ cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t 
 }
 
 cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStream_t stream) {
-  gain_sums_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in);
+  gain_sums_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in, log_gain);
   change_gain_kernel<<<1, kThreads, 0, stream>>>(in, log_gain);
   return cudaGetLastError();
 }

@@ -12,7 +12,7 @@
 namespace apvi::mapping::cuda {
 
 inline constexpr int kStepBlocks = 256;  ///< that leave a partial sum each
-inline constexpr int kGainSums = 3;      ///< drawn light, the picture's, pixels
+inline constexpr int kGainSums = 3;      ///< drawn light, the picture's, weights of the pixels
 inline constexpr int kBendSums = 2;      ///< of a pass over the pixels
 
 /// `target` [height,width,3] of bytes [reduction height + rest, full_width,3].
@@ -27,12 +27,14 @@ struct TargetPointers {
 cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t stream);
 
 struct GainPointers {
-  int pixels;
-  const float* drawn;    ///< [pixels,3]
-  const float* alpha;    ///< [pixels]
-  const float* picture;  ///< [pixels,3]
+  int width, height;
+  const float* drawn;    ///< [height,width,3]
+  const float* alpha;    ///< [height,width]
+  const float* picture;  ///< [height,width,3]
+  const float* water;    ///< [height,width,3] or null
   float share;
   float most;
+  float forgets;
   float* partials;  ///< [kStepBlocks,kGainSums] scratch
 };
 /// `log_gain` [1] in place.

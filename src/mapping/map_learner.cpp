@@ -24,10 +24,11 @@ using torch::Tensor;
 constexpr int kGainReduction = 4;  // of the picture that a new view's gain is found with
 // What changes slowly is looked after in one of so many steps: a step is as long on a GPU as its
 // operators are many, and these have as many as the rest together.
-constexpr std::int64_t kGainSteps = 4;
+constexpr std::int64_t kGainSteps = 2;
 constexpr std::int64_t kWaterSteps = 8;  // once the water is known about
 constexpr std::int64_t kReorderSteps = 1000;
 constexpr std::int64_t kOpacitySteps = 4;
+static_assert(kOpacitySteps % kGainSteps == 0, "both look at open water");
 constexpr std::int64_t kSmoothSteps = 8;
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
@@ -115,16 +116,19 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
        .rows = true});
   const Tensor seen = water ? water->see(out.color, out.depth, out.alpha) : out.color;
   const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
-  const Tensor target = target_of(keyframes, i, image.detach(), out.alpha.detach(), settings);
+  const bool looks_at_water = water != nullptr && store_.steps() % kGainSteps == 0;
+  const DrawnView drawn = {.image = image.detach(),
+                           .alpha = out.alpha.detach(),
+                           .open_water = looks_at_water ? water->open_water() : Tensor()};
+  const Tensor target = target_of(keyframes, i, drawn, settings);
   Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
   if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
-    loss = loss + options_.smoothness * bentness(out.depth, out.alpha.detach(), target);
+    loss = loss + options_.smoothness * bentness(out.depth, drawn.alpha, target);
   }
   if (water != nullptr && store_.steps() % kOpacitySteps == 0) {
     const OpacityWeights& weights = water->has_lamp() ? kByLamplight : kByDaylight;
-    torch::autograd::backward(
-        {loss, out.alpha},
-        {Tensor(), opacity_pull(target, water->open_water(), out.alpha.detach(), weights)});
+    torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_pull(target, drawn.open_water,
+                                                                         drawn.alpha, weights)});
   } else {
     loss.backward();
   }
@@ -143,10 +147,11 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   return loss.detach();
 }
 
-Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, const Tensor& drawn,
-                             const Tensor& alpha, const StepSettings& settings) {
-  const StepBackend& backend = step_backend(drawn.device());
-  TargetInput input = {.picture = keyframes[i].image.to(drawn.device()),
+Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
+                             const StepSettings& settings) {
+  const torch::Device device = drawn.image.device();
+  const StepBackend& backend = step_backend(device);
+  TargetInput input = {.picture = keyframes[i].image.to(device),
                        .reduction = settings.reduction,
                        .falloff = vignetting_ > 0.0
                                       ? falloff(keyframes.view(i, settings.reduction).intrinsics)
@@ -154,7 +159,7 @@ Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, cons
                        .log_gain = {}};
   if (!options_.auto_gain) return backend.target(input);
   if (settings.match_gain && store_.steps() % kGainSteps == 0) {
-    gains_.match(i, drawn, alpha, backend.target(input), kGainFollowed);
+    gains_.match(i, drawn, backend.target(input), kGainFollowed);
   }
   input.log_gain = gains_.log_gain(i);
   return backend.target(input);
@@ -224,7 +229,11 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
                    .reduction = kGainReduction,
                    .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
                    .log_gain = {}});
-  gains_.match(i, drawn.as_seen, drawn.alpha, picture, kGainFound);
+  gains_.match(i,
+               {.image = drawn.as_seen,
+                .alpha = drawn.alpha,
+                .open_water = medium_ ? water_before(camera.intrinsics).open_water() : Tensor()},
+               picture, kGainFound);
 }
 
 void MapLearner::adopt(const splat::Medium& medium, const Tensor& known,

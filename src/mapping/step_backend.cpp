@@ -26,6 +26,17 @@ Tensor second_differences(const Tensor& image) {
                       -3);
 }
 
+/// Where a picture [H,W,3] shows `water`, of its hue and nearly as bright as `log_gain` makes it.
+Tensor open_at_gain(const Tensor& picture, const Tensor& water, const Tensor& log_gain) {
+  const auto [mean, even] = evenness(picture);
+  const Tensor veil = water.permute({2, 0, 1});
+  const Tensor factor = mean.sum(0) / veil.sum(0).clamp_min(step::kLeastDivisor);
+  const Tensor tolerance = step::kOpenOffset + step::kOpenRelative * factor * veil;
+  const Tensor same_hue = ((mean - factor * veil).abs() < tolerance).all(0);
+  const Tensor off = (factor.clamp_min(step::kLeastGain).log() - log_gain).abs();
+  return even & same_hue & (off < step::kOpenGain);
+}
+
 }  // namespace
 
 Tensor StepBackend::target(const TargetInput& in) const {
@@ -37,10 +48,16 @@ Tensor StepBackend::target(const TargetInput& in) const {
 
 void StepBackend::match_gain(const GainInput& in) const {
   const torch::NoGradGuard no_grad;
-  const Tensor counts = ((in.alpha > step::kSolid) & (in.picture.amax(2) < step::kSaturated))
-                            .to(in.log_gain.options());
+  const Tensor solid = in.alpha > step::kSolid;
+  const Tensor open = in.water.defined()
+                          ? solid.logical_not() & open_at_gain(in.picture, in.water, in.log_gain)
+                          : torch::zeros_like(solid);
+  const Tensor tells = (solid | open) & (in.picture.amax(2) < step::kSaturated);
+  const Tensor counts = tells.to(in.log_gain.options()) * torch::where(open, step::kOpenSay, 1.0);
   const Tensor weight = counts.unsqueeze(2);
-  const Tensor light = (weight * in.drawn).sum();
+  const Tensor shown =
+      in.water.defined() ? torch::where(open.unsqueeze(2), in.water, in.drawn) : in.drawn;
+  const Tensor light = (weight * shown).sum();
   const Tensor wanted = ((weight * in.picture).sum() / light.clamp_min(step::kLeastDivisor))
                             .clamp_min(step::kLeastGain)
                             .log();
@@ -49,7 +66,7 @@ void StepBackend::match_gain(const GainInput& in) const {
                         (light > step::kLeastLight * 3.0 * pixels);
   Tensor own = in.log_gain;
   const Tensor change =
-      in.pace.share * (wanted - own).clamp(-in.pace.most, in.pace.most) - step::kForgets * own;
+      in.pace.share * (wanted - own).clamp(-in.pace.most, in.pace.most) - in.pace.forgets * own;
   own.add_(torch::where(usable, change, torch::zeros_like(change)));
 }
 

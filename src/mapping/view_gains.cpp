@@ -62,12 +62,13 @@ void ViewGains::add_view() {
 }
 
 // Sums, not least squares: a map that is not sharp yet would look too bright to them.
-void ViewGains::match(std::size_t view, const Tensor& drawn, const Tensor& alpha,
-                      const Tensor& picture, const GainPace& pace) {
+void ViewGains::match(std::size_t view, const DrawnView& drawn, const Tensor& picture,
+                      const GainPace& pace) {
   step_backend(logs_.device())
-      .match_gain({.drawn = drawn,
-                   .alpha = alpha,
+      .match_gain({.drawn = drawn.image,
+                   .alpha = drawn.alpha,
                    .picture = picture,
+                   .water = drawn.open_water,
                    .log_gain = log_gain(view),
                    .pace = pace});
 }

@@ -311,6 +311,7 @@ Mapper seen_again(const splat::Gaussians& world, bool align, double drift_m) {
   MapperOptions options = quick_options();
   options.online.align = align;
   options.online.drift_m = 0.02;
+  options.trainer.densify.max_gaussians = 1200;
   Mapper mapper(options);
   for (int i = 0; i < 52; ++i) {
     const bool again = i >= 26;
@@ -322,7 +323,7 @@ Mapper seen_again(const splat::Gaussians& world, bool align, double drift_m) {
       input.points.positions.select(1, 1) += drift_m;
     }
     mapper.add(input);
-    for (int k = 0; k < 20 && mapper.ready(); ++k) mapper.step();
+    for (int k = 0; k < 40 && mapper.ready(); ++k) mapper.step();
   }
   return mapper;
 }

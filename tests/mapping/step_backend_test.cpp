@@ -71,6 +71,29 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
   EXPECT_FLOAT_EQ(static_cast<float>(matched(gpu_, torch::kCUDA, darker, hardly_solid)), 0.1F);
 }
 
+TEST_F(CudaStep, GainsFollowOpenWaterAsWithTheOperators) {
+  const Tensor water = torch::tensor({0.1F, 0.3F, 0.4F}).expand({kHeight, kWidth, 3}).contiguous();
+  const Tensor drawn = torch::rand({kHeight, kWidth, 3});
+  Tensor alpha = torch::ones({kHeight, kWidth});
+  alpha.narrow(0, 0, kHeight / 3).zero_();
+  Tensor picture = drawn.clone();
+  picture.narrow(0, 0, kHeight / 3).copy_(1.1 * water.narrow(0, 0, kHeight / 3));
+  const auto matched = [&](const StepBackend& backend, const torch::Device& device,
+                           const Tensor& open) {
+    const Tensor log_gain = torch::zeros({1}, device);
+    backend.match_gain({.drawn = drawn.to(device),
+                        .alpha = alpha.to(device),
+                        .picture = picture.to(device),
+                        .water = open.defined() ? open.to(device) : open,
+                        .log_gain = log_gain,
+                        .pace = kGainFound});
+    return log_gain.cpu().item<double>();
+  };
+  const double expected = matched(cpu_, torch::kCPU, water);
+  ASSERT_GT(expected, matched(cpu_, torch::kCPU, Tensor()) + 0.01);
+  EXPECT_NEAR(matched(gpu_, torch::kCUDA, water), expected, 1e-6);
+}
+
 TEST_F(CudaStep, WaterAndItsPullAreWhatTheOperatorsFind) {
   const Tensor across = torch::linspace(0.2, 0.5, kWidth).view({1, kWidth, 1});
   const Tensor water = across.expand({kHeight, kWidth, 3});

@@ -44,22 +44,68 @@ TEST(SurveyedGains, AreBetweenTwoViewsFarApartWhatIsUsual) {
   EXPECT_NEAR(after[2].item<double>(), 0.3, 1e-12);
 }
 
-TEST(ViewGains, FindHowBrightAPictureIs) {
+/// 20 x 30 pixels, all of them a surface.
+DrawnView solid_view() {
   torch::manual_seed(3);
-  const Tensor drawn = 0.5 * torch::rand({20, 30, 3});
-  const Tensor solid = torch::ones({20, 30});
+  return {.image = 0.5 * torch::rand({20, 30, 3}),
+          .alpha = torch::ones({20, 30}),
+          .open_water = Tensor()};
+}
+
+TEST(ViewGains, FindHowBrightAPictureIs) {
+  const DrawnView solid = solid_view();
   ViewGains gains(2, torch::kCPU);
-  gains.match(1, drawn, solid, 1.3 * drawn, kGainFound);
+  gains.match(1, solid, 1.3 * solid.image, kGainFound);
   EXPECT_NEAR(std::exp(gains.log_gain(1).item<float>()), 1.3, 1e-3);
   EXPECT_FLOAT_EQ(gains.log_gain(0).item<float>(), 0.0F);
-  gains.match(0, drawn, solid, 0.3 * drawn, kGainFound);  // all at once after glare
+  gains.match(0, solid, 0.3 * solid.image, kGainFound);  // all at once after glare
   EXPECT_NEAR(std::exp(gains.log_gain(0).item<float>()), 0.3, 1e-3);
   gains.add_view();
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
-  gains.match(2, drawn, torch::zeros_like(solid), 3.0 * drawn, kGainFound);  // nothing solid there
+  DrawnView nothing_solid = solid;
+  nothing_solid.alpha = torch::zeros_like(solid.alpha);
+  gains.match(2, nothing_solid, 3.0 * solid.image, kGainFound);
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
-  gains.match(2, torch::zeros_like(drawn), solid, drawn, kGainFound);  // nor is there light
+  DrawnView dark = solid;
+  dark.image = torch::zeros_like(solid.image);
+  gains.match(2, dark, solid.image, kGainFound);
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
+}
+
+/// The logarithm of the gain that a view has whose picture, but for its upper fifth, is what the
+/// map shows, and that fifth, where the map has nothing, is of one `color`.
+float gain_beneath(const Tensor& color) {
+  DrawnView view = solid_view();
+  view.open_water = torch::tensor({0.1F, 0.3F, 0.4F}).expand({20, 30, 3}).contiguous();
+  view.alpha.narrow(0, 0, 4).zero_();
+  Tensor picture = view.image.clone();
+  picture.narrow(0, 0, 4).copy_(color.expand({4, 30, 3}));
+  ViewGains gains(1, torch::kCPU);
+  gains.match(0, view, picture, kGainFound);
+  return gains.log_gain(0).item<float>();
+}
+
+TEST(ViewGains, BelieveOpenWaterMoreThanSurfacesThatMayHaveAnyColor) {
+  const Tensor water = torch::tensor({0.1F, 0.3F, 0.4F});
+  EXPECT_NEAR(gain_beneath(water), 0.0, 1e-4);
+  // A tenth brighter in a tenth of the pixels, which have no other colour beside them and count
+  // five times: two fifths of the light.
+  EXPECT_NEAR(gain_beneath(1.1 * water), std::log(1.04), 0.005);
+  // Far brighter it is no water, nor of another hue.
+  EXPECT_NEAR(gain_beneath(1.5 * water), 0.0, 1e-4);
+  EXPECT_NEAR(gain_beneath(torch::tensor({0.2F, 0.3F, 0.4F})), 0.0, 1e-4);
+}
+
+TEST(ViewGains, StayWithinATenthWhereAMapThatFollowsThemIsTwoPercentTooBright) {
+  const DrawnView solid = solid_view();
+  const Tensor picture = solid.image;
+  ViewGains gains(1, torch::kCPU);
+  for (int k = 0; k < 600; ++k) {
+    DrawnView learned = solid;
+    learned.image = 1.02 * picture / gains.log_gain(0).exp();
+    gains.match(0, learned, picture, kGainFollowed);
+  }
+  EXPECT_GT(gains.log_gain(0).item<float>(), -0.11F);
 }
 
 TEST(CameraGain, OfAHeldOutViewLiesBetweenItsNeighboursInTime) {

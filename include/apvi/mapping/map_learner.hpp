@@ -98,8 +98,8 @@ class MapLearner {
   const splat::MediumView& water_before(const splat::Intrinsics& camera);
   bool learns_water() const;
   torch::Tensor falloff(const splat::Intrinsics& camera);
-  torch::Tensor target_of(const KeyframeStore& keyframes, std::size_t i, const torch::Tensor& drawn,
-                          const torch::Tensor& alpha, const StepSettings& settings);
+  torch::Tensor target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
+                          const StepSettings& settings);
   void wear(const Map& after, const torch::Tensor& known, const KeyframeStore& keyframes);
 
   TrainerOptions options_;

@@ -18,21 +18,26 @@ struct TargetInput {
   torch::Tensor log_gain;  ///< [1] of the view; undefined: zero
 };
 
-/// What a view's gain is found with.
-/// How fast a gain goes to where a picture has it.
+/// How fast a gain goes to where a picture has it. What is solid in a map is a little too bright in
+/// views that it has learned (2 % were seen) and too dark in a new one (3 to 7 % over new ground).
+/// The map follows its gains, so either would run away with them: a view's gain is followed slowly,
+/// and some of what was believed is forgotten each time.
 struct GainPace {
-  double share = 1.0;  ///< of the difference of logarithms
-  double most = 0.5;   ///< of that difference that is believed
+  double share = 1.0;    ///< of the difference of logarithms
+  double most = 0.5;     ///< of that difference that is believed
+  double forgets = 0.0;  ///< share of what was believed, each time
 };
 /// A new view's, of which nothing is known: glare takes a factor of three within a second.
-inline constexpr GainPace kGainFound{.share = 1.0, .most = 3.0};
+inline constexpr GainPace kGainFound{.share = 1.0, .most = 3.0, .forgets = 0.05};
 /// One that is known, on the way: a picture that the map does not show yet shall not take it along.
-inline constexpr GainPace kGainFollowed{.share = 0.3, .most = 0.5};
+inline constexpr GainPace kGainFollowed{.share = 0.05, .most = 0.5, .forgets = 0.01};
 
+/// What a view's gain is found with.
 struct GainInput {
   torch::Tensor drawn;     ///< [H,W,3]
   torch::Tensor alpha;     ///< [H,W]
   torch::Tensor picture;   ///< [H,W,3] without the lens' falloff, with the gain
+  torch::Tensor water;     ///< [H,W,3] what open water looks like; undefined: there is none
   torch::Tensor log_gain;  ///< [1] before, and in place after
   GainPace pace = kGainFound;
 };

@@ -12,7 +12,8 @@ inline constexpr double kSaturated = 0.98;   ///< a channel that bright tells no
 inline constexpr double kLeastShare = 0.1;   ///< of the pixels must be compared
 inline constexpr double kLeastLight = 0.02;  ///< mean of what is drawn
 inline constexpr double kLeastGain = 1e-3;
-inline constexpr double kForgets = 2e-3;  ///< keeps all of them from drifting away together
+inline constexpr double kOpenGain = 0.2;  ///< of a logarithm: open water is not farther off
+inline constexpr double kOpenSay = 5.0;   ///< of a pixel of open water over one of a surface's
 
 // Open water
 inline constexpr int kOpenSquare = 5;          ///< [px]

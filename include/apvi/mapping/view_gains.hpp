@@ -26,6 +26,13 @@ torch::Tensor corners2(const splat::Intrinsics& camera, const torch::Tensor& x,
 torch::Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
                            const torch::Device& device);
 
+/// A view as the map has it.
+struct DrawnView {
+  torch::Tensor image;       ///< [H,W,3] through the water
+  torch::Tensor alpha;       ///< [H,W]
+  torch::Tensor open_water;  ///< [H,W,3] without any surface; undefined: there is no water
+};
+
 /// How bright each view's picture is over what the map shows: a camera that exposes by itself makes
 /// the same surface now brighter and now darker. Never read back to the CPU on the way.
 class ViewGains {
@@ -35,9 +42,11 @@ class ViewGains {
   /// One more view, at first as bright as the one before.
   void add_view();
   /// Brings a view's gain towards what makes `drawn` [H,W,3] as bright as `picture`, where the map
-  /// is solid. Both without the lens' falloff.
-  void match(std::size_t view, const torch::Tensor& drawn, const torch::Tensor& alpha,
-             const torch::Tensor& picture, const GainPace& pace);
+  /// is solid and, the more so, where it is not and the picture shows open `water` (undefined:
+  /// there is none): a surface may have any colour, water has its own. All without the lens'
+  /// falloff.
+  void match(std::size_t view, const DrawnView& drawn, const torch::Tensor& picture,
+             const GainPace& pace);
 
   /// Logarithm [1] of a view's factor, of the memory kept here.
   torch::Tensor log_gain(std::size_t view) const;
