@@ -164,7 +164,8 @@ class Runner {
   }
 
   void keep_pace() const {
-    const double ahead = seconds_between(*pass_.first, pass_.last) - watch_.seconds();
+    const double due = seconds_between(*pass_.first, pass_.last) / config_.run.pace;
+    const double ahead = due - watch_.seconds();
     if (ahead > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(ahead));
   }
 

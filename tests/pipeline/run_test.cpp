@@ -67,6 +67,20 @@ TEST(Run, TheResolvedConfigurationReproducesTheRunToTheByte) {
             read_all(tmp.path() / "second" / "calibration.csv"));
 }
 
+TEST(Run, RealTimeWaitsForTheRecordingAtThePaceAskedForAndChangesNoPose) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  RunConfig config = config_for(tmp.path() / "dive");
+  run(config, {.folder = tmp.path() / "sequential"});
+  config.run.mode = RunMode::realtime;
+  config.run.pace = 50.0;
+  const RunResult result = run(config, {.folder = tmp.path() / "paced"});
+  EXPECT_GE(result.wall_s, result.sequence_s / config.run.pace);
+  EXPECT_LT(result.wall_s, 0.5 * result.sequence_s);
+  EXPECT_EQ(read_all(tmp.path() / "sequential" / "trajectory.tum"),
+            read_all(tmp.path() / "paced" / "trajectory.tum"));
+}
+
 TEST(Run, AnInterruptKeepsWhatWasComputed) {
   const test::TmpDir tmp;
   test::write_dive(tmp, "dive", {});

@@ -33,6 +33,7 @@ struct SensorsSection {
 
 struct RunSection {
   RunMode mode = RunMode::sequential;
+  double pace = 1.0;
   int seed = 0;
   int threads = 2;
   template <typename V>
@@ -44,6 +45,8 @@ struct RunSection {
                        {"replay", RunMode::replay},
                        {"realtime", RunMode::realtime}},
       "one thread in order of time; threads that wait for each other; threads that drop");
+    v("pace", pace, Range{0.01, 1000.0},
+      "realtime: how fast the recording is played, over how fast it was made");
     v("seed", seed, Range{0, 2147483647}, "of everything random");
     v("threads", threads, Range{1, 1024}, "at most so many at once");
   }
