@@ -105,11 +105,16 @@ class CudaStepBackend final : public StepBackend {
                                  .alpha = alpha.data_ptr<float>(),
                                  .picture = picture.data_ptr<float>(),
                                  .water = water.defined() ? water.data_ptr<float>() : nullptr,
+                                 .across = in.horizon[0],
+                                 .down = in.horizon[1],
+                                 .offset = in.horizon[2],
                                  .share = static_cast<float>(in.pace.share),
                                  .most = static_cast<float>(in.pace.most),
                                  .forgets = static_cast<float>(in.pace.forgets),
+                                 .learns = static_cast<float>(in.pace.learns),
                                  .partials = partials.data_ptr<float>()},
-                                in.log_gain.data_ptr<float>(), at::cuda::getCurrentCUDAStream()));
+                                in.log_gain.data_ptr<float>(), in.usual.data_ptr<float>(),
+                                at::cuda::getCurrentCUDAStream()));
   }
 
   Tensor water_kinds(const Tensor& picture, const Tensor& water) const override {

@@ -60,6 +60,10 @@ __device__ bool is_off(float value, float veil) {
   return fabsf(value - veil) >= tolerance;
 }
 
+__device__ bool is_saturated(float value) {
+  return value >= static_cast<float>(step::kSaturated);
+}
+
 /// Of a square around a pixel.
 struct Square {
   float mean[3];
@@ -91,16 +95,34 @@ __device__ Square square_around(const float* picture, int width, int height, int
   return square;
 }
 
-/// Whether a picture shows water there, of its hue and nearly as bright as the gain makes it.
+/// Whether a picture shows water there, of its hue and nearly as bright as the gain makes it, by
+/// the colours that are not saturated, of which two make a hue.
 __device__ bool is_open_at_gain(const GainPointers& in, int i, float log_gain) {
   const Square around = square_around(in.picture, in.width, in.height, i);
   const float* const veil = in.water + 3 * i;
-  const float factor = (around.mean[0] + around.mean[1] + around.mean[2]) /
-                       fmaxf(veil[0] + veil[1] + veil[2], static_cast<float>(step::kLeastDivisor));
-  bool open = around.even;
-  for (int c = 0; c < 3; ++c) open = open && !is_off(around.mean[c], factor * veil[c]);
+  float shown = 0.0f;
+  float of_veil = 0.0f;
+  int tell = 0;
+  for (int c = 0; c < 3; ++c) {
+    if (is_saturated(around.mean[c])) continue;
+    shown += around.mean[c];
+    of_veil += veil[c];
+    ++tell;
+  }
+  const float factor = shown / fmaxf(of_veil, static_cast<float>(step::kLeastDivisor));
+  bool open = around.even && tell >= 2;
+  for (int c = 0; c < 3; ++c) {
+    open = open && (is_saturated(around.mean[c]) || !is_off(around.mean[c], factor * veil[c]));
+  }
   const float off = logf(fmaxf(factor, static_cast<float>(step::kLeastGain))) - log_gain;
   return open && fabsf(off) < static_cast<float>(step::kOpenGain);
+}
+
+/// Whether a pixel looks above the horizon.
+__device__ bool is_above(const GainPointers& in, int i) {
+  const float x = static_cast<float>(i % in.width) + 0.5f;
+  const float y = static_cast<float>(i / in.width) + 0.5f;
+  return in.across * x + in.down * y + in.offset > 0.0f;
 }
 
 __global__ void gain_sums_kernel(GainPointers in, const float* log_gain) {
@@ -109,35 +131,39 @@ __global__ void gain_sums_kernel(GainPointers in, const float* log_gain) {
   const int pixels = in.width * in.height;
   for (auto i = static_cast<int>(own_index()); i < pixels; i += kStepBlocks * kThreads) {
     const float* const p = in.picture + 3 * i;
-    const float brightest = fmaxf(p[0], fmaxf(p[1], p[2]));
-    if (brightest >= static_cast<float>(step::kSaturated)) continue;
     const bool solid = in.alpha[i] > static_cast<float>(step::kSolid);
-    const bool open = !solid && in.water != nullptr && is_open_at_gain(in, i, *log_gain);
+    const bool sky = is_above(in, i);
+    const bool open = (!solid || sky) && in.water != nullptr && is_open_at_gain(in, i, *log_gain);
     if (!solid && !open) continue;
     const float* const d = (open ? in.water : in.drawn) + 3 * i;
-    const float weight = open ? static_cast<float>(step::kOpenSay) : 1.0f;
-    sums[0] += weight * (d[0] + d[1] + d[2]);
-    sums[1] += weight * (p[0] + p[1] + p[2]);
-    sums[2] += weight;
+    const float weight = open ? static_cast<float>(sky ? step::kSkySay : step::kOpenSay) : 1.0f;
+    for (int c = 0; c < 3; ++c) {
+      if (is_saturated(p[c])) continue;
+      sums[0] += weight * d[c];
+      sums[1] += weight * p[c];
+      sums[2] += weight;
+    }
   }
   const float sum = block_sums<kThreads>(sums, warps);
   if (threadIdx.x < kGainSums) in.partials[blockIdx.x * kGainSums + threadIdx.x] = sum;
 }
 
-__global__ void change_gain_kernel(GainPointers in, float* log_gain) {
+__global__ void change_gain_kernel(GainPointers in, float* log_gain, float* usual) {
   float sums[kGainSums];
   add_up(in.partials, sums);
   if (threadIdx.x != 0) return;
   const float light = sums[0];
-  const float pixels = sums[2];
-  const auto all = static_cast<float>(in.width * in.height);
-  const bool usable = pixels > static_cast<float>(step::kLeastShare) * all &&
-                      light > 3.0f * static_cast<float>(step::kLeastLight) * pixels;
+  const float colors = sums[2];
+  const auto all = static_cast<float>(3 * in.width * in.height);
+  const bool usable = colors > static_cast<float>(step::kLeastShare) * all &&
+                      light > static_cast<float>(step::kLeastLight) * colors;
   if (!usable) return;
   const float gain = sums[1] / fmaxf(light, static_cast<float>(step::kLeastDivisor));
   const float wanted = logf(fmaxf(gain, static_cast<float>(step::kLeastGain)));
-  const float change = fminf(fmaxf(wanted - *log_gain, -in.most), in.most);
-  *log_gain += in.share * change - in.forgets * *log_gain;
+  constexpr auto kMost = static_cast<float>(step::kUsualGain);
+  const float off = wanted - *log_gain - *usual;
+  *log_gain += in.share * fminf(fmaxf(off, -in.most), in.most) - in.forgets * *log_gain;
+  *usual += in.learns * fminf(fmaxf(off, -kMost), kMost);
 }
 
 /// One thread a pixel.
@@ -285,9 +311,10 @@ cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t 
   return cudaGetLastError();
 }
 
-cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStream_t stream) {
+cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, float* usual,
+                              cudaStream_t stream) {
   gain_sums_kernel<<<kStepBlocks, kThreads, 0, stream>>>(in, log_gain);
-  change_gain_kernel<<<1, kThreads, 0, stream>>>(in, log_gain);
+  change_gain_kernel<<<1, kThreads, 0, stream>>>(in, log_gain, usual);
   return cudaGetLastError();
 }
 

@@ -12,7 +12,7 @@
 namespace apvi::mapping::cuda {
 
 inline constexpr int kStepBlocks = 256;  ///< that leave a partial sum each
-inline constexpr int kGainSums = 3;      ///< drawn light, the picture's, weights of the pixels
+inline constexpr int kGainSums = 3;      ///< drawn light, the picture's, weights of the colours
 inline constexpr int kBendSums = 2;      ///< of a pass over the pixels
 
 /// `target` [height,width,3] of bytes [reduction height + rest, full_width,3].
@@ -28,17 +28,20 @@ cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t 
 
 struct GainPointers {
   int width, height;
-  const float* drawn;    ///< [height,width,3]
-  const float* alpha;    ///< [height,width]
-  const float* picture;  ///< [height,width,3]
-  const float* water;    ///< [height,width,3] or null
+  const float* drawn;          ///< [height,width,3]
+  const float* alpha;          ///< [height,width]
+  const float* picture;        ///< [height,width,3]
+  const float* water;          ///< [height,width,3] or null
+  float across, down, offset;  ///< of the horizon, see mapping::horizon
   float share;
   float most;
   float forgets;
+  float learns;
   float* partials;  ///< [kStepBlocks,kGainSums] scratch
 };
-/// `log_gain` [1] in place.
-cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, cudaStream_t stream);
+/// `log_gain` [1] and `usual` [1] in place.
+cudaError_t launch_match_gain(const GainPointers& in, float* log_gain, float* usual,
+                              cudaStream_t stream);
 
 struct WaterPointers {
   int width, height;

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "apvi/mapping/open_water.hpp"
+#include "apvi/mapping/step_constants.hpp"
 #include "apvi/mapping/view_gains.hpp"
 
 namespace apvi::mapping {
@@ -31,16 +32,6 @@ struct Likeness {
 };
 constexpr Likeness kOfBare = {.nearly = 0.7, .alike = 0.08, .share = 0.5};
 constexpr Likeness kOfSky = {.nearly = 0.35, .alike = 0.05, .share = 0.8};  // the map may hide it
-
-/// Sine of the elevation [H,W] of what the pixels look at.
-Tensor elevation(const splat::View& camera, const torch::Device& device) {
-  const splat::Intrinsics& k = camera.intrinsics;
-  const auto options = torch::dtype(torch::kFloat32).device(device);
-  const Tensor up = camera.T_camera_world.slice(0, 0, 3).select(1, 2).to(options);
-  const Tensor x = (torch::arange(k.width, options) + 0.5 - k.cx) / k.fx;
-  const Tensor y = ((torch::arange(k.height, options) + 0.5 - k.cy) / k.fy).unsqueeze(1);
-  return (x * up[0] + y * up[1] + up[2]) / (x.square() + y.square() + 1.0).sqrt();
-}
 
 /// Which of the rows [n,3] lie together in the densest place: [n] bool (mean shift from there).
 Tensor densest(const Tensor& rows, double alike) {
@@ -75,8 +66,8 @@ void EmptyPlaces::add(std::int64_t number, const splat::View& camera, const Tens
       torch::max_pool2d(alpha.view({1, 1, k.height, k.width}), kAround, 1, kAround / 2);
   const auto [mean, even] = evenness(picture);
   const Tensor bare = covered.view({k.height, k.width}) < kEmpty;
-  const Tensor above = elevation(camera, picture.device()) > 0.0;
-  const Tensor empty = even & (bare | above);
+  const Tensor sky = above(horizon(camera), k.height, k.width, picture.device());
+  const Tensor empty = even & (bare | sky) & (mean.amax(0) < step::kSaturated);
   const auto thinned = [](const Tensor& t) {
     return t.slice(0, kGrid / 2, t.size(0), kGrid).slice(1, kGrid / 2, t.size(1), kGrid);
   };
@@ -87,7 +78,7 @@ void EmptyPlaces::add(std::int64_t number, const splat::View& camera, const Tens
   };
   colors_.push_back(there(mean.permute({1, 2, 0})).to(torch::kFloat64));
   bare_.push_back(there(bare));
-  above_.push_back(there(above));
+  above_.push_back(there(sky));
   const Tensor pixels =
       (kGrid * at.to(torch::kCPU) + kGrid / 2).to(torch::kFloat64) + 0.5;  // row, column
   corners2_.push_back(corners2(k, pixels.select(1, 1), pixels.select(1, 0)));

@@ -13,8 +13,7 @@ namespace apvi::mapping {
 
 /// Where views may show open water: even places that the map leaves empty, which may be surfaces
 /// that it does not have yet, and such above the horizon, which it may have hidden behind
-/// Gaussians of the water's colour. The world's z is up; where it is not, what is taken for places
-/// above the horizon is hardly ever of one colour, and that the water's.
+/// Gaussians of the water's colour.
 class EmptyPlaces {
  public:
   /// Of a `picture` [H,W,3] that the map covers by `alpha` [H,W], both on one device. `number` is

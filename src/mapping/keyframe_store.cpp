@@ -11,7 +11,9 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kLeastExtent = 0.1;  // [m] a camera that only turns still needs a scale
+constexpr std::uint8_t kBrightest = 250;  // of a byte: noise leaves not all at 255
+constexpr double kLeastSaturated = 1e-3;  // of a picture's numbers
+constexpr double kLeastExtent = 0.1;      // [m] a camera that only turns still needs a scale
 
 splat::Intrinsics reduced(const splat::Intrinsics& full, int factor) {
   const double f = 1.0 / factor;
@@ -44,6 +46,8 @@ void KeyframeStore::add(Keyframe keyframe) {
       " x ", keyframe.intrinsics.height);
   (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
   image_bytes_ += image.nbytes();
+  keyframe.saturates =
+      (image >= kBrightest).to(torch::kFloat32).mean().item<double>() > kLeastSaturated;
   keyframe.image = image.to(device_);
   keyframes_.push_back(std::move(keyframe));
 }

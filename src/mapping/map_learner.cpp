@@ -28,7 +28,6 @@ constexpr std::int64_t kGainSteps = 2;
 constexpr std::int64_t kWaterSteps = 8;  // once the water is known about
 constexpr std::int64_t kReorderSteps = 1000;
 constexpr std::int64_t kOpacitySteps = 4;
-static_assert(kOpacitySteps % kGainSteps == 0, "both look at open water");
 constexpr std::int64_t kSmoothSteps = 8;
 constexpr double kLeastVeil = 1e-3;
 constexpr double kMostVeil = 0.98;
@@ -98,6 +97,10 @@ bool MapLearner::learns_water() const {
   return medium_ && (!medium_->held() || store_.steps() % kWaterSteps == 0);
 }
 
+bool MapLearner::matches_gain(const StepSettings& settings) const {
+  return options_.auto_gain && settings.match_gain && store_.steps() % kGainSteps == 0;
+}
+
 Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                         const StepSettings& settings) {
   splat::View camera = keyframes.view(i, settings.reduction);
@@ -116,19 +119,23 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
        .rows = true});
   const Tensor seen = water ? water->see(out.color, out.depth, out.alpha) : out.color;
   const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
-  const bool looks_at_water = water != nullptr && store_.steps() % kGainSteps == 0;
+  const bool pulls = water != nullptr && store_.steps() % kOpacitySteps == 0;
+  const bool looks_at_water = pulls || (water != nullptr && matches_gain(settings));
   const DrawnView drawn = {.image = image.detach(),
                            .alpha = out.alpha.detach(),
-                           .open_water = looks_at_water ? water->open_water() : Tensor()};
-  const Tensor target = target_of(keyframes, i, drawn, settings);
-  Tensor loss = splat::photometric_loss(image, target, options_.ssim_weight);
+                           .open_water = looks_at_water ? water->open_water() : Tensor(),
+                           .horizon = horizon(camera)};
+  const Target target = target_of(keyframes, i, drawn, settings);
+  Tensor loss =
+      splat::photometric_loss(target.saturated(image), target.picture, options_.ssim_weight);
   if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
-    loss = loss + options_.smoothness * bentness(out.depth, drawn.alpha, target);
+    loss = loss + options_.smoothness * bentness(out.depth, drawn.alpha, target.picture);
   }
-  if (water != nullptr && store_.steps() % kOpacitySteps == 0) {
+  if (pulls) {
     const OpacityWeights& weights = water->has_lamp() ? kByLamplight : kByDaylight;
-    torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_pull(target, drawn.open_water,
-                                                                         drawn.alpha, weights)});
+    const Tensor pull =
+        opacity_pull(target.picture, target.saturated(drawn.open_water), drawn.alpha, weights);
+    torch::autograd::backward({loss, out.alpha}, {Tensor(), pull});
   } else {
     loss.backward();
   }
@@ -147,8 +154,12 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   return loss.detach();
 }
 
-Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
-                             const StepSettings& settings) {
+Tensor MapLearner::Target::saturated(const Tensor& colors) const {
+  return limit.defined() ? torch::minimum(colors, limit) : colors;
+}
+
+MapLearner::Target MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i,
+                                         const DrawnView& drawn, const StepSettings& settings) {
   const torch::Device device = drawn.image.device();
   const StepBackend& backend = step_backend(device);
   TargetInput input = {.picture = keyframes[i].image.to(device),
@@ -157,12 +168,13 @@ Tensor MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i, cons
                                       ? falloff(keyframes.view(i, settings.reduction).intrinsics)
                                       : Tensor(),
                        .log_gain = {}};
-  if (!options_.auto_gain) return backend.target(input);
-  if (settings.match_gain && store_.steps() % kGainSteps == 0) {
-    gains_.match(i, drawn, backend.target(input), kGainFollowed);
+  if (options_.auto_gain) {
+    if (matches_gain(settings)) gains_.follow(i, drawn, backend.target(input));
+    input.log_gain = gains_.log_gain(i);
   }
-  input.log_gain = gains_.log_gain(i);
-  return backend.target(input);
+  Target target = {.picture = backend.target(input), .limit = {}};
+  if (keyframes[i].saturates) target.limit = saturation_limit(target.picture, input);
+  return target;
 }
 
 DensifyResult MapLearner::densify(double extent, std::int64_t limit, std::uint64_t seed,
@@ -229,11 +241,12 @@ void MapLearner::match_gain(const KeyframeStore& keyframes, std::size_t i) {
                    .reduction = kGainReduction,
                    .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
                    .log_gain = {}});
-  gains_.match(i,
-               {.image = drawn.as_seen,
-                .alpha = drawn.alpha,
-                .open_water = medium_ ? water_before(camera.intrinsics).open_water() : Tensor()},
-               picture, kGainFound);
+  gains_.find(i,
+              {.image = drawn.as_seen,
+               .alpha = drawn.alpha,
+               .open_water = medium_ ? water_before(camera.intrinsics).open_water() : Tensor(),
+               .horizon = horizon(camera)},
+              picture);
 }
 
 void MapLearner::adopt(const splat::Medium& medium, const Tensor& known,

@@ -128,11 +128,12 @@ void Mapper::fill_from_depth(std::size_t view) {
     const Map map = learner_->whole_map();
     const Picture shown = take_picture(map, camera);
     const Tensor response = camera_response(map, keyframes_, view, 1);
-    drawn = shown.as_seen * response;
+    drawn = (shown.as_seen * response).clamp_max(1.0);
     alpha = shown.alpha;
     const Tensor water = water_alone(map, camera.intrinsics);
     if (water.defined()) {  // which needs no surface
-      alpha = alpha.masked_fill(open_water(picture / response, water), 1.0);
+      const Tensor seen = (water * response).clamp_max(1.0);
+      alpha = alpha.masked_fill(open_water(picture / response, seen / response), 1.0);
     }
   }
   const SeenPoints seen = project(camera, points_);

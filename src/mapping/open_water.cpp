@@ -7,9 +7,10 @@
 #include "apvi/mapping/step_constants.hpp"
 
 namespace apvi::mapping {
-namespace {
 
 using torch::Tensor;
+
+namespace {
 
 Tensor mean_around(const Tensor& planes) {
   return torch::avg_pool2d(planes, step::kOpenSquare, 1, step::kOpenSquare / 2, /*ceil_mode=*/false,
@@ -17,6 +18,24 @@ Tensor mean_around(const Tensor& planes) {
 }
 
 }  // namespace
+
+Horizon horizon(const splat::View& camera) {
+  const splat::Intrinsics& k = camera.intrinsics;
+  const auto T = camera.T_camera_world.accessor<double, 2>();
+  const double across = T[0][2] / k.fx;
+  const double down = T[1][2] / k.fy;
+  return {static_cast<float>(across), static_cast<float>(down),
+          static_cast<float>(T[2][2] - across * k.cx - down * k.cy)};
+}
+
+Tensor above(const Horizon& horizon, std::int64_t height, std::int64_t width,
+             const torch::Device& device) {
+  const auto options = torch::dtype(torch::kFloat32).device(device);
+  const auto& [across, down, offset] = horizon;
+  const Tensor x = torch::arange(width, options) + 0.5;
+  const Tensor y = (torch::arange(height, options) + 0.5).unsqueeze(1);
+  return across * x + down * y + offset > 0.0;
+}
 
 std::pair<Tensor, Tensor> evenness(const Tensor& picture) {
   const torch::NoGradGuard no_grad;

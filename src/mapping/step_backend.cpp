@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include <limits>
+
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/open_water.hpp"
 #include "apvi/mapping/step_constants.hpp"
@@ -26,18 +28,35 @@ Tensor second_differences(const Tensor& image) {
                       -3);
 }
 
-/// Where a picture [H,W,3] shows `water`, of its hue and nearly as bright as `log_gain` makes it.
+/// Where colours [3,H,W] are not `veil`'s [3,H,W].
+Tensor is_off(const Tensor& colors, const Tensor& veil) {
+  const Tensor tolerance = step::kOpenOffset + step::kOpenRelative * veil;
+  return ((colors - veil).abs() >= tolerance).any(0);
+}
+
+/// Where a picture [H,W,3] shows `water`, of its hue and nearly as bright as `log_gain` makes it,
+/// by the colours that are not saturated, of which two make a hue.
 Tensor open_at_gain(const Tensor& picture, const Tensor& water, const Tensor& log_gain) {
   const auto [mean, even] = evenness(picture);
-  const Tensor veil = water.permute({2, 0, 1});
-  const Tensor factor = mean.sum(0) / veil.sum(0).clamp_min(step::kLeastDivisor);
-  const Tensor tolerance = step::kOpenOffset + step::kOpenRelative * factor * veil;
-  const Tensor same_hue = ((mean - factor * veil).abs() < tolerance).all(0);
-  const Tensor off = (factor.clamp_min(step::kLeastGain).log() - log_gain).abs();
-  return even & same_hue & (off < step::kOpenGain);
+  const Tensor tells = mean < step::kSaturated;
+  const Tensor veil = tells * water.permute({2, 0, 1});
+  const Tensor shown = tells * mean;
+  const Tensor factor = shown.sum(0) / veil.sum(0).clamp_min(step::kLeastDivisor);
+  const Tensor brighter = (factor.clamp_min(step::kLeastGain).log() - log_gain).abs();
+  return even & (tells.sum(0) >= 2) & is_off(shown, factor * veil).logical_not() &
+         (brighter < step::kOpenGain);
 }
 
 }  // namespace
+
+Tensor saturation_limit(const Tensor& target, const TargetInput& in) {
+  const torch::NoGradGuard no_grad;
+  Tensor response = torch::ones({1}, target.options());
+  if (in.falloff.defined()) response = response * in.falloff;
+  if (in.log_gain.defined()) response = response * in.log_gain.exp();
+  return torch::where(target * response >= step::kSaturated, target,
+                      std::numeric_limits<float>::infinity());
+}
 
 Tensor StepBackend::target(const TargetInput& in) const {
   Tensor target = to_numbers(in.picture, in.reduction);
@@ -49,38 +68,40 @@ Tensor StepBackend::target(const TargetInput& in) const {
 void StepBackend::match_gain(const GainInput& in) const {
   const torch::NoGradGuard no_grad;
   const Tensor solid = in.alpha > step::kSolid;
-  const Tensor open = in.water.defined()
-                          ? solid.logical_not() & open_at_gain(in.picture, in.water, in.log_gain)
-                          : torch::zeros_like(solid);
-  const Tensor tells = (solid | open) & (in.picture.amax(2) < step::kSaturated);
-  const Tensor counts = tells.to(in.log_gain.options()) * torch::where(open, step::kOpenSay, 1.0);
-  const Tensor weight = counts.unsqueeze(2);
+  const Tensor sky = above(in.horizon, in.alpha.size(0), in.alpha.size(1), in.alpha.device());
+  const Tensor open = in.water.defined() ? (solid.logical_not() | sky) &
+                                               open_at_gain(in.picture, in.water, in.log_gain)
+                                         : torch::zeros_like(solid);
+  const Tensor open_say = torch::where(sky, step::kSkySay, step::kOpenSay);
+  const Tensor counts =
+      (solid | open).to(in.log_gain.options()) * torch::where(open, open_say, 1.0);
+  const Tensor weight = counts.unsqueeze(2) * (in.picture < step::kSaturated);
   const Tensor shown =
       in.water.defined() ? torch::where(open.unsqueeze(2), in.water, in.drawn) : in.drawn;
   const Tensor light = (weight * shown).sum();
   const Tensor wanted = ((weight * in.picture).sum() / light.clamp_min(step::kLeastDivisor))
                             .clamp_min(step::kLeastGain)
                             .log();
-  const Tensor pixels = counts.sum();
-  const Tensor usable = (pixels > step::kLeastShare * static_cast<double>(counts.numel())) &
-                        (light > step::kLeastLight * 3.0 * pixels);
+  const Tensor colors = weight.sum();
+  const Tensor usable = (colors > step::kLeastShare * static_cast<double>(weight.numel())) &
+                        (light > step::kLeastLight * colors);
   Tensor own = in.log_gain;
+  Tensor usual = in.usual;
+  const Tensor off = wanted - own - usual;
   const Tensor change =
-      in.pace.share * (wanted - own).clamp(-in.pace.most, in.pace.most) - in.pace.forgets * own;
+      in.pace.share * off.clamp(-in.pace.most, in.pace.most) - in.pace.forgets * own;
   own.add_(torch::where(usable, change, torch::zeros_like(change)));
+  const Tensor learned = in.pace.learns * off.clamp(-step::kUsualGain, step::kUsualGain);
+  usual.add_(torch::where(usable, learned, torch::zeros_like(learned)));
 }
 
 Tensor StepBackend::water_kinds(const Tensor& picture, const Tensor& water) const {
   const torch::NoGradGuard no_grad;
   const auto [mean, even] = evenness(picture);
   const Tensor veil = water.permute({2, 0, 1});
-  const Tensor tolerance = step::kOpenOffset + step::kOpenRelative * veil;
-  const auto is_off = [&](const Tensor& colors) {
-    return ((colors - veil).abs() >= tolerance).any(0);
-  };
-  const Tensor off = is_off(mean);
+  const Tensor off = is_off(mean, veil);
   const Tensor open = even & off.logical_not();
-  const Tensor surface = off & is_off(picture.permute({2, 0, 1}));
+  const Tensor surface = off & is_off(picture.permute({2, 0, 1}), veil);
   return open.to(torch::kInt8) - surface.to(torch::kInt8);
 }
 

@@ -53,7 +53,8 @@ Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
 
 ViewGains::ViewGains(std::size_t views, const torch::Device& device)
     : logs_(torch::zeros({static_cast<std::int64_t>(views)},
-                         torch::dtype(torch::kFloat32).device(device))) {}
+                         torch::dtype(torch::kFloat32).device(device))),
+      usual_(torch::zeros({2}, logs_.options())) {}
 
 void ViewGains::add_view() {
   const std::int64_t n = logs_.size(0);
@@ -61,15 +62,25 @@ void ViewGains::add_view() {
   logs_ = torch::cat({logs_, next});
 }
 
+void ViewGains::find(std::size_t view, const DrawnView& drawn, const Tensor& picture) {
+  match(view, drawn, picture, kGainFound, usual_.narrow(0, 0, 1));
+}
+
+void ViewGains::follow(std::size_t view, const DrawnView& drawn, const Tensor& picture) {
+  match(view, drawn, picture, kGainFollowed, usual_.narrow(0, 1, 1));
+}
+
 // Sums, not least squares: a map that is not sharp yet would look too bright to them.
 void ViewGains::match(std::size_t view, const DrawnView& drawn, const Tensor& picture,
-                      const GainPace& pace) {
+                      const GainPace& pace, const Tensor& usual) {
   step_backend(logs_.device())
       .match_gain({.drawn = drawn.image,
                    .alpha = drawn.alpha,
                    .picture = picture,
                    .water = drawn.open_water,
+                   .horizon = drawn.horizon,
                    .log_gain = log_gain(view),
+                   .usual = usual,
                    .pace = pace});
 }
 
@@ -103,6 +114,7 @@ Tensor surveyed_gains(const Tensor& logs, const std::vector<double>& seconds,
 
 void ViewGains::save(torch::serialize::OutputArchive& archive) const {
   archive.write("logs", logs_.clone());
+  archive.write("usual", usual_);
 }
 
 void ViewGains::load(torch::serialize::InputArchive& archive) {
@@ -111,6 +123,9 @@ void ViewGains::load(torch::serialize::InputArchive& archive) {
   TORCH_CHECK(logs.dim() == 1 && logs.size(0) == logs_.size(0), "checkpoint: gains of ",
               logs.numel(), " keyframes instead of ", logs_.size(0));
   logs_ = logs.to(logs_.options());
+  Tensor usual;
+  archive.read("usual", usual);
+  usual_ = usual.to(usual_.options());
 }
 
 }  // namespace apvi::mapping

@@ -55,6 +55,19 @@ TEST(KeyframeStore, KeepsHeldOutPicturesApart) {
   EXPECT_EQ(store.training(), (std::vector<std::size_t>{1, 3}));
 }
 
+TEST(KeyframeStore, TellsWhichPicturesSaturate) {
+  KeyframeStore store;
+  Keyframe even = make_keyframe(30, 40);
+  even.image.fill_(200);
+  Keyframe glare = even;
+  glare.image = even.image.clone();
+  glare.image.slice(0, 0, 4).select(2, 2).fill_(253);
+  store.add(even);
+  store.add(glare);
+  EXPECT_FALSE(store[0].saturates);
+  EXPECT_TRUE(store[1].saturates);
+}
+
 TEST(KeyframeStore, RefusesPicturesThatDoNotFitTheirCamera) {
   KeyframeStore store;
   Keyframe keyframe = make_keyframe(4, 4);

@@ -76,7 +76,7 @@ struct Fog {
   std::int64_t walls = 0;
 };
 
-Fog wall_under_open_water() {
+Fog wall_under_open_water(double exposure) {
   Fog scene;
   scene.world = test::wall_of_gaussians(600);
   const Tensor low = (scene.world.means.select(1, 1) > 0.0).nonzero().squeeze(1);
@@ -96,7 +96,7 @@ Fog wall_under_open_water() {
     const Picture picture = take_picture(map, {.intrinsics = keyframe.intrinsics,
                                                .T_camera_world = keyframe.T_camera_world,
                                                .pose_delta = {}});
-    keyframe.image = (picture.as_seen.clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+    keyframe.image = ((exposure * picture.as_seen).clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
     scene.keyframes.add(keyframe);
   }
   return scene;
@@ -104,7 +104,7 @@ Fog wall_under_open_water() {
 
 // It looks the same as one farther off that is opaque; without the water it is too dark.
 TEST(MapLearner, ClosesAVeilOfASurfaceBeforeOpenWater) {
-  Fog scene = wall_under_open_water();
+  Fog scene = wall_under_open_water(1.0);
   splat::Gaussians faint = scene.world;
   faint.logit_opacities = faint.logit_opacities - 2.5;
   TrainerOptions options;
@@ -127,11 +127,10 @@ TEST(MapLearner, ClosesAVeilOfASurfaceBeforeOpenWater) {
   EXPECT_GT(alpha(learner.map()), 1.0 - 0.5 * (1.0 - before));
 }
 
-TEST(MapLearner, LetsGoOfWhatHidesOpenWaterInItsOwnColour) {
-  const Fog scene = wall_under_open_water();
-  TrainerOptions options;
-  options.auto_gain = false;
-  MapLearner learner(scene.with_fog, options, scene.keyframes.size(), blue_water());
+void expect_to_let_go_of_fog(double exposure) {
+  const Fog scene = wall_under_open_water(exposure);
+  MapLearner learner(scene.with_fog, {}, scene.keyframes.size(), blue_water());
+  for (std::size_t i = 0; i < 6; ++i) learner.match_gain(scene.keyframes, i);
   const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
   for (std::size_t k = 0; k < 480; ++k) learner.step(scene.keyframes, k % 6, settings);
   const Tensor before = scene.with_fog.logit_opacities.sigmoid();
@@ -142,6 +141,16 @@ TEST(MapLearner, LetsGoOfWhatHidesOpenWaterInItsOwnColour) {
   const std::int64_t all = before.size(0);
   EXPECT_LT(mean(after, scene.walls, all), 0.5 * mean(before, scene.walls, all));
   EXPECT_GT(mean(after, 0, scene.walls), 0.9 * mean(before, 0, scene.walls));
+  const auto blue = [](const splat::Medium& water) { return water.b_inf[2].item<double>(); };
+  EXPECT_NEAR(blue(*learner.whole_map().medium), blue(blue_water()), 0.03);
+}
+
+TEST(MapLearner, LetsGoOfWhatHidesOpenWaterInItsOwnColour) {
+  expect_to_let_go_of_fog(1.0);
+}
+
+TEST(MapLearner, LetsGoOfItAndKeepsTheWatersBlueThoughPicturesSaturate) {
+  expect_to_let_go_of_fog(1.7);
 }
 
 }  // namespace

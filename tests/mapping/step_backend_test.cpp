@@ -55,10 +55,12 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
   const auto matched = [&](const StepBackend& backend, const torch::Device& device,
                            const Tensor& picture, const Tensor& solid) {
     const Tensor log_gain = torch::full({1}, 0.1, device);
+    const Tensor usual = torch::full({1}, 0.02, device);
     backend.match_gain({.drawn = drawn.to(device),
                         .alpha = solid.to(device),
                         .picture = picture.to(device),
                         .log_gain = log_gain,
+                        .usual = usual,
                         .pace = kGainFollowed});
     return log_gain.cpu().item<double>();
   };
@@ -72,26 +74,35 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
 }
 
 TEST_F(CudaStep, GainsFollowOpenWaterAsWithTheOperators) {
-  const Tensor water = torch::tensor({0.1F, 0.3F, 0.4F}).expand({kHeight, kWidth, 3}).contiguous();
+  const Tensor water = torch::tensor({0.1F, 0.5F, 0.95F}).expand({kHeight, kWidth, 3}).contiguous();
   const Tensor drawn = torch::rand({kHeight, kWidth, 3});
   Tensor alpha = torch::ones({kHeight, kWidth});
   alpha.narrow(0, 0, kHeight / 3).zero_();
   Tensor picture = drawn.clone();
-  picture.narrow(0, 0, kHeight / 3).copy_(1.1 * water.narrow(0, 0, kHeight / 3));
+  picture.narrow(0, 0, kHeight / 3).copy_((1.1 * water.narrow(0, 0, kHeight / 3)).clamp_max(1.0));
   const auto matched = [&](const StepBackend& backend, const torch::Device& device,
-                           const Tensor& open) {
+                           const Tensor& open, const Horizon& horizon) {
     const Tensor log_gain = torch::zeros({1}, device);
+    const Tensor usual = torch::zeros({1}, device);
     backend.match_gain({.drawn = drawn.to(device),
                         .alpha = alpha.to(device),
                         .picture = picture.to(device),
                         .water = open.defined() ? open.to(device) : open,
+                        .horizon = horizon,
                         .log_gain = log_gain,
+                        .usual = usual,
                         .pace = kGainFound});
     return log_gain.cpu().item<double>();
   };
-  const double expected = matched(cpu_, torch::kCPU, water);
-  ASSERT_GT(expected, matched(cpu_, torch::kCPU, Tensor()) + 0.01);
-  EXPECT_NEAR(matched(gpu_, torch::kCUDA, water), expected, 1e-6);
+  const double without = matched(cpu_, torch::kCPU, Tensor(), kNoSky);
+  const double expected = matched(cpu_, torch::kCPU, water, kNoSky);
+  ASSERT_GT(expected, without + 0.01);
+  EXPECT_NEAR(matched(gpu_, torch::kCUDA, water, kNoSky), expected, 1e-6);
+  alpha.fill_(1.0);  // the map hides it
+  const Horizon slanted{0.1F, -1.0F, 30.0F};
+  const double hidden = matched(cpu_, torch::kCPU, water, slanted);
+  ASSERT_GT(hidden, matched(cpu_, torch::kCPU, water, kNoSky) + 0.01);
+  EXPECT_NEAR(matched(gpu_, torch::kCUDA, water, slanted), hidden, 1e-6);
 }
 
 TEST_F(CudaStep, WaterAndItsPullAreWhatTheOperatorsFind) {

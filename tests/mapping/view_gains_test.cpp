@@ -55,57 +55,103 @@ DrawnView solid_view() {
 TEST(ViewGains, FindHowBrightAPictureIs) {
   const DrawnView solid = solid_view();
   ViewGains gains(2, torch::kCPU);
-  gains.match(1, solid, 1.3 * solid.image, kGainFound);
+  gains.find(1, solid, 1.3 * solid.image);
   EXPECT_NEAR(std::exp(gains.log_gain(1).item<float>()), 1.3, 1e-3);
   EXPECT_FLOAT_EQ(gains.log_gain(0).item<float>(), 0.0F);
-  gains.match(0, solid, 0.3 * solid.image, kGainFound);  // all at once after glare
-  EXPECT_NEAR(std::exp(gains.log_gain(0).item<float>()), 0.3, 1e-3);
   gains.add_view();
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
   DrawnView nothing_solid = solid;
   nothing_solid.alpha = torch::zeros_like(solid.alpha);
-  gains.match(2, nothing_solid, 3.0 * solid.image, kGainFound);
+  gains.find(2, nothing_solid, 3.0 * solid.image);
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
   DrawnView dark = solid;
   dark.image = torch::zeros_like(solid.image);
-  gains.match(2, dark, solid.image, kGainFound);
+  gains.find(2, dark, solid.image);
   EXPECT_FLOAT_EQ(gains.log_gain(2).item<float>(), gains.log_gain(1).item<float>());
+}
+
+TEST(ViewGains, FindGlareAtOnce) {
+  const DrawnView solid = solid_view();
+  ViewGains gains(1, torch::kCPU);
+  gains.find(0, solid, 0.3 * solid.image);
+  EXPECT_NEAR(std::exp(gains.log_gain(0).item<float>()), 0.3, 1e-3);
 }
 
 /// The logarithm of the gain that a view has whose picture, but for its upper fifth, is what the
 /// map shows, and that fifth, where the map has nothing, is of one `color`.
-float gain_beneath(const Tensor& color) {
+float gain_beneath(const Tensor& color, const Tensor& water, bool hidden = false,
+                   const Horizon& horizon = kNoSky) {
   DrawnView view = solid_view();
-  view.open_water = torch::tensor({0.1F, 0.3F, 0.4F}).expand({20, 30, 3}).contiguous();
-  view.alpha.narrow(0, 0, 4).zero_();
+  view.open_water = water.expand({20, 30, 3}).contiguous();
+  if (hidden) {
+    view.image.narrow(0, 0, 4).copy_(water.expand({4, 30, 3}));
+  } else {
+    view.alpha.narrow(0, 0, 4).zero_();
+  }
+  view.horizon = horizon;
   Tensor picture = view.image.clone();
   picture.narrow(0, 0, 4).copy_(color.expand({4, 30, 3}));
   ViewGains gains(1, torch::kCPU);
-  gains.match(0, view, picture, kGainFound);
+  gains.find(0, view, picture);
   return gains.log_gain(0).item<float>();
 }
 
 TEST(ViewGains, BelieveOpenWaterMoreThanSurfacesThatMayHaveAnyColor) {
   const Tensor water = torch::tensor({0.1F, 0.3F, 0.4F});
-  EXPECT_NEAR(gain_beneath(water), 0.0, 1e-4);
+  EXPECT_NEAR(gain_beneath(water, water), 0.0, 1e-4);
   // A tenth brighter in a tenth of the pixels, which have no other colour beside them and count
   // five times: two fifths of the light.
-  EXPECT_NEAR(gain_beneath(1.1 * water), std::log(1.04), 0.005);
+  EXPECT_NEAR(gain_beneath(1.1 * water, water), std::log(1.04), 0.005);
   // Far brighter it is no water, nor of another hue.
-  EXPECT_NEAR(gain_beneath(1.5 * water), 0.0, 1e-4);
-  EXPECT_NEAR(gain_beneath(torch::tensor({0.2F, 0.3F, 0.4F})), 0.0, 1e-4);
+  EXPECT_NEAR(gain_beneath(1.5 * water, water), 0.0, 1e-4);
+  EXPECT_NEAR(gain_beneath(torch::tensor({0.2F, 0.3F, 0.4F}), water), 0.0, 1e-4);
 }
 
-TEST(ViewGains, StayWithinATenthWhereAMapThatFollowsThemIsTwoPercentTooBright) {
+TEST(ViewGains, AreThatOfOpenWaterAboveTheHorizonThoughTheMapHidesIt) {
+  const Tensor water = torch::tensor({0.1F, 0.3F, 0.4F});
+  const Horizon in_row_four{0.0F, -1.0F, 4.0F};
+  EXPECT_NEAR(gain_beneath(1.1 * water, water, true, in_row_four), std::log(1.1), 0.005);
+  EXPECT_NEAR(gain_beneath(1.1 * water, water, false, in_row_four), std::log(1.1), 0.005);
+  const Horizon over_the_picture{0.0F, -1.0F, 0.0F};
+  EXPECT_LT(gain_beneath(1.1 * water, water, true, over_the_picture), 0.03);
+}
+
+TEST(ViewGains, BelieveOpenWaterByTheColoursThatAreNotSaturated) {
+  const Tensor bright = torch::tensor({0.1F, 0.5F, 0.95F});
+  const Tensor clipped = (1.1 * bright).clamp_max(1.0);
+  EXPECT_NEAR(gain_beneath(clipped, bright), gain_beneath(1.1 * bright, bright), 1e-6);
+  EXPECT_GT(gain_beneath(clipped, bright), 0.02F);
+  // One colour alone has no hue.
+  const Tensor glare = torch::tensor({0.11F, 1.0F, 1.0F});
+  EXPECT_NEAR(gain_beneath(glare, torch::tensor({0.1F, 0.95F, 0.95F})), 0.0, 1e-4);
+}
+
+TEST(ViewGains, StayAndAreFoundWhereAMapThatFollowsThemIsTwoPercentTooBrightInAll) {
   const DrawnView solid = solid_view();
-  const Tensor picture = solid.image;
-  ViewGains gains(1, torch::kCPU);
-  for (int k = 0; k < 600; ++k) {
+  const double darker = std::log(0.7);  // of one picture among twenty
+  ViewGains gains(20, torch::kCPU);
+  for (int k = 0; k < 8000; ++k) {
+    const std::size_t view = static_cast<std::size_t>(k) % 20;
+    const double truth = view == 7 ? darker : 0.0;
     DrawnView learned = solid;
-    learned.image = 1.02 * picture / gains.log_gain(0).exp();
-    gains.match(0, learned, picture, kGainFollowed);
+    learned.image = 1.02 * solid.image * (darker / 20.0 - gains.logs().mean()).exp();
+    gains.follow(view, learned, std::exp(truth) * solid.image);
   }
-  EXPECT_GT(gains.log_gain(0).item<float>(), -0.11F);
+  EXPECT_NEAR(gains.log_gain(3).item<float>(), 0.0, 0.03);
+  EXPECT_NEAR(gains.log_gain(7).item<float>(), darker, 0.03);
+}
+
+TEST(ViewGains, DoNotRunAwayWhereAllNewGroundIsFivePercentTooDarkInTheMap) {
+  const DrawnView solid = solid_view();
+  ViewGains gains(0, torch::kCPU);
+  for (std::size_t view = 0; view < 200; ++view) {
+    gains.add_view();
+    DrawnView drawn = solid;  // the map has what was seen last, with the gain of then
+    drawn.image = 0.95 * solid.image / gains.log_gain(view).exp();
+    gains.find(view, drawn, solid.image);
+    EXPECT_LT(gains.log_gain(view).item<float>(), 0.18F) << view;
+  }
+  EXPECT_LT(gains.log_gain(199).item<float>(), 0.02F);
 }
 
 TEST(CameraGain, OfAHeldOutViewLiesBetweenItsNeighboursInTime) {

@@ -22,6 +22,7 @@ struct Keyframe {
   torch::Tensor image;           ///< [H,W,3] uint8 RGB, without distortion
   bool held_out = false;         ///< for evaluation: never optimised
   std::int64_t number = 0;       ///< of a held-out one among all that the recording has
+  bool saturates = false;        ///< some of the picture is as bright as can be; told by the store
 };
 
 /// The pictures that a map is made of. They stay bytes, a twelfth of what they would need as an

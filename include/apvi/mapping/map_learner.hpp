@@ -97,9 +97,19 @@ class MapLearner {
  private:
   const splat::MediumView& water_before(const splat::Intrinsics& camera);
   bool learns_water() const;
+  bool matches_gain(const StepSettings& settings) const;
   torch::Tensor falloff(const splat::Intrinsics& camera);
-  torch::Tensor target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
-                          const StepSettings& settings);
+  /// What a view's picture has in the map's light, and what the map may exceed because the camera
+  /// does not tell what is brighter.
+  struct Target {
+    torch::Tensor picture;  ///< [h,w,3]
+    torch::Tensor limit;  ///< [h,w,3], infinite where the camera would tell; undefined: everywhere
+
+    /// What a camera that saturates as this one makes of `colors` [h,w,3].
+    torch::Tensor saturated(const torch::Tensor& colors) const;
+  };
+  Target target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
+                   const StepSettings& settings);
   void wear(const Map& after, const torch::Tensor& known, const KeyframeStore& keyframes);
 
   TrainerOptions options_;

@@ -3,9 +3,23 @@
 
 #include <torch/types.h>
 
+#include <array>
+#include <cstdint>
 #include <utility>
 
+#include "apvi/splat/view.hpp"
+
 namespace apvi::mapping {
+
+/// Pixels at x, y [px] look above the horizon where a x + b y + c > 0: {a, b, c}. The world's z is
+/// up; where it is not, what is taken for the sky is hardly ever of one colour, and that the
+/// water's.
+using Horizon = std::array<float, 3>;
+inline constexpr Horizon kNoSky{0.0F, 0.0F, -1.0F};
+Horizon horizon(const splat::View& camera);
+/// Which pixels of height x width look above it: bool [H,W].
+torch::Tensor above(const Horizon& horizon, std::int64_t height, std::int64_t width,
+                    const torch::Device& device);
 
 /// Where a picture [H,W,3] shows nothing but water, which would look like `water` [H,W,3] there
 /// (splat::MediumView::open_water): bool [H,W]. Even over a square of several pixels and of nearly

@@ -18,27 +18,37 @@ struct TargetInput {
   torch::Tensor log_gain;  ///< [1] of the view; undefined: zero
 };
 
+/// Where a `target` [h,w,3] that was made of `input` is as bright as a picture can be, it;
+/// elsewhere infinity. A picture says of what is brighter only that it is: blue open water
+/// saturates first when a camera exposes for a dark hull, and would look like a surface of another
+/// colour.
+torch::Tensor saturation_limit(const torch::Tensor& target, const TargetInput& input);
+
 /// How fast a gain goes to where a picture has it. What is solid in a map is a little too bright in
 /// views that it has learned (2 % were seen) and too dark in a new one (3 to 7 % over new ground).
-/// The map follows its gains, so either would run away with them: a view's gain is followed slowly,
-/// and some of what was believed is forgotten each time.
+/// The map follows its gains, so either would run away with them: what views usually differ by is
+/// the map's and stays out, and some of what was believed is forgotten each time.
 struct GainPace {
-  double share = 1.0;    ///< of the difference of logarithms
-  double most = 0.5;     ///< of that difference that is believed
-  double forgets = 0.0;  ///< share of what was believed, each time
+  double share;    ///< of the difference of logarithms
+  double most;     ///< of that difference that is believed
+  double forgets;  ///< share of what was believed, each time
+  double learns;   ///< share of what a difference says about the usual one
 };
 /// A new view's, of which nothing is known: glare takes a factor of three within a second.
-inline constexpr GainPace kGainFound{.share = 1.0, .most = 3.0, .forgets = 0.05};
+inline constexpr GainPace kGainFound{.share = 1.0, .most = 3.0, .forgets = 0.02, .learns = 0.3};
 /// One that is known, on the way: a picture that the map does not show yet shall not take it along.
-inline constexpr GainPace kGainFollowed{.share = 0.05, .most = 0.5, .forgets = 0.01};
+inline constexpr GainPace kGainFollowed{
+    .share = 0.05, .most = 0.5, .forgets = 0.002, .learns = 0.02};
 
 /// What a view's gain is found with.
 struct GainInput {
-  torch::Tensor drawn;     ///< [H,W,3]
-  torch::Tensor alpha;     ///< [H,W]
-  torch::Tensor picture;   ///< [H,W,3] without the lens' falloff, with the gain
-  torch::Tensor water;     ///< [H,W,3] what open water looks like; undefined: there is none
+  torch::Tensor drawn;    ///< [H,W,3]
+  torch::Tensor alpha;    ///< [H,W]
+  torch::Tensor picture;  ///< [H,W,3] without the lens' falloff, with the gain
+  torch::Tensor water;    ///< [H,W,3] what open water looks like; undefined: there is none
+  Horizon horizon = kNoSky;
   torch::Tensor log_gain;  ///< [1] before, and in place after
+  torch::Tensor usual;     ///< [1] what log gains usually differ by, in place
   GainPace pace = kGainFound;
 };
 

@@ -9,11 +9,13 @@ inline constexpr double kLeastDivisor = 1e-6;
 
 // Gains
 inline constexpr double kSaturated = 0.98;   ///< a channel that bright tells nothing of more
-inline constexpr double kLeastShare = 0.1;   ///< of the pixels must be compared
+inline constexpr double kLeastShare = 0.1;   ///< of the colours must be compared
 inline constexpr double kLeastLight = 0.02;  ///< mean of what is drawn
 inline constexpr double kLeastGain = 1e-3;
-inline constexpr double kOpenGain = 0.2;  ///< of a logarithm: open water is not farther off
-inline constexpr double kOpenSay = 5.0;   ///< of a pixel of open water over one of a surface's
+inline constexpr double kUsualGain = 0.1;  ///< of a logarithm: what differs more tells no more
+inline constexpr double kOpenGain = 0.2;   ///< of a logarithm: open water is not farther off
+inline constexpr double kOpenSay = 5.0;    ///< of a pixel of open water over one of a surface's
+inline constexpr double kSkySay = 200.0;   ///< above the horizon, where far ground is no mistake
 
 // Open water
 inline constexpr int kOpenSquare = 5;          ///< [px]

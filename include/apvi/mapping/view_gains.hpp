@@ -31,6 +31,7 @@ struct DrawnView {
   torch::Tensor image;       ///< [H,W,3] through the water
   torch::Tensor alpha;       ///< [H,W]
   torch::Tensor open_water;  ///< [H,W,3] without any surface; undefined: there is no water
+  Horizon horizon = kNoSky;
 };
 
 /// How bright each view's picture is over what the map shows: a camera that exposes by itself makes
@@ -41,12 +42,14 @@ class ViewGains {
 
   /// One more view, at first as bright as the one before.
   void add_view();
-  /// Brings a view's gain towards what makes `drawn` [H,W,3] as bright as `picture`, where the map
-  /// is solid and, the more so, where it is not and the picture shows open `water` (undefined:
-  /// there is none): a surface may have any colour, water has its own. All without the lens'
+  /// Brings a new view's gain to what makes `drawn` as bright as `picture` [H,W,3], but for what
+  /// new views usually differ by: where the map is solid and, the more so, where the picture shows
+  /// open water and the map does not hide it, for a surface may have any colour and water has its
+  /// own. Above the horizon, hidden or not, it has nearly all the say. All without the lens'
   /// falloff.
-  void match(std::size_t view, const DrawnView& drawn, const torch::Tensor& picture,
-             const GainPace& pace);
+  void find(std::size_t view, const DrawnView& drawn, const torch::Tensor& picture);
+  /// The same for a view that is known, a little of the way.
+  void follow(std::size_t view, const DrawnView& drawn, const torch::Tensor& picture);
 
   /// Logarithm [1] of a view's factor, of the memory kept here.
   torch::Tensor log_gain(std::size_t view) const;
@@ -58,7 +61,11 @@ class ViewGains {
   void load(torch::serialize::InputArchive& archive);
 
  private:
+  void match(std::size_t view, const DrawnView& drawn, const torch::Tensor& picture,
+             const GainPace& pace, const torch::Tensor& usual);
+
   torch::Tensor logs_;
+  torch::Tensor usual_;  ///< [2] what new views usually differ by, and those that are known
 };
 
 /// The logarithms [n] of all views at `seconds`, float64, after a survey `found` [k] those of
