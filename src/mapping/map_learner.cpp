@@ -126,15 +126,14 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
                            .open_water = looks_at_water ? water->open_water() : Tensor(),
                            .horizon = horizon(camera)};
   const Target target = target_of(keyframes, i, drawn, settings);
-  Tensor loss =
-      splat::photometric_loss(target.saturated(image), target.picture, options_.ssim_weight);
+  Tensor loss = splat::photometric_loss(image, target.raised_to(drawn.image), options_.ssim_weight);
   if (options_.smoothness > 0.0 && store_.steps() % kSmoothSteps == kSmoothSteps / 2) {
     loss = loss + options_.smoothness * bentness(out.depth, drawn.alpha, target.picture);
   }
   if (pulls) {
     const OpacityWeights& weights = water->has_lamp() ? kByLamplight : kByDaylight;
     const Tensor pull =
-        opacity_pull(target.picture, target.saturated(drawn.open_water), drawn.alpha, weights);
+        opacity_pull(target.raised_to(drawn.open_water), drawn.open_water, drawn.alpha, weights);
     torch::autograd::backward({loss, out.alpha}, {Tensor(), pull});
   } else {
     loss.backward();
@@ -154,8 +153,9 @@ Tensor MapLearner::step(const KeyframeStore& keyframes, std::size_t i,
   return loss.detach();
 }
 
-Tensor MapLearner::Target::saturated(const Tensor& colors) const {
-  return limit.defined() ? torch::minimum(colors, limit) : colors;
+Tensor MapLearner::Target::raised_to(const Tensor& colors) const {
+  if (!saturated.defined()) return picture;
+  return torch::where(saturated, torch::maximum(picture, colors), picture);
 }
 
 MapLearner::Target MapLearner::target_of(const KeyframeStore& keyframes, std::size_t i,
@@ -172,8 +172,10 @@ MapLearner::Target MapLearner::target_of(const KeyframeStore& keyframes, std::si
     if (matches_gain(settings)) gains_.follow(i, drawn, backend.target(input));
     input.log_gain = gains_.log_gain(i);
   }
-  Target target = {.picture = backend.target(input), .limit = {}};
-  if (keyframes[i].saturates) target.limit = saturation_limit(target.picture, input);
+  Target target = {.picture = backend.target(input), .saturated = {}};
+  if (keyframes[i].saturates) {
+    target.saturated = backend.saturated(input.picture, input.reduction);
+  }
   return target;
 }
 

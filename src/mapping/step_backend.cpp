@@ -3,8 +3,6 @@
 
 #include <torch/torch.h>
 
-#include <limits>
-
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/open_water.hpp"
 #include "apvi/mapping/step_constants.hpp"
@@ -49,20 +47,17 @@ Tensor open_at_gain(const Tensor& picture, const Tensor& water, const Tensor& lo
 
 }  // namespace
 
-Tensor saturation_limit(const Tensor& target, const TargetInput& in) {
-  const torch::NoGradGuard no_grad;
-  Tensor response = torch::ones({1}, target.options());
-  if (in.falloff.defined()) response = response * in.falloff;
-  if (in.log_gain.defined()) response = response * in.log_gain.exp();
-  return torch::where(target * response >= step::kSaturated, target,
-                      std::numeric_limits<float>::infinity());
-}
-
 Tensor StepBackend::target(const TargetInput& in) const {
   Tensor target = to_numbers(in.picture, in.reduction);
   if (in.falloff.defined()) target = target / in.falloff;
   if (in.log_gain.defined()) target = target / in.log_gain.exp();
   return target;
+}
+
+Tensor StepBackend::saturated(const Tensor& picture, int reduction) const {
+  const torch::NoGradGuard no_grad;
+  return target({.picture = picture, .reduction = reduction, .falloff = {}, .log_gain = {}}) >=
+         step::kSaturated;
 }
 
 void StepBackend::match_gain(const GainInput& in) const {

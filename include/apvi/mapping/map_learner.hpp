@@ -99,14 +99,15 @@ class MapLearner {
   bool learns_water() const;
   bool matches_gain(const StepSettings& settings) const;
   torch::Tensor falloff(const splat::Intrinsics& camera);
-  /// What a view's picture has in the map's light, and what the map may exceed because the camera
-  /// does not tell what is brighter.
+  /// What a view's picture has in the map's light.
   struct Target {
-    torch::Tensor picture;  ///< [h,w,3]
-    torch::Tensor limit;  ///< [h,w,3], infinite where the camera would tell; undefined: everywhere
+    torch::Tensor picture;    ///< [h,w,3]
+    torch::Tensor saturated;  ///< [h,w,3] where more light makes it no brighter; undefined: nowhere
 
-    /// What a camera that saturates as this one makes of `colors` [h,w,3].
-    torch::Tensor saturated(const torch::Tensor& colors) const;
+    /// The picture with `colors` [h,w,3] where they are brighter than it can be: that they are is
+    /// all it says. Blue open water saturates first when a camera exposes for a dark hull, and
+    /// would look like a surface of another colour.
+    torch::Tensor raised_to(const torch::Tensor& colors) const;
   };
   Target target_of(const KeyframeStore& keyframes, std::size_t i, const DrawnView& drawn,
                    const StepSettings& settings);

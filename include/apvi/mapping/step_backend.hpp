@@ -18,12 +18,6 @@ struct TargetInput {
   torch::Tensor log_gain;  ///< [1] of the view; undefined: zero
 };
 
-/// Where a `target` [h,w,3] that was made of `input` is as bright as a picture can be, it;
-/// elsewhere infinity. A picture says of what is brighter only that it is: blue open water
-/// saturates first when a camera exposes for a dark hull, and would look like a surface of another
-/// colour.
-torch::Tensor saturation_limit(const torch::Tensor& target, const TargetInput& input);
-
 /// How fast a gain goes to where a picture has it. What is solid in a map is a little too bright in
 /// views that it has learned (2 % were seen) and too dark in a new one (3 to 7 % over new ground).
 /// The map follows its gains, so either would run away with them: what views usually differ by is
@@ -72,7 +66,9 @@ class StepBackend {
   virtual std::string_view name() const { return "operators"; }
   /// [h,w,3] float32, 0 to 1 before falloff and gain are divided out.
   virtual torch::Tensor target(const TargetInput& input) const;
-  /// See ViewGains::match.
+  /// Where a picture of a keyframe [H,W,3] uint8 is as bright as it can be: bool [h,w,3].
+  torch::Tensor saturated(const torch::Tensor& picture, int reduction) const;
+  /// See ViewGains::find.
   virtual void match_gain(const GainInput& input) const;
   /// See mapping::water_kinds and mapping::opacity_pull.
   virtual torch::Tensor water_kinds(const torch::Tensor& picture, const torch::Tensor& water) const;
