@@ -62,8 +62,7 @@ Tensor gain_of(const Map& map, std::size_t view, const Tensor& like) {
 
 /// Of the lens at pixels [N,2].
 Tensor falloff_at(const Map& map, const splat::Intrinsics& k, const Tensor& pixels) {
-  const Tensor r2 = corners2(k, pixels.select(1, 0), pixels.select(1, 1));
-  return (1.0 - map.vignetting * r2).clamp_min(0.05);
+  return lens_falloff(k, map.vignetting, pixels.select(1, 0), pixels.select(1, 1));
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ using torch::Tensor;
 namespace {
 
 constexpr double kChangeLasts = 3.0;  // [s] until a change says a third of what it did
+constexpr double kDarkestCorner = 0.05;  // an estimate may not turn a lens opaque
 
 /// How much the readings at `before` and `after` say about a moment `t` [s], the nearer the more.
 std::pair<double, double> sway(double before, double t, double after) {
@@ -42,13 +43,17 @@ Tensor corners2(const splat::Intrinsics& camera, const Tensor& x, const Tensor& 
   return (dx2 + dy2) / corner2 * (1.0 + t * (a + t * (b + t * c)));
 }
 
+Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting, const Tensor& x,
+                    const Tensor& y) {
+  return (1.0 - vignetting * corners2(camera, x, y)).clamp_min(kDarkestCorner);
+}
+
 Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
                     const torch::Device& device) {
   const auto options = torch::dtype(torch::kFloat32).device(device);
   const Tensor x = torch::arange(camera.width, options) + 0.5;
   const Tensor y = torch::arange(camera.height, options) + 0.5;
-  const Tensor r2 = corners2(camera, x, y.unsqueeze(1));
-  return (1.0 - vignetting * r2).clamp_min(0.05).unsqueeze(2);
+  return lens_falloff(camera, vignetting, x, y.unsqueeze(1)).unsqueeze(2);
 }
 
 ViewGains::ViewGains(std::size_t views, const torch::Device& device)

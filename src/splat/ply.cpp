@@ -13,6 +13,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/core/text.hpp"
+#include "apvi/splat/sh_math.hpp"
 #include "ply_table.hpp"
 
 namespace apvi::splat {
@@ -21,7 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using torch::Tensor;
 
-constexpr double kShConstant = 0.28209479177387814;  // 1 / (2 sqrt(pi))
 constexpr std::int64_t kRowsAtOnce = 4096;
 
 std::string numbered(const char* name, std::int64_t i) {
@@ -249,11 +249,11 @@ PointCloud read_ply_points(const fs::path& path) {
 }
 
 Tensor color_to_sh_dc(const Tensor& color) {
-  return (color - 0.5) / kShConstant;
+  return (color - 0.5) / kSh0;
 }
 
 Tensor sh_dc_to_color(const Tensor& sh_dc) {
-  return sh_dc * kShConstant + 0.5;
+  return sh_dc * kSh0 + 0.5;
 }
 
 }  // namespace apvi::splat

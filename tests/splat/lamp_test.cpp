@@ -12,6 +12,7 @@
 #include "apvi/splat/medium.hpp"
 #include "apvi/splat/medium_view.hpp"
 #include "apvi/splat/render.hpp"
+#include "apvi/splat/sh_math.hpp"
 #include "devices.hpp"
 #include "render_scene.hpp"
 #include "support/torch_reference.hpp"
@@ -191,14 +192,13 @@ Lit draw(const Gaussians& from, const Tensor& light) {
 
 // A colour 0.5 + dc Y + rest Y' times L is that of dc L + 0.5 (L - 1) / Y and rest L.
 TEST(RenderInALight, IsAsIfTheColoursThemselvesWereSo) {
-  constexpr double kShConstant = 0.28209479177387814;
   for (const torch::Device& device : apvi::test::devices_here()) {
     const auto type = device.is_cuda() ? torch::kFloat32 : torch::kFloat64;
     const Gaussians map = test::map_tensors(test::make_gaussians(60),
                                             [&](const Tensor& t) { return t.to(device, type); });
     const Tensor light = torch::rand({60, 3}, kF64).to(device, type) * 2.0 + 0.1;
     Gaussians lit = map;
-    lit.sh_dc = map.sh_dc * light + 0.5 * (light - 1.0) / kShConstant;
+    lit.sh_dc = map.sh_dc * light + 0.5 * (light - 1.0) / kSh0;
     lit.sh_rest = map.sh_rest * light.unsqueeze(1);
     const Lit got = draw(map, light);
     const Lit expected = draw(lit, {});

@@ -13,13 +13,12 @@
 #include "apvi/splat/medium_optimizer.hpp"
 #include "apvi/splat/metrics.hpp"
 #include "apvi/splat/render.hpp"
+#include "apvi/splat/sh_math.hpp"
 
 namespace apvi::splat {
 namespace {
 
 using torch::Tensor;
-
-constexpr double kShDc = 0.28209479177387814;  // of the constant spherical harmonic
 
 Medium true_water() {
   return {.beta_d = torch::tensor({0.36, 0.16, 0.12}),
@@ -42,7 +41,7 @@ Gaussians sea_bed() {
           .log_scales = torch::tensor({0.12, 0.02, 0.12}).log().repeat({n, 1}),
           .quaternions = torch::tensor({1.0F, 0.0F, 0.0F, 0.0F}).repeat({n, 1}),
           .logit_opacities = torch::full({n}, 3.0F),
-          .sh_dc = (color - 0.5) / kShDc,
+          .sh_dc = (color - 0.5) / kSh0,
           .sh_rest = torch::zeros({n, 0, 3})};
 }
 
