@@ -16,7 +16,7 @@ using torch::Tensor;
 
 namespace {
 
-constexpr double kChangeLasts = 3.0;  // [s] until a change says a third of what it did
+constexpr double kChangeLasts = 3.0;     // [s] until a change says a third of what it did
 constexpr double kDarkestCorner = 0.05;  // an estimate may not turn a lens opaque
 
 /// How much the readings at `before` and `after` say about a moment `t` [s], the nearer the more.

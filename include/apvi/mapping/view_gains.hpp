@@ -21,8 +21,8 @@ namespace apvi::mapping {
 torch::Tensor corners2(const splat::Intrinsics& camera, const torch::Tensor& x,
                        const torch::Tensor& y);
 
-/// The part of the light that a lens lets through at pixels: 1 - `vignetting` r^2, with r of 1 in the
-/// corners; `x` and `y` [px] broadcast.
+/// The part of the light that a lens lets through at pixels: 1 - `vignetting` r^2, with r of 1 in
+/// the corners; `x` and `y` [px] broadcast.
 torch::Tensor lens_falloff(const splat::Intrinsics& camera, double vignetting,
                            const torch::Tensor& x, const torch::Tensor& y);
 /// At every pixel [H,W,1].
