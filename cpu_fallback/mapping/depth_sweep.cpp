@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
+#include <vector>
 
 #include "sweep_patch.hpp"
 
@@ -78,8 +80,8 @@ struct View {
 /// A point of the reference with its patches, which are taken when they are first asked for.
 class Reference {
  public:
-  Reference(const View& view, float x, float y, float noise)
-      : view_(view), x_(x), y_(y), noise_(noise) {}
+  Reference(const View& view, float x, float y, float noise, float sigma)
+      : view_(view), x_(x), y_(y), noise_(noise), sigma_(sigma) {}
 
   struct Sample {
     Patch patch = {};
@@ -105,7 +107,7 @@ class Reference {
     constexpr float kEdge = kPatchReach + 0.01F;
     const float moved_x = std::clamp(x, kEdge, static_cast<float>(level.width - 1) - kEdge);
     const float moved_y = std::clamp(y, kEdge, static_cast<float>(level.height - 1) - kEdge);
-    return {.patch = take_patch(level, {moved_x, moved_y, 1.0F, 0.0F, 0.0F, 1.0F}, noise_),
+    return {.patch = take_patch(level, {moved_x, moved_y, 1.0F, 0.0F, 0.0F, 1.0F}, noise_, sigma_),
             .dx = (moved_x - x) / scale,
             .dy = (moved_y - y) / scale};
   }
@@ -114,6 +116,7 @@ class Reference {
   float x_;
   float y_;
   float noise_;
+  float sigma_;
   std::array<Sample, kSweepLevels> samples_;
   std::array<bool, kSweepLevels> taken_ = {};
 };
@@ -175,29 +178,37 @@ class Sweeper {
         hypotheses_(input.inverse_depths.data_ptr<float>()),
         count_(input.inverse_depths.size(1)),
         hypothesis_stride_(input.inverse_depths.size(0) > 1 ? count_ : 0),
-        noise_(static_cast<float>(input.noise) * kUnits) {
+        noise_(static_cast<float>(input.noise) * kUnits),
+        sigma_(static_cast<float>(input.patch_sigma) * kUnits) {
     for (std::size_t i = 0; i < pictures.kept.size(); i += kSweepLevels) {
       views_.emplace_back(&pictures.kept[i]);
     }
   }
 
-  /// One point: costs [L], and how many pictures have seen it [L].
-  void sweep(std::int64_t point, float* cost, std::uint8_t* seen) const {
+  /// One point: costs [L], and how many pictures have seen it [L]. `costs` is scratch.
+  void sweep(std::int64_t point, float* cost, std::uint8_t* seen, std::vector<float>& costs) const {
     const float x = points_[2 * point];
     const float y = points_[2 * point + 1];
-    Reference reference(views_.front(), x, y, noise_);
-    std::fill_n(cost, count_, 0.0F);
+    Reference reference(views_.front(), x, y, noise_, sigma_);
+    costs.resize(static_cast<std::size_t>(count_) * views_.size());
     std::fill_n(seen, count_, std::uint8_t{0});
     for (std::size_t v = 1; v < views_.size(); ++v) {
       const Path path(projections_ + 12 * (v - 1), x, y);
-      add_view(point, path, v, reference, cost, seen);
+      add_view(point, path, v, reference, costs.data(), seen);
     }
-    normalise(cost, seen);
+    for (std::int64_t l = 0; l < count_; ++l) {
+      cost[l] = mean_of_best(costs.data() + l * stride(), seen[l]);
+    }
+    fill_unseen(cost, seen);
   }
 
  private:
+  /// Of a hypothesis's row of costs, one a picture that sees it.
+  std::int64_t stride() const { return static_cast<std::int64_t>(views_.size()); }
+
+  /// Puts the picture's costs behind those of the pictures before it.
   void add_view(std::int64_t point, const Path& path, std::size_t v, Reference& reference,
-                float* cost, std::uint8_t* seen) const {
+                float* costs, std::uint8_t* seen) const {
     const float* const w = hypotheses_ + point * hypothesis_stride_;
     const float* const slope = slopes_ + 2 * point;
     const View& view = views_[v];
@@ -219,7 +230,7 @@ class Sweeper {
       const PatchPlace where = in_level(place, sample, level);
       const Level& pixels = view.levels[static_cast<std::size_t>(level)];
       if (!inside(pixels, where)) continue;
-      cost[l] += compare(point, v, w[l], sample.patch, pixels, where);
+      costs[l * stride() + seen[l]] = compare(point, v, w[l], sample.patch, pixels, where);
       ++seen[l];
     }
   }
@@ -256,13 +267,19 @@ class Sweeper {
             static_cast<float>(scattered_there - gain * scattered_here) * kUnits};
   }
 
-  /// Sums to means; a depth that no picture sees is as good as the mean of the others.
-  void normalise(float* cost, const std::uint8_t* seen) const {
+  float mean_of_best(float* costs, int seen) const {
+    if (seen == 0) return 0.0F;
+    const int counted = counted_views(seen, input_.best_share);
+    std::sort(costs, costs + seen);
+    return std::accumulate(costs, costs + counted, 0.0F) / static_cast<float>(counted);
+  }
+
+  /// A depth that no picture sees is as good as the mean of the others.
+  void fill_unseen(float* cost, const std::uint8_t* seen) const {
     double sum = 0.0;
     std::int64_t known = 0;
     for (std::int64_t l = 0; l < count_; ++l) {
       if (seen[l] == 0) continue;
-      cost[l] /= static_cast<float>(seen[l]);
       sum += static_cast<double>(cost[l]);
       ++known;
     }
@@ -282,6 +299,7 @@ class Sweeper {
   std::int64_t count_;
   std::int64_t hypothesis_stride_;
   float noise_;
+  float sigma_;
 };
 
 }  // namespace
@@ -316,8 +334,9 @@ SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input) {
   auto* const cost = out.cost.data_ptr<float>();
   auto* const seen = out.views.data_ptr<std::uint8_t>();
   at::parallel_for(0, points, kBlocksPerTask, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<float> scratch;
     for (std::int64_t i = begin; i < end; ++i) {
-      sweeper.sweep(i, cost + i * count, seen + i * count);
+      sweeper.sweep(i, cost + i * count, seen + i * count, scratch);
     }
   });
   return out;

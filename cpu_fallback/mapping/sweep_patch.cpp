@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sweep_patch.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 /// As in clones.hpp, but with whole-number vectors too.
@@ -34,6 +35,7 @@ constexpr Places make_places() {
 }
 
 constexpr Places kPlaces = make_places();
+constexpr std::array<std::size_t, 4> kMiddle = {12, 13, 18, 19};  // samples around the middle
 
 __attribute__((always_inline)) inline void take_samples(const Level& level, const PatchPlace& p,
                                                         float* __restrict__ samples) {
@@ -59,16 +61,30 @@ __attribute__((always_inline)) inline void take_samples(const Level& level, cons
 
 }  // namespace
 
-APVI_SWEEP_CLONES Patch take_patch(const Level& level, const PatchPlace& place, float noise) {
+APVI_SWEEP_CLONES Patch take_patch(const Level& level, const PatchPlace& place, float noise,
+                                   float sigma) {
   Patch patch = {};
   take_samples(level, place, patch.values.data());
+  float middle = 0.0F;
+  for (const std::size_t k : kMiddle) middle += patch.values[k] / kMiddle.size();
+  float plain = 0.0F;
+  for (const float value : patch.values) plain += value / kSamples;
+  float variance = 0.0F;
+  for (const float value : patch.values) variance += (value - plain) * (value - plain) / kSamples;
+  const float unit = std::max(sigma, std::sqrt(variance));
+  float all = 0.0F;
   float sum = 0.0F;
-  for (const float value : patch.values) sum += value;
-  patch.mean = sum / kSamples;
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    patch.weights[k] = std::exp(-std::fabs(patch.values[k] - middle) / unit);
+    all += patch.weights[k];
+    sum += patch.weights[k] * patch.values[k];
+  }
+  patch.mean = sum / all;
   float squares = 0.0F;
-  for (float& value : patch.values) {
-    value -= patch.mean;
-    squares += value * value;
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    patch.weights[k] *= kSamples / all;
+    patch.values[k] -= patch.mean;
+    squares += patch.weights[k] * patch.values[k] * patch.values[k];
   }
   patch.noise_sum = kSamples * noise * noise;
   patch.inverse_norm = 1.0F / std::sqrt(squares + patch.noise_sum);
@@ -84,9 +100,10 @@ APVI_SWEEP_CLONES float correlation_cost(const Patch& patch, const Level& level,
   float products = 0.0F;
   for (std::size_t k = 0; k < kSamples; ++k) {
     const float value = samples[k] - patch.mean;  // small numbers: their squares keep their digits
-    sum += value;
-    squares += value * value;
-    products += value * patch.values[k];
+    const float weighted = patch.weights[k] * value;
+    sum += weighted;
+    squares += weighted * value;
+    products += weighted * patch.values[k];
   }
   const float spread = squares - sum * sum / kSamples;
   const float correlation =
@@ -101,7 +118,7 @@ APVI_SWEEP_CLONES float difference_cost(const Patch& patch, const Level& level,
   const float mean = gain * patch.mean + offset;
   float sum = 0.0F;
   for (std::size_t k = 0; k < kSamples; ++k) {
-    sum += std::fabs(samples[k] - mean - gain * patch.values[k]);
+    sum += patch.weights[k] * std::fabs(samples[k] - mean - gain * patch.values[k]);
   }
   return sum / kSamples;
 }

@@ -38,20 +38,23 @@ inline bool inside(const Level& level, const PatchPlace& p) {
 
 /// A patch of the reference, ready to be compared.
 struct Patch {
-  alignas(64) std::array<float, kSamples> values;  ///< less their mean
+  alignas(64) std::array<float, kSamples> values;   ///< less their mean
+  alignas(64) std::array<float, kSamples> weights;  ///< of mean 1
   float mean;
   float inverse_norm;  ///< of the values, with the noise added
   float noise_sum;     ///< squared noise of all samples
 };
 
-/// `place` must be `inside`. `noise` in 1/256 grey levels.
-Patch take_patch(const Level& level, const PatchPlace& place, float noise);
+/// `place` must be `inside`. `noise` and `sigma`, by which samples differ from the middle that
+/// weigh 1/e, in 1/256 grey levels.
+Patch take_patch(const Level& level, const PatchPlace& place, float noise, float sigma);
 
-/// One minus the correlation of a patch with the picture at `place`, or 1 where that is negative;
-/// near 1 for what has no contrast.
+/// One minus the weighted correlation of a patch with the picture at `place`, or 1 where that is
+/// negative; near 1 for what has no contrast.
 float correlation_cost(const Patch& patch, const Level& level, const PatchPlace& place);
 
-/// Mean absolute difference of the picture from gain * patch + offset, in 1/256 grey levels.
+/// Weighted mean of the absolute difference of the picture from gain * patch + offset, in 1/256
+/// grey levels.
 float difference_cost(const Patch& patch, const Level& level, const PatchPlace& place, float gain,
                       float offset);
 

@@ -72,12 +72,17 @@ cuda::SweepPointers to_pointers(const SweepPictures& pictures, const SweepInput&
                              .rays = in.rays.data_ptr<float>(),
                              .centers = in.centers.data_ptr<float>(),
                              .absolute = in.cost == PhotometricCost::absolute,
+                             .counted = {},
                              .noise = static_cast<float>(in.noise * kUnits),
+                             .patch_sigma = static_cast<float>(in.patch_sigma * kUnits),
                              .beta_d = in.medium.beta_d,
                              .beta_b = in.medium.beta_b,
                              .b_inf = in.medium.b_inf};
   for (std::size_t i = 0; i < count; ++i) {
     out.pyramids[i] = to_pyramid(&pictures.kept[i * kSweepLevels]);
+  }
+  for (int seen = 0; seen <= out.views; ++seen) {
+    out.counted[seen] = counted_views(seen, in.best_share);
   }
   return out;
 }

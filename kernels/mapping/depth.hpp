@@ -50,7 +50,9 @@ struct SweepPointers {
   const float* rays;            ///< [3,3]
   const float* centers;         ///< [views,3]
   bool absolute;                ///< difference instead of correlation
+  int counted[kMostViews + 1];  ///< pictures that count, by how many see a point
   float noise;                  ///< 1/256 grey levels
+  float patch_sigma;            ///< the same
   double beta_d, beta_b, b_inf;
 };
 

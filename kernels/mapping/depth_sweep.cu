@@ -14,6 +14,8 @@ constexpr float kUnits = 255.0f * 256.0f;
 constexpr float kLargestStep2 = 1.25f * 1.25f;      // [px²] between two hypotheses in one picture
 constexpr float kDifferenceLimit = 32.0f * 256.0f;  // of the mean absolute difference
 constexpr float kBehind = 1e-6f;
+constexpr int kFew = 5;        // pictures that count: half of the nine of a window of ten
+constexpr int kNeighbors = 9;  // all of them
 
 struct PatchPlace {
   float x, y;
@@ -22,7 +24,8 @@ struct PatchPlace {
 
 /// A patch of the reference in one reduction.
 struct Patch {
-  float values[kSamples];  ///< less their mean
+  float values[kSamples];   ///< less their mean
+  float weights[kSamples];  ///< of mean 1
   float mean;
   float inverse_norm;
   float dx, dy;  ///< [px] of the whole picture: how far it was moved to lie in it
@@ -70,7 +73,7 @@ __device__ float warp_sum(float value) {
 
 /// One warp, one sample a lane.
 __device__ void take_patch(const PictureLevel& level, int index, float x, float y, float noise,
-                           Patch& patch) {
+                           float sigma, Patch& patch) {
   const float scale = 1.0f / static_cast<float>(1 << index);
   const float px = scale * x - 0.5f;
   const float py = scale * y - 0.5f;
@@ -80,10 +83,18 @@ __device__ void take_patch(const PictureLevel& level, int index, float x, float 
   const int lane = static_cast<int>(threadIdx.x) % kSamples;
   const float sample =
       take_sample(level, {moved_x, moved_y, 1.0f, 0.0f, 0.0f, 1.0f}, sample_place(lane));
-  const float mean = warp_sum(sample) / kSamples;
+  const bool in_middle = lane == 12 || lane == 13 || lane == 18 || lane == 19;
+  const float middle = 0.25f * warp_sum(in_middle ? sample : 0.0f);
+  const float plain = warp_sum(sample) / kSamples;
+  const float variance = warp_sum((sample - plain) * (sample - plain)) / kSamples;
+  const float unit = fmaxf(sigma, sqrtf(variance));
+  const float likeness = expf(-fabsf(sample - middle) / unit);
+  const float weight = likeness * kSamples / warp_sum(likeness);
+  const float mean = warp_sum(weight * sample) / kSamples;
   const float value = sample - mean;
-  const float squares = warp_sum(value * value);
+  const float squares = warp_sum(weight * value * value);
   patch.values[lane] = value;
+  patch.weights[lane] = weight;
   if (lane != 0) return;
   patch.mean = mean;
   patch.inverse_norm = 1.0f / sqrtf(squares + kSamples * noise * noise);
@@ -135,9 +146,10 @@ __device__ float correlation_cost(const Patch& patch, const PictureLevel& level,
 #pragma unroll
   for (int k = 0; k < kSamples; ++k) {
     const float value = take_sample(level, place, sample_place(k)) - patch.mean;
-    sum += value;
-    squares += value * value;
-    products += value * patch.values[k];
+    const float weighted = patch.weights[k] * value;
+    sum += weighted;
+    squares += weighted * value;
+    products += weighted * patch.values[k];
   }
   const float spread = fmaxf(squares - sum * sum / kSamples, 0.0f);
   const float correlation =
@@ -151,7 +163,8 @@ __device__ float difference_cost(const Patch& patch, const PictureLevel& level,
   float sum = 0.0f;
 #pragma unroll
   for (int k = 0; k < kSamples; ++k) {
-    sum += fabsf(take_sample(level, place, sample_place(k)) - mean - gain * patch.values[k]);
+    const float sample = take_sample(level, place, sample_place(k));
+    sum += patch.weights[k] * fabsf(sample - mean - gain * patch.values[k]);
   }
   return sum / kSamples;
 }
@@ -178,10 +191,31 @@ __device__ float2 through_water(const SweepPointers& in, float2 point, int view,
           static_cast<float>(scattered_there - gain * scattered_here) * kUnits};
 }
 
-/// What one hypothesis costs, summed over the pictures that see it.
+/// What one hypothesis costs in the pictures that see it: the least kMost of these, in order.
+template <int kMost>
 struct Tally {
-  float cost = 0.0f;
+  float least[kMost];
   int seen = 0;
+
+  __device__ Tally() {
+#pragma unroll
+    for (int i = 0; i < kMost; ++i) least[i] = FLT_MAX;
+  }
+  __device__ void add(float cost) {
+    ++seen;
+#pragma unroll
+    for (int i = 0; i < kMost; ++i) {
+      const float larger = fmaxf(least[i], cost);
+      least[i] = fminf(least[i], cost);
+      cost = larger;
+    }
+  }
+  __device__ float mean(int count) const {
+    float sum = 0.0f;
+#pragma unroll
+    for (int i = 0; i < kMost; ++i) sum += i < count ? least[i] : 0.0f;
+    return sum / static_cast<float>(count);
+  }
 };
 
 struct Hypothesis {
@@ -192,8 +226,9 @@ struct Hypothesis {
   float next;  ///< of the neighbour
 };
 
+template <int kMost>
 __device__ void add_view(const SweepPointers& in, const Hypothesis& h, int view,
-                         const Patch* patches, Tally& tally) {
+                         const Patch* patches, Tally<kMost>& tally) {
   const Path path(in.projections + 12 * view, h.point.x, h.point.y);
   if (path.depth_factor(h.w) < kBehind || path.depth_factor(h.next) < kBehind) return;
   PatchPlace place = path.at(h.w, h.slope);
@@ -211,14 +246,13 @@ __device__ void add_view(const SweepPointers& in, const Hypothesis& h, int view,
   place.y = scale * (place.y + place.yx * patch.dx + place.yy * patch.dy) - 0.5f;
   const PictureLevel& pixels = pyramid.levels[level];
   if (!inside(pixels, place)) return;
-  ++tally.seen;
   if (!in.absolute) {
-    tally.cost += correlation_cost(patch, pixels, place, in.noise);
+    tally.add(correlation_cost(patch, pixels, place, in.noise));
     return;
   }
   const float2 water = through_water(in, h.point, view, h.w);
-  tally.cost +=
-      fminf(1.0f, difference_cost(patch, pixels, place, water.x, water.y) / kDifferenceLimit);
+  tally.add(
+      fminf(1.0f, difference_cost(patch, pixels, place, water.x, water.y) / kDifferenceLimit));
 }
 
 __device__ Hypothesis hypothesis_of(const SweepPointers& in, int point, int label) {
@@ -233,6 +267,7 @@ __device__ Hypothesis hypothesis_of(const SweepPointers& in, int point, int labe
 
 /// A block has some points; its threads share out their hypotheses. A depth that no picture sees
 /// is as good as the mean of the point's others, in `neutral_kernel`.
+template <int kMost>
 __global__ void sweep_kernel(const __grid_constant__ SweepPointers in, int per_block, float* cost,
                              std::uint8_t* seen) {
   __shared__ Patch patches[kMostPoints][kDepthLevels];
@@ -244,16 +279,16 @@ __global__ void sweep_kernel(const __grid_constant__ SweepPointers in, int per_b
     const int point = first + k / kDepthLevels;
     if (level >= in.pyramids[0].count) continue;
     take_patch(in.pyramids[0].levels[level], level, in.places[2 * point], in.places[2 * point + 1],
-               in.noise, patches[k / kDepthLevels][level]);
+               in.noise, in.patch_sigma, patches[k / kDepthLevels][level]);
   }
   __syncthreads();
   for (int k = static_cast<int>(threadIdx.x); k < points * in.labels; k += kThreads) {
     const int own = k / in.labels;
     const Hypothesis h = hypothesis_of(in, first + own, k - own * in.labels);
-    Tally tally;
+    Tally<kMost> tally;
     for (int view = 0; view < in.views; ++view) add_view(in, h, view, patches[own], tally);
     const std::int64_t i = static_cast<std::int64_t>(first) * in.labels + k;
-    cost[i] = tally.seen > 0 ? tally.cost / static_cast<float>(tally.seen) : 0.0f;
+    cost[i] = tally.seen > 0 ? tally.mean(in.counted[tally.seen]) : 0.0f;
     seen[i] = static_cast<std::uint8_t>(tally.seen);
   }
 }
@@ -286,7 +321,11 @@ cudaError_t launch_sweep(const SweepPointers& in, float* cost, std::uint8_t* see
   if (in.points == 0 || in.labels == 0) return cudaSuccess;
   const int per_block = max(1, min(kMostPoints, kThreads / in.labels));
   const auto blocks = static_cast<unsigned>((in.points + per_block - 1) / per_block);
-  sweep_kernel<<<blocks, kThreads, 0, stream>>>(in, per_block, cost, seen);
+  const int most = in.counted[in.views];
+  const auto kernel = most <= kFew         ? sweep_kernel<kFew>
+                      : most <= kNeighbors ? sweep_kernel<kNeighbors>
+                                           : sweep_kernel<kMostViews>;
+  kernel<<<blocks, kThreads, 0, stream>>>(in, per_block, cost, seen);
   constexpr int kRows = kThreads / kSamples;
   neutral_kernel<<<static_cast<unsigned>((in.points + kRows - 1) / kRows), kThreads, 0, stream>>>(
       in.points, in.labels, cost, seen);

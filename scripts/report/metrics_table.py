@@ -48,6 +48,7 @@ OTHERS = {
     "mapping.restored_seen_psnr_db": ("Restored views, what the water lets be seen: PSNR", "dB", 2),
     "mapping.depth_rmse_m": ("Depth error of the map, RMSE", "m", 3),
     "mapping.depth_seen_rmse_m": ("The same, of what the water lets be seen", "m", 3),
+    "mapping.depth_half_pixel_rmse_m": ("What a perfect map half a pixel aside would have", "m", 3),
     "mapping.depth_abs_rel": ("Depth error of the map, relative", "", 4),
     "mapping.gaussians": ("Gaussians", "", None),
     "mapping.iterations": ("Optimisation steps", "", None),

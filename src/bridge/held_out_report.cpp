@@ -63,7 +63,8 @@ struct TruthErrors {
   std::optional<double> depth_mean_m;  ///< of the truth
   std::optional<double> depth_rmse_m;
   std::optional<double> depth_abs_rel;
-  std::optional<double> depth_seen_rmse_m;  ///< where the picture tells of what is there
+  std::optional<double> depth_seen_rmse_m;        ///< where the picture tells of what is there
+  std::optional<double> depth_half_pixel_rmse_m;  ///< of the truth, half a pixel aside
   std::optional<double> restored_psnr_db;
   std::optional<double> restored_seen_psnr_db;
 };
@@ -74,11 +75,12 @@ struct NamedFigure {
   Figure value;
   bool squares_add_up = false;
 };
-constexpr std::array<NamedFigure, 6> kFigures = {
+constexpr std::array<NamedFigure, 7> kFigures = {
     {{"depth_mean_m", &TruthErrors::depth_mean_m},
      {"depth_rmse_m", &TruthErrors::depth_rmse_m, true},
      {"depth_abs_rel", &TruthErrors::depth_abs_rel},
      {"depth_seen_rmse_m", &TruthErrors::depth_seen_rmse_m, true},
+     {"depth_half_pixel_rmse_m", &TruthErrors::depth_half_pixel_rmse_m, true},
      {"restored_psnr_db", &TruthErrors::restored_psnr_db},
      {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
 
@@ -106,6 +108,7 @@ TruthErrors compare(const mapping::Picture& picture, const mapping::Keyframe& ke
       out.depth_abs_rel = errors->abs_rel;
       out.depth_mean_m = depth->index({*depth > 0}).mean().item<double>();
     }
+    out.depth_half_pixel_rmse_m = splat::half_pixel_depth_rmse(*depth);
     if (seen.defined()) {
       const auto errors = splat::depth_errors(cpu(picture.depth), *depth * seen);
       if (errors) out.depth_seen_rmse_m = errors->rmse_m;

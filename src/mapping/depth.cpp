@@ -128,7 +128,9 @@ class Estimator {
                     .rays = geometry_.rays,
                     .centers = geometry_.centers,
                     .cost = options_.cost,
+                    .best_share = options_.best_share,
                     .noise = options_.noise,
+                    .patch_sigma = options_.patch_sigma,
                     .medium = medium_});
   }
 
@@ -361,6 +363,9 @@ void check_options(const DepthOptions& o) {
               "depth: the range must be 0 < near < far, not ", o.near_m, " to ", o.far_m, " m");
   TORCH_CHECK(o.hypotheses >= 8, "depth: at least 8 hypotheses are needed, not ", o.hypotheses);
   TORCH_CHECK(o.views >= 1, "depth: at least one view is needed");
+  TORCH_CHECK(o.patch_sigma > 0.0, "depth: a patch's sigma must be positive, not ", o.patch_sigma);
+  TORCH_CHECK(o.best_share > 0.0 && o.best_share <= 1.0,
+              "depth: a share of the views must be in (0, 1], not ", o.best_share);
 }
 
 DepthVerdict first_look(const std::vector<DepthView>& views, const Tensor& grey) {

@@ -4,9 +4,15 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace apvi::mapping {
+
+int counted_views(int seen, double best_share) {
+  constexpr int kFewest = 4;  // fewer may agree by chance
+  return std::max(std::min(seen, kFewest), static_cast<int>(std::ceil(best_share * seen)));
+}
 
 float SmoothInput::lambda(int round) const {
   const int rounds = options.iterations;

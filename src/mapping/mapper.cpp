@@ -230,9 +230,7 @@ void Mapper::survey_water() {
   const torch::NoGradGuard no_grad;
   const auto entry = times_.enter("water");
   const Map map = learner_->whole_map();
-  const splat::Medium usual = splat::coastal_medium();
-  const WaterPrior prior = {
-      .medium = usual, .lamp = options_.trainer.lamp, .surveys = learner_->surveys()};
+  const WaterPrior prior = usual_prior(options_.trainer.lamp, learner_->surveys());
   const auto survey = mapping::survey_water(
       map, keyframes_, kSurveySpacing * extent_, prior,
       seed_of(options_.trainer.seed, Stream::survey, iteration_), options_.depth);
@@ -244,7 +242,7 @@ void Mapper::survey_water() {
     learner_->adopt(*survey, keyframes_);
     schedule_.pardon();
   } else if (!learner_->medium()) {
-    learner_->adopt(usual, torch::zeros({3, 3, 3}, torch::kFloat64), keyframes_);
+    learner_->adopt(splat::coastal_medium(), torch::zeros({3, 3, 3}, torch::kFloat64), keyframes_);
   }
   learner_->set_vio_failing(vio_failing_);
 }

@@ -121,6 +121,11 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (estimate.verdict != DepthVerdict::estimated) return;
   const auto entry = times_.enter("filling");
   const splat::View camera = keyframes_.view(view, 1);
+  if (learner_ && !options_.trainer.lamp) {
+    const Tensor gone = in_free_space(estimate, camera, learner_->whole_map().gaussians.means,
+                                      options_.online.free_space);
+    if (gone.any().item<bool>()) learner_->remove(gone);
+  }
   const Tensor picture = keyframes_.image(view, 1, keyframes_[view].image.device());
   Tensor drawn = torch::zeros_like(picture);
   Tensor alpha = torch::zeros({picture.size(0), picture.size(1)}, picture.options());

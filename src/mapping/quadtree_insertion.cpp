@@ -3,7 +3,10 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <map>
+#include <vector>
 
 namespace apvi::mapping {
 namespace {
@@ -53,6 +56,29 @@ Tensor blocks_to_fill(const DepthEstimate& estimate, const Tensor& points, const
   const Tensor right = (means[0] >= options.covered_alpha) & (means[1] <= options.covered_error);
   const Tensor wanting = (means[2] == 0.0) & ~right;
   return estimate.confident & (estimate.depth > 0) & wanting.to(torch::kCPU);
+}
+
+Tensor in_free_space(const DepthEstimate& estimate, const splat::View& view, const Tensor& means,
+                     double nearer) {
+  const splat::Intrinsics& k = view.intrinsics;
+  Tensor free = torch::zeros({k.height, k.width}, torch::kFloat32);
+  const auto depth = estimate.depth.accessor<float, 1>();
+  const auto confident = estimate.confident.accessor<bool, 1>();
+  for (std::size_t i = 0; i < estimate.blocks.size(); ++i) {
+    const Block& b = estimate.blocks[i];
+    const auto number = static_cast<std::int64_t>(i);
+    if (!confident[number]) continue;
+    for (int y = b.y; y < b.y + b.height; ++y) {
+      float* const row = free.data_ptr<float>() + static_cast<std::ptrdiff_t>(y) * k.width;
+      std::fill_n(row + b.x, b.width, static_cast<float>(nearer) * depth[number]);
+    }
+  }
+  splat::View there = view;
+  there.T_camera_world = view.T_camera_world.to(means.options());
+  const SeenPoints seen = project(there, means);
+  const Tensor limit =
+      free.to(means.device()).reshape({-1}).index_select(0, pixel_index(k, seen.pixels));
+  return seen.in_view & (seen.depths < limit);
 }
 
 Seeds seeds_of_blocks(const DepthEstimate& estimate, const Tensor& which, double opacity) {

@@ -92,9 +92,9 @@ void Trainer::maybe_survey_water() {
   ++surveys_;
   const torch::NoGradGuard no_grad;
   const Map seen = whole_map();
-  const auto survey = survey_water(seen, keyframes_, kSurveySpacing * extent_,
-                                   {.medium = splat::coastal_medium(), .lamp = options_.lamp},
-                                   seed_of(options_.seed, Stream::survey, iteration_));
+  const auto survey =
+      survey_water(seen, keyframes_, kSurveySpacing * extent_, usual_prior(options_.lamp),
+                   seed_of(options_.seed, Stream::survey, iteration_));
   if (survey) learner_.adopt(*survey, keyframes_);
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "apvi/splat/medium_estimate.hpp"
 #include "water_equations.hpp"
 #include "water_model.hpp"
 
@@ -24,6 +25,8 @@ constexpr double kGauge = 1e4;       // holds the mean of the gains
 constexpr double kHeld = 1e-3;       // sigma of what surveys have settled
 constexpr std::int64_t kWater = 3;   // parameters of a channel's water; a lamp's are behind
 constexpr std::int64_t kShared = 2;  // of these, those that surveys have in common
+constexpr double kLamplitVeil = 0.03;
+constexpr double kLamplitVeilSigma = 2.0;  // of its logarithm: 0.004 to 0.2
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 /// Parameters: those of the water by channel, the vignetting, the logarithms of the views' gains.
@@ -161,6 +164,15 @@ class Solver {
 };
 
 }  // namespace
+
+WaterPrior usual_prior(const std::optional<splat::Lamp>& lamp, const WaterBelief& surveys) {
+  WaterPrior prior = {.medium = splat::coastal_medium(), .lamp = lamp, .surveys = surveys};
+  if (lamp) {
+    prior.medium.b_inf = torch::full({3}, kLamplitVeil, kF64);
+    prior.b_inf_sigma = kLamplitVeilSigma;
+  }
+  return prior;
+}
 
 std::optional<WaterFit> fit_water(const Sightings& sightings, const WaterPrior& prior) {
   if (!sightings.ranges.defined() || sightings.ranges.size(0) < kFewestSightings) {

@@ -60,6 +60,10 @@ Tensor halved(const Tensor& x) {
   return torch::avg_pool2d(x, 2);
 }
 
+Tensor usable(const Tensor& depth) {
+  return (depth > 0) & torch::isfinite(depth);
+}
+
 }  // namespace
 
 double psnr(const Tensor& image, const Tensor& truth) {
@@ -116,7 +120,6 @@ Tensor median_image(const std::vector<Tensor>& images) {
 std::optional<DepthErrors> depth_errors(const Tensor& depth, const Tensor& truth) {
   TORCH_CHECK(depth.dim() == 2 && depth.sizes() == truth.sizes(), "metric: depth maps ",
               depth.sizes(), " and ", truth.sizes(), " do not fit");
-  const auto usable = [](const Tensor& t) { return (t > 0) & torch::isfinite(t); };
   const Tensor there = usable(truth);
   const Tensor both = there & usable(depth);
   const auto pixels = both.sum().item<std::int64_t>();
@@ -127,6 +130,23 @@ std::optional<DepthErrors> depth_errors(const Tensor& depth, const Tensor& truth
                      .abs_rel = (error.abs() / expected).mean().item<double>(),
                      .coverage = static_cast<double>(pixels) / there.sum().item<double>(),
                      .pixels = pixels};
+}
+
+std::optional<double> half_pixel_depth_rmse(const Tensor& truth) {
+  TORCH_CHECK(truth.dim() == 2, "metric: a depth map must be [H,W], not ", truth.sizes());
+  const Tensor depth = truth.detach().to(torch::kFloat64);
+  double squares = 0.0;
+  std::int64_t pairs = 0;
+  for (const std::int64_t dim : {0, 1}) {
+    const Tensor here = depth.slice(dim, 0, -1);
+    const Tensor beside = depth.slice(dim, 1);
+    const Tensor both = usable(here) & usable(beside);
+    // Half way between two pixels is their mean, off from either by half of what they differ by.
+    squares += (0.5 * (beside - here)).index({both}).square().sum().item<double>();
+    pairs += both.sum().item<std::int64_t>();
+  }
+  if (pairs == 0) return std::nullopt;
+  return std::sqrt(squares / static_cast<double>(pairs));
 }
 
 }  // namespace apvi::splat

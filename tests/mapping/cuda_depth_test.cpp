@@ -100,6 +100,28 @@ TEST_F(CudaDepth, SweepsFewDepthsOfEachPointAsTheCpuDoes) {
   expect_alike(request, a, b);
 }
 
+TEST_F(CudaDepth, CountsTheViewsThatFitBestAsTheCpuDoes) {
+  const DepthRequest request = test::walk_along(kSlope);
+  for (const double share : {0.1, 0.5, 0.8}) {
+    SweepInput a = sweep_input(request, torch::kCPU);
+    SweepInput b = sweep_input(request, torch::kCUDA);
+    a.best_share = b.best_share = share;
+    expect_alike(request, a, b);
+  }
+}
+
+TEST_F(CudaDepth, CountsTheBestOfAsManyViewsAsThereMayBeAsTheCpuDoes) {
+  DepthRequest request = test::walk_along(kSlope);
+  while (request.views.size() < 32)
+    request.views.push_back(request.views[request.views.size() - 5]);
+  for (const double share : {0.5, 1.0}) {
+    SweepInput a = sweep_input(request, torch::kCPU);
+    SweepInput b = sweep_input(request, torch::kCUDA);
+    a.best_share = b.best_share = share;
+    expect_alike(request, a, b);
+  }
+}
+
 TEST_F(CudaDepth, ComparesThroughWaterAsTheCpuDoes) {
   const DepthRequest request = test::walk_along(kSlope);
   SweepInput a = sweep_input(request, torch::kCPU);

@@ -82,6 +82,25 @@ TEST(DepthSweep, EveryPictureCountsOnce) {
   }
 }
 
+TEST(DepthSweep, CountsTheViewsThatFitBest) {
+  Row row({0.0, 0.05, -0.05, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2});
+  const int wall = wall_index(row);
+  for (const std::size_t v : {1, 3, 5, 7})
+    row.greys[v] = 1.0 - row.greys[v];  // something is before it
+  EXPECT_GT(row.sweep().cost[0][wall].item<float>(), 0.4F);
+  row.input.best_share = 0.5;
+  EXPECT_LT(row.sweep().cost[0][wall].item<float>(), 0.05F);
+  EXPECT_EQ(row.sweep().views[0][wall].item<int>(), 8);
+}
+
+TEST(DepthSweep, OfFewViewsAllCount) {
+  EXPECT_EQ(counted_views(0, 0.5), 0);
+  EXPECT_EQ(counted_views(2, 0.1), 2);
+  EXPECT_EQ(counted_views(7, 0.5), 4);
+  EXPECT_EQ(counted_views(9, 0.5), 5);
+  EXPECT_EQ(counted_views(31, 1.0), 31);
+}
+
 TEST(DepthSweep, ThePictureOfAViewMayBeBrighterOrFlatter) {
   Row row({0.0, 0.1, -0.1, 0.2});
   row.input.noise = 0.0;

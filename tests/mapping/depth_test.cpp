@@ -84,6 +84,50 @@ TEST(EstimateDepth, FindsAWallInAnImageThatBlocksDoNotDivide) {
       0.005);
 }
 
+/// Bars of 7 cm, 9 cm apart, 1 m before the cameras and a dull wall a metre behind them, from nine
+/// places beside each other.
+constexpr Plane kBars = {{0.0, 0.0, 1.0}, 1.0};
+Tensor is_bar(const splat::View& camera, double x) {
+  const splat::Intrinsics& k = camera.intrinsics;
+  const Tensor column = (torch::arange(k.width, torch::kFloat64) + 0.5 - k.cx) / k.fx + x;
+  return (torch::remainder(column, 0.16) < 0.07).unsqueeze(0).expand({k.height, k.width});
+}
+
+DepthRequest before_bars() {
+  DepthRequest request;
+  for (const double x : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12, -0.16, 0.16}) {
+    const splat::View camera = camera_at(x, 0.0, 0.0);
+    DepthView view = look(kWall, camera, 0.5);
+    view.grey = torch::where(is_bar(camera, x), look(kBars, camera).grey, view.grey);
+    request.views.push_back(view);
+  }
+  return request;
+}
+
+/// Part of the blocks that see the wall, more than half a patch from any bar, whose depth is right.
+double right_behind_bars(double best_share) {
+  const DepthRequest request = before_bars();
+  DepthOptions options;
+  options.best_share = best_share;
+  options.adapt_range = false;  // the coarse look sees nothing but bars
+  const DepthEstimate out = estimate_depth(request, options);
+  const splat::View& camera = request.views.front().camera;
+  const Tensor beside =
+      torch::max_pool2d(is_bar(camera, 0.0).to(torch::kFloat32).unsqueeze(0), 7, 1, 3)[0] > 0.5;
+  const Tensor at = out.points.to(torch::kInt64);
+  const Tensor clear =
+      ~beside.reshape({-1}).index_select(0, at.select(1, 1) * beside.size(1) + at.select(1, 0));
+  EXPECT_GT(clear.sum().item<int>(), 100);
+  const Tensor errors = block_errors(out, depth_of(kWall, camera));
+  return share(errors.masked_select(clear) < 0.05);
+}
+
+TEST(EstimateDepth, FindsAWallBehindBars) {
+  const double found = right_behind_bars(DepthOptions().best_share);
+  EXPECT_GT(found, 0.75);
+  EXPECT_LT(right_behind_bars(1.0), found - 0.2);
+}
+
 TEST(EstimateDepth, TheGainOfOneViewChangesNothingMuch) {
   DepthRequest request = walk_along(kSlope);
   const DepthEstimate before = estimate_depth(request, {});
@@ -151,6 +195,7 @@ TEST(EstimateDepth, WaterThatIsKnownDoesNotLeadAstray) {
   }
   DepthOptions options;
   options.cost = PhotometricCost::absolute;
+  options.best_share = 1.0;  // those that see the slope through other water than the first, too
   const Tensor truth = depth_of(kSlope, request.views.front().camera);
   const Tensor without = block_errors(estimate_depth(request, options), truth);
   request.medium = medium;

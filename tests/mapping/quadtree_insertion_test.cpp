@@ -74,6 +74,25 @@ TEST(BlocksToFill, BecomeSeedsInTheirMiddleAsWideAsTheyAre) {
   EXPECT_DOUBLE_EQ(seeds.radii_px[0].item<double>(), 8.0);
 }
 
+TEST(InFreeSpace, AreThoseBeforeADepthThatIsBelieved) {
+  DepthEstimate estimate = four_blocks();
+  estimate.confident[3] = false;
+  const splat::View view = {
+      .intrinsics = {.fx = 32.0, .fy = 32.0, .cx = 16.0, .cy = 16.0, .width = 32, .height = 32},
+      .T_camera_world = torch::eye(4, torch::kFloat64),
+      .pose_delta = {}};
+  const auto at = [](float u, float v, float z) {  // where it is drawn, and how far
+    return torch::tensor({(u - 16.0F) / 32.0F * z, (v - 16.0F) / 32.0F * z, z});
+  };
+  const Tensor means =
+      torch::stack({at(24, 8, 1.5F), at(24, 8, 1.7F), at(24, 8, 2.5F), at(8, 24, 2.3F),
+                    at(8, 8, 0.9F), at(24, 24, 1.0F), at(40, 8, 1.0F), at(24, 8, -1.0F)});
+  const Tensor expected =
+      torch::tensor({true, false, false, true, false, false, false, false}, torch::kBool);
+  EXPECT_TRUE(torch::equal(in_free_space(estimate, view, means, 0.8), expected));
+  EXPECT_FALSE(in_free_space(estimate, view, means, 0.0).any().item<bool>());
+}
+
 TEST(BlockMeans, AreMeansOfWhatTheBlockCovers) {
   torch::manual_seed(2);
   const Tensor images = torch::rand({2, 20, 30});

@@ -55,10 +55,6 @@ Sightings see(double nearest, double farthest, double noise = 0.005) {
   return s;
 }
 
-WaterPrior usual_prior() {
-  return {.medium = splat::coastal_medium()};
-}
-
 double worst_relative_error(const Tensor& got, const Tensor& truth) {
   return ((got - truth).abs() / truth).max().item<double>();
 }
@@ -114,9 +110,9 @@ TEST(FitWater, KnowsHowFarItIsOff) {
 }
 
 /// Sightings of a bed that is lit by a lamp beside the camera, and a little daylight.
-Sightings see_by_lamplight(const splat::LampLight& light) {
+Sightings see_by_lamplight(const splat::LampLight& light,
+                           const splat::Medium& water = water_of_a_lake()) {
   Sightings s = see(1.0, 3.5);
-  const splat::Medium water = water_of_a_lake();
   const std::int64_t n = s.ranges.size(0);
   const Tensor across = 0.5 * torch::randn({n, 2}, kF64);
   const Tensor ahead = torch::cat({across, torch::ones({n, 1}, kF64)}, 1);
@@ -154,9 +150,7 @@ splat::LampLight lamp_of_a_vehicle() {
 
 TEST(FitWater, FindsTheWaterWithinATenthByLamplight) {
   const splat::LampLight light = lamp_of_a_vehicle();
-  WaterPrior prior = usual_prior();
-  prior.lamp = light.lamp;
-  const auto fit = fit_water(see_by_lamplight(light), prior);
+  const auto fit = fit_water(see_by_lamplight(light), usual_prior(light.lamp));
   ASSERT_TRUE(fit && fit->medium.lamp);
   const splat::Medium truth = water_of_a_lake();
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, truth.beta_d), 0.1);
@@ -168,6 +162,23 @@ TEST(FitWater, FindsTheWaterWithinATenthByLamplight) {
   const Tensor there =
       splat::lamp_shine(light.lamp, light.unit_range_m, truth.beta_d, at_one).value[0];
   EXPECT_LT(worst_relative_error(found.glow, light.glow * there), 0.2);
+}
+
+// Of some two bytes where it is brightest, which is less than a sighting's noise.
+TEST(FitWater, AVeilThatIsHardlyThereIsNotHeldUpByWhatIsUsualAtTheCoast) {
+  const splat::LampLight light = lamp_of_a_vehicle();
+  splat::Medium water = water_of_a_lake();
+  water.b_inf = torch::tensor({0.01, 0.012, 0.003}, kF64);
+  const Sightings s = see_by_lamplight(light, water);
+  const auto fit = fit_water(s, usual_prior(light.lamp));
+  const auto coastal = fit_water(s, {.medium = splat::coastal_medium(), .lamp = light.lamp});
+  ASSERT_TRUE(fit && coastal);
+  const auto off = [&](const WaterFit& f) {
+    return (f.medium.b_inf / water.b_inf).log().abs().mean().item<double>();
+  };
+  EXPECT_LT(off(*fit), 0.25);
+  EXPECT_GT(off(*coastal), 2.0 * off(*fit));
+  EXPECT_LT(worst_relative_error(fit->medium.beta_d, water.beta_d), 0.1);
 }
 
 TEST(FitWater, TakesLamplightForMurkWhenNobodyTellsOfTheLamp) {

@@ -132,6 +132,18 @@ TEST(DepthErrors, AreThoseOfThePixelsThatBothHave) {
   EXPECT_NEAR(errors.coverage, 3.0 / 5.0, 1e-12);
 }
 
+TEST(HalfPixelDepth, IsHalfOfWhatNeighboursDifferBy) {
+  const Tensor steps = torch::tensor({{1.0, 3.0, 0.0}, {1.0, 7.0, 4.0}});
+  // Pairs: 1 1 and 3 7 below each other; 1 3, 1 7 and 7 4 beside each other.
+  const double expected = std::sqrt((0.0 + 4.0 + 1.0 + 9.0 + 2.25) / 5.0);
+  EXPECT_NEAR(half_pixel_depth_rmse(steps).value(), expected, 1e-12);
+}
+
+TEST(HalfPixelDepth, IsAbsentWhereNoTwoPixelsHaveDepth) {
+  EXPECT_FALSE(half_pixel_depth_rmse(torch::tensor({{1.0, 0.0}, {0.0, 2.0}})).has_value());
+  EXPECT_DOUBLE_EQ(half_pixel_depth_rmse(torch::full({4, 5}, 2.0)).value(), 0.0);
+}
+
 TEST(DepthErrors, AreAbsentWhereNothingCanBeCompared) {
   EXPECT_FALSE(depth_errors(torch::zeros({3, 3}), torch::ones({3, 3})).has_value());
   EXPECT_THROW(depth_errors(torch::zeros({3, 3}), torch::ones({3, 4})), c10::Error);

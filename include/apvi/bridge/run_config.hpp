@@ -122,6 +122,9 @@ struct OnlineSection : mapping::OnlineOptions {
       "a block of a keyframe that the map draws so densely");
     v("covered_error", covered_error, Range{0.0, 1.0},
       "and with so small a mean error gets no Gaussian");
+    v("free_space", free_space, Range{0.0, 0.95},
+      "by daylight Gaussians nearer than this part of a depth that is believed behind them go; 0: "
+      "none");
   }
 };
 

@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <limits>
 #include <string_view>
 #include <vector>
 
@@ -37,13 +38,20 @@ struct SweepInput {
   torch::Tensor rays;            ///< [3,3] float32 K_ref^-1; this and `centers` for water
   torch::Tensor centers;         ///< [V,3] float32 the other cameras, in the reference camera [m]
   PhotometricCost cost = PhotometricCost::zncc;
+  double best_share = 1.0;  ///< as DepthOptions
   double noise = 0.0;
+  double patch_sigma = std::numeric_limits<double>::infinity();  ///< as DepthOptions
   GreyMedium medium;
 };
 
+/// How many of the `seen` pictures that could see a point count. What lies behind bars or beside an
+/// edge is hidden in some, and these would outvote the others (Kang, Szeliski and Chai, "Handling
+/// occlusions in dense multi-view stereo", 2001); of few, all count.
+int counted_views(int seen, double best_share);
+
 struct SweepOutput {
-  torch::Tensor cost;   ///< [B,L] float32 mean over the pictures that see the point, in [0, 1]
-  torch::Tensor views;  ///< [B,L] uint8 how many do; with none the cost is the point's mean
+  torch::Tensor cost;   ///< [B,L] float32 mean over the pictures that count, in [0, 1]
+  torch::Tensor views;  ///< [B,L] uint8 how many see it; with none the cost is the point's mean
 };
 
 /// Blocks, what each thinks of every hypothesis, and who touches whom.
@@ -81,7 +89,9 @@ class DepthBackend {
   virtual std::string_view name() const = 0;
   /// Makes pictures [H,W] float32 in [0, 1] ready for sweeps.
   virtual SweepPictures prepare(const std::vector<torch::Tensor>& greys) const = 0;
-  /// Compares the surroundings of every point with the other pictures at every depth. Where the
+  /// Compares the surroundings of every point with the other pictures at every depth, those pixels
+  /// most that look like the point (Schönberger et al., "Pixelwise view selection for unstructured
+  /// multi-view stereo", 2016: what lies beside an edge would get the depth before it). Where the
   /// neighbouring depth is more than a pixel away, both are looked at in a reduction in which it is
   /// not, so that no minimum falls between two hypotheses.
   virtual SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input) const = 0;

@@ -56,9 +56,13 @@ struct DepthOptions {
   /// Whether a sweep of the largest blocks first finds the depths that occur, so that all
   /// hypotheses lie there.
   bool adapt_range = true;
-  int views = 10;  ///< at most so many pictures are compared, the reference among them
+  int views = 10;           ///< at most so many pictures are compared, the reference among them
+  double best_share = 0.5;  ///< of those that see a point: so many count, those that fit best
   PhotometricCost cost = PhotometricCost::zncc;
   double noise = 0.5 / 255.0;  ///< of an intensity; contrast below it says little
+  /// A pixel of a patch that differs by this in intensity from its middle counts 1/e, or by the
+  /// patch's standard deviation if that is more: it may be of another surface.
+  double patch_sigma = 10.0 / 255.0;
   QuadtreeOptions quadtree;
   BeliefOptions belief;
   UpsampleOptions upsample;

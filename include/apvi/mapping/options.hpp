@@ -130,6 +130,9 @@ struct OnlineOptions {
   int depth_every = 1;          ///< keyframes from one estimate to the next
   double covered_alpha = 0.9;   ///< a block that is drawn so densely
   double covered_error = 0.05;  ///< and so well (mean absolute error) needs no Gaussian
+  /// By daylight Gaussians that are nearer than this part of a depth that is believed, where a view
+  /// looks through to it, go: what they show is behind them. 0: none.
+  double free_space = 0.8;
 };
 
 struct MapperOptions {

@@ -21,6 +21,11 @@ torch::Tensor blocks_to_fill(const DepthEstimate& estimate, const torch::Tensor&
 /// A seed in the middle of each of those blocks, as wide as the block.
 Seeds seeds_of_blocks(const DepthEstimate& estimate, const torch::Tensor& which, double opacity);
 
+/// Which Gaussians [N] bool, by their `means` [N,3], stand where the view looks through to a depth
+/// that is believed: those that are drawn in such a block and nearer than `nearer` of its depth.
+torch::Tensor in_free_space(const DepthEstimate& estimate, const splat::View& view,
+                            const torch::Tensor& means, double nearer);
+
 /// Means of images [C,H,W] float32 over each block of their quadtree, [C,B] where the images lie.
 torch::Tensor block_means(const torch::Tensor& images, const std::vector<Block>& blocks);
 

@@ -47,6 +47,12 @@ struct WaterPrior {
   WaterBelief surveys = {};  ///< what was found before
 };
 
+/// Coastal water. With a lamp on the vehicle the veil is what daylight is left, which may be a
+/// hundredth of the coast's: the coast's own would hold it up where it is too dark for pictures to
+/// say much against that.
+WaterPrior usual_prior(const std::optional<splat::Lamp>& lamp = std::nullopt,
+                       const WaterBelief& surveys = {});
+
 /// Water and camera that explain how the same surfaces look from near and far.
 struct WaterFit {
   splat::Medium medium;     ///< float64, at a view of mean gain

@@ -37,4 +37,9 @@ struct DepthErrors {
 /// Of a depth map [H,W] [m] where both have one (positive and finite); nothing if that is nowhere.
 std::optional<DepthErrors> depth_errors(const torch::Tensor& depth, const torch::Tensor& truth);
 
+/// What a perfect map would be off by, root mean square [m], that stood half a pixel beside a true
+/// depth map [H,W]. The control of depth errors: where thin things stand before far ones it is
+/// large, and no error of a map says much that is smaller. Nothing where no two pixels have depth.
+std::optional<double> half_pixel_depth_rmse(const torch::Tensor& truth);
+
 }  // namespace apvi::splat
