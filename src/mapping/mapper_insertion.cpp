@@ -121,7 +121,7 @@ void Mapper::fill_from_depth(std::size_t view) {
   if (estimate.verdict != DepthVerdict::estimated) return;
   const auto entry = times_.enter("filling");
   const splat::View camera = keyframes_.view(view, 1);
-  if (learner_ && !options_.trainer.lamp) {
+  if (learner_ && !options_.trainer.lamp && options_.online.free_space > 0.0) {
     const Tensor gone = in_free_space(estimate, camera, learner_->whole_map().gaussians.means,
                                       options_.online.free_space);
     if (gone.any().item<bool>()) learner_->remove(gone);
