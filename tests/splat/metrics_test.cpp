@@ -7,12 +7,9 @@
 #include <cmath>
 #include <limits>
 
-#include "support/torch_reference.hpp"
-
 namespace apvi::splat {
 namespace {
 
-using test::tensors_near;
 using torch::Tensor;
 
 struct Pair {
