@@ -21,7 +21,8 @@ constexpr double kLeastContrast =
 constexpr double kLeastBaseline_m = 1e-4;
 constexpr int kRangeLevel = 2;         // reduction in which the depths that occur are looked for
 constexpr double kRangeTail = 0.01;    // part of the blocks that may lie outside
-constexpr double kRangeMargin = 1.25;  // and how much farther the range reaches than the rest
+constexpr double kRangeNearer = 1.25;  // how much nearer than the rest the range begins
+constexpr double kRangeFarther = 2.5;  // and how much farther it ends: few blocks see through bars
 constexpr std::size_t kFewestForRange = 20;
 constexpr int kRefinements = 2;
 constexpr std::int64_t kFine = 4;     // finer steps in one step; as many to either side are tried
@@ -159,8 +160,8 @@ class Estimator {
     const std::int64_t n = found.numel();
     if (static_cast<std::size_t>(n) < kFewestForRange) return all;
     const auto tail = static_cast<std::int64_t>(kRangeTail * static_cast<double>(n));
-    const double farthest = found[tail].item<double>() / kRangeMargin;
-    const double nearest = found[n - 1 - tail].item<double>() * kRangeMargin;
+    const double farthest = found[tail].item<double>() / kRangeFarther;
+    const double nearest = found[n - 1 - tail].item<double>() * kRangeNearer;
     return {std::max(all.first, 1.0 / nearest), std::min(all.second, 1.0 / farthest)};
   }
 

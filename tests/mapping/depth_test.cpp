@@ -105,11 +105,8 @@ DepthRequest before_bars() {
 }
 
 /// Part of the blocks that see the wall, more than half a patch from any bar, whose depth is right.
-double right_behind_bars(double best_share) {
+double right_behind_bars(const DepthOptions& options) {
   const DepthRequest request = before_bars();
-  DepthOptions options;
-  options.best_share = best_share;
-  options.adapt_range = false;  // the coarse look sees nothing but bars
   const DepthEstimate out = estimate_depth(request, options);
   const splat::View& camera = request.views.front().camera;
   const Tensor beside =
@@ -123,9 +120,16 @@ double right_behind_bars(double best_share) {
 }
 
 TEST(EstimateDepth, FindsAWallBehindBars) {
-  const double found = right_behind_bars(DepthOptions().best_share);
+  DepthOptions options;
+  options.adapt_range = false;
+  const double found = right_behind_bars(options);
   EXPECT_GT(found, 0.75);
-  EXPECT_LT(right_behind_bars(1.0), found - 0.2);
+  options.best_share = 1.0;
+  EXPECT_LT(right_behind_bars(options), found - 0.2);
+}
+
+TEST(EstimateDepth, LooksFartherThanTheBarsThatACoarseLookSees) {
+  EXPECT_GT(right_behind_bars({}), 0.95);
 }
 
 TEST(EstimateDepth, TheGainOfOneViewChangesNothingMuch) {
