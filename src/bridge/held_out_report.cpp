@@ -71,8 +71,8 @@ struct TruthErrors {
 
 using Figure = std::optional<double> TruthErrors::*;
 struct NamedFigure {
-  const char* name;
-  Figure value;
+  const char* name = nullptr;
+  Figure value = nullptr;
   bool squares_add_up = false;
 };
 constexpr std::array<NamedFigure, 7> kFigures = {
@@ -85,8 +85,8 @@ constexpr std::array<NamedFigure, 7> kFigures = {
      {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
 
 struct ImageFigure {
-  const char* name;
-  std::optional<double> mapping::ImageMetrics::*value;
+  const char* name = nullptr;
+  std::optional<double> mapping::ImageMetrics::*value = nullptr;
 };
 constexpr std::array<ImageFigure, 5> kImageFigures = {
     {{"psnr_db", &mapping::ImageMetrics::psnr_db},
