@@ -435,46 +435,6 @@ TEST(Mapper, AKeyframeThatIsExposedShorterShowsTheSameWorld) {
   EXPECT_GT(psnr_with(true), psnr_with(false) + 1.0);
 }
 
-/// Thirty keyframes in such a hurry that none of them gets depth.
-Mapper hurried(const splat::Gaussians& world, int final_iterations) {
-  MapperOptions options = quick_options();
-  options.trainer.densify.kind = Densification::quadtree;
-  options.trainer.final_iterations = final_iterations;
-  options.online.depth_lag = 1;
-  Mapper mapper(options);
-  for (int i = 0; i < 30; ++i) {
-    MapperInput input = input_of(world, 0.05 * i - 0.7, 0.0, i);
-    input.hurry = true;
-    mapper.add(input);
-  }
-  return mapper;
-}
-
-TEST(Mapper, EstimatesNoDepthInAHurryAndCatchesUpInTheEnd) {
-  Mapper mapper = hurried(wall_of_gaussians(), 200);
-  EXPECT_EQ(mapper.times().of("depth"), 0.0);
-  EXPECT_GT(mapper.waiting(), 0U);
-  mapper.begin_final();
-  EXPECT_EQ(mapper.waiting(), 0U);
-  EXPECT_GT(mapper.times().of("depth"), 0.0);
-}
-
-// What is new takes steps to settle; a later refinement finds what still waits.
-TEST(Mapper, AnEndWithoutRefinementLeavesTheMapAsItIs) {
-  const test::TmpDir dir;
-  const splat::Gaussians world = wall_of_gaussians();
-  Mapper mapper = hurried(world, 0);
-  const splat::Gaussians before = mapper.snapshot().gaussians;
-  mapper.begin_final();
-  EXPECT_EQ(mapper.times().of("depth"), 0.0);
-  EXPECT_TRUE(same(mapper.snapshot().gaussians, before));
-  mapper.save(dir.path() / "checkpoint.pt");
-  Mapper later = hurried(world, 200);
-  later.resume(dir.path() / "checkpoint.pt");
-  later.begin_final();
-  EXPECT_GT(later.times().of("depth"), 0.0);
-}
-
 TEST(Mapper, SnapshotsStayAsTheyWere) {
   const splat::Gaussians world = wall_of_gaussians();
   Mapper mapper(quick_options());
