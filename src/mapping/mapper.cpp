@@ -30,6 +30,15 @@ constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr double kSurveyGrowth = 1.4;        // in keyframes, from one survey to the next
 constexpr double kSurveySpacing = 0.1;       // of the extent, between keyframes that are compared
+constexpr double kAlike = 1e3;               // a patch sigma that leaves no pixel out
+
+/// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
+/// a matter of chance, and choosing costs the map more than what is seen behind edges brings.
+DepthOptions by_lamplight(DepthOptions depth) {
+  depth.best_share = 1.0;
+  depth.patch_sigma = kAlike;
+  return depth;
+}
 
 splat::Gaussians clone(const splat::Gaussians& gaussians) {
   splat::Gaussians copy;
@@ -72,6 +81,7 @@ Mapper::Mapper(const MapperOptions& options)
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
+  if (options.trainer.lamp) options_.depth = by_lamplight(options.depth);
 }
 
 Intake Mapper::judge(const MapperInput& input) const {

@@ -29,7 +29,6 @@ constexpr double kExtentMemory = 0.9;   // of the mean over keyframes
 constexpr double kLeastRadiusPx = 1.0;  // of a Gaussian at a sparse point
 constexpr double kMostRadiusPx = 8.0;
 constexpr std::int64_t kMostPoints = 4096;  // sparse ones that are remembered
-constexpr double kAlike = 1e3;              // a patch sigma that leaves no pixel out
 constexpr double kMostWidened = 3.0;        // of seeds that stand for more than their own
 
 double finite_median(const Tensor& values) {
@@ -54,14 +53,6 @@ Seeds thinned(const Seeds& seeds, std::int64_t count) {
 
 Tensor finite_rows(const Tensor& positions) {
   return torch::isfinite(positions).all(1);
-}
-
-/// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
-/// a matter of chance, and choosing costs the map more than what is seen behind edges brings.
-DepthOptions by_lamplight(DepthOptions depth) {
-  depth.best_share = 1.0;
-  depth.patch_sigma = kAlike;
-  return depth;
 }
 
 }  // namespace
@@ -125,8 +116,7 @@ void Mapper::fill_from_depth(std::size_t view) {
   DepthEstimate estimate;
   {
     const auto entry = times_.enter("depth");
-    estimate = estimate_depth(
-        request, options_.trainer.lamp ? by_lamplight(options_.depth) : options_.depth);
+    estimate = estimate_depth(request, options_.depth);
   }
   if (estimate.verdict != DepthVerdict::estimated) return;
   const auto entry = times_.enter("filling");
