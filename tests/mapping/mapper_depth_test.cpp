@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "apvi/mapping/mapper.hpp"
+#include "mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -17,26 +18,10 @@ using test::wall_of_gaussians;
 using torch::Tensor;
 
 MapperOptions by_quadtree() {
-  MapperOptions options;
-  options.trainer.sh_degree = 0;
-  options.trainer.coarsest = 1;
+  MapperOptions options = small_map_options();
   options.trainer.densify.kind = Densification::quadtree;
-  options.trainer.densify.max_gaussians = 900;
-  options.online.keyframe_share = 1.0;
   options.online.depth_lag = 1;
   return options;
-}
-
-/// Takes in keyframes without a point, so far apart [m], that pass before the wall.
-void pass(Mapper& mapper, const splat::Gaussians& world, int keyframes, double spacing,
-          bool hurry) {
-  for (int i = 0; i < keyframes; ++i) {
-    MapperInput input;
-    const double x = spacing * (i - 0.5 * keyframes);
-    input.keyframe = test::photograph(world, test::camera_at(x, 0.05 * (i % 3)), i);
-    input.hurry = hurry;
-    mapper.add(input);
-  }
 }
 
 /// Thirty keyframes in such a hurry that none of them gets depth.
@@ -44,7 +29,13 @@ Mapper hurried(const splat::Gaussians& world, int final_iterations) {
   MapperOptions options = by_quadtree();
   options.trainer.final_iterations = final_iterations;
   Mapper mapper(options);
-  pass(mapper, world, 30, 0.05, true);
+  for (int i = 0; i < 30; ++i) {
+    MapperInput input;
+    input.keyframe = test::photograph(world, test::camera_at(0.05 * i - 0.7, 0.0), i);
+    input.points = points_of(world);
+    input.hurry = true;
+    mapper.add(input);
+  }
   return mapper;
 }
 
@@ -63,6 +54,7 @@ TEST(MapperDepth, AnEndWithoutRefinementLeavesTheMapAsItIs) {
   const splat::Gaussians world = wall_of_gaussians();
   Mapper mapper = hurried(world, 0);
   const splat::Gaussians before = mapper.snapshot().gaussians;
+  ASSERT_GT(before.size(), 0);
   mapper.begin_final();
   EXPECT_EQ(mapper.times().of("depth"), 0.0);
   EXPECT_TRUE(test::same(mapper.snapshot().gaussians, before));
@@ -80,7 +72,11 @@ TEST(MapperDepth, ComesFromAllViewsByLamplightAndFromTheBestOfThemByDaylight) {
     options.trainer.lamp = lamp;
     options.depth.best_share = best_share;
     Mapper mapper(options);
-    pass(mapper, world, 12, 0.1, false);
+    for (int i = 0; i < 12; ++i) {  // without a point: all there is comes from depth
+      MapperInput input;
+      input.keyframe = test::photograph(world, test::camera_at(0.1 * i - 0.6, 0.05 * (i % 3)), i);
+      mapper.add(input);
+    }
     EXPECT_GT(mapper.size(), 0);
     return mapper.snapshot().gaussians.means;
   };

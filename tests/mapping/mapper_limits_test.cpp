@@ -16,6 +16,7 @@
 #include "apvi/splat/device.hpp"
 #include "apvi/splat/morton.hpp"
 #include "apvi/splat/ply.hpp"
+#include "mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -27,22 +28,6 @@ using test::camera_at;
 using test::same;
 using test::wall_of_gaussians;
 using torch::Tensor;
-
-MapperOptions quick_options() {
-  MapperOptions options;
-  options.trainer.sh_degree = 0;
-  options.trainer.coarsest = 1;
-  options.trainer.densify.kind = Densification::none;
-  options.trainer.densify.max_gaussians = 900;
-  options.online.keyframe_share = 1.0;
-  return options;
-}
-
-SparsePoints points_of(const splat::Gaussians& world, std::int64_t first_id) {
-  return {.ids = torch::arange(first_id, first_id + world.size(), torch::kInt64),
-          .positions = world.means.to(torch::kFloat64),
-          .sigmas = torch::full({world.size()}, 0.01, torch::kFloat64)};
-}
 
 void learn_from(Mapper& mapper, const splat::Gaussians& world, int number) {
   MapperInput input;
@@ -75,7 +60,7 @@ class FullDisk {
 TEST(MapperLimits, AMapThatHasSeenManyStepsMovesLess) {
   const splat::Gaussians world = wall_of_gaussians();
   const auto moves = [&world](double late_rates) {
-    MapperOptions options = quick_options();
+    MapperOptions options = small_map_options();
     options.online.late_rates = late_rates;
     options.online.late_rates_steps = 5;
     Mapper mapper(options);
@@ -89,12 +74,12 @@ TEST(MapperLimits, AMapThatHasSeenManyStepsMovesLess) {
 
 TEST(MapperLimits, APictureSoonBeforeOrAfterAMurkyOneIsVeiled) {
   const splat::Gaussians world = wall_of_gaussians();
-  Mapper mapper(quick_options());
+  Mapper mapper(small_map_options());
   const auto after = [&](double seconds, bool murky, bool held_out) {
     MapperInput input;
     input.keyframe = test::photograph(world, camera_at(0.01 * seconds, 0.0), 0, held_out);
     input.keyframe.stamp_ns = static_cast<std::int64_t>(1e9 * seconds) + 1;
-    if (!held_out) input.points = points_of(world, 0);
+    if (!held_out) input.points = points_of(world);
     input.murky = murky;
     return mapper.add(input);
   };
@@ -119,7 +104,7 @@ TEST(MapperLimits, ADiskThatIsFullLeavesTheLastMapAndSaysSo) {
   const test::TmpDir dir;
   const auto checkpoint = dir.path() / "checkpoint.pt";
   const auto ply = dir.path() / "map.ply";
-  Mapper mapper(quick_options());
+  Mapper mapper(small_map_options());
   learn_from(mapper, world, 0);
   mapper.save(checkpoint);
   splat::write_ply(ply, mapper.snapshot().gaussians, std::nullopt);
@@ -132,7 +117,7 @@ TEST(MapperLimits, ADiskThatIsFullLeavesTheLastMapAndSaysSo) {
   }
   const auto files = std::distance(std::filesystem::directory_iterator(dir.path()), {});
   EXPECT_EQ(files, 2) << "half a file was left";
-  Mapper resumed(quick_options());
+  Mapper resumed(small_map_options());
   resumed.resume(checkpoint);
   EXPECT_TRUE(same(resumed.snapshot().gaussians, saved));
   EXPECT_TRUE(torch::equal(splat::read_ply(ply).means, saved.means.cpu()));
@@ -157,7 +142,7 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
   }
   constexpr int kKeyframes = 3000;
   constexpr double kPictureMib = 96.0 * 128.0 * 3.0 / (1024.0 * 1024.0);
-  MapperOptions options = quick_options();
+  MapperOptions options = small_map_options();
   options.trainer.densify.kind = Densification::gradient;
   options.trainer.densify.max_gaussians = 400;
   options.online.memory_mib = 30.0 * kPictureMib;

@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include "apvi/mapping/mapper.hpp"
+#include "mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 
 namespace apvi::mapping {
@@ -15,19 +16,14 @@ MapperInput input_of(const splat::Gaussians& world, double x, std::int64_t numbe
   MapperInput input;
   input.keyframe = test::photograph(world, camera_at(x, 0.0), number, held_out);
   if (held_out) return input;
-  input.points = {.ids = torch::arange(number * 1000, number * 1000 + world.size(), torch::kInt64),
-                  .positions = world.means.to(torch::kFloat64),
-                  .sigmas = torch::full({world.size()}, 0.01, torch::kFloat64)};
+  input.points = points_of(world, 1000 * number);
   return input;
 }
 
 /// Three keyframes, the second one followed by a held-out picture.
 Mapper three_keyframes(const splat::Gaussians& world) {
-  MapperOptions options;
-  options.trainer.sh_degree = 0;
-  options.trainer.densify.kind = Densification::none;
+  MapperOptions options = small_map_options();
   options.trainer.densify.max_gaussians = 2000;
-  options.online.keyframe_share = 1.0;
   Mapper mapper(options);
   mapper.add(input_of(world, -0.6, 0, false));
   mapper.add(input_of(world, 0.0, 1, false));

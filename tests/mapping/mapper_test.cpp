@@ -10,6 +10,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/mapping/evaluation.hpp"
+#include "mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -23,26 +24,14 @@ using test::wall_of_gaussians;
 using torch::Tensor;
 
 MapperOptions quick_options() {
-  MapperOptions options;
-  options.trainer.sh_degree = 0;
-  options.trainer.coarsest = 1;
+  MapperOptions options = small_map_options();
   options.trainer.final_iterations = 200;
   options.trainer.rates.means = 1e-3;
   options.trainer.rates.sh_dc = 1e-2;
-  options.trainer.densify.kind = Densification::none;
   options.trainer.densify.interval = 20;
   options.online.densify_interval = 20;
-  options.trainer.densify.max_gaussians = 900;
   options.online.medium_after = 3;
-  options.online.keyframe_share = 1.0;
   return options;
-}
-
-/// The middles of the wall's Gaussians, as a front end would have triangulated them.
-SparsePoints points_of(const splat::Gaussians& world, std::int64_t first_id = 0) {
-  return {.ids = torch::arange(first_id, first_id + world.size(), torch::kInt64),
-          .positions = world.means.to(torch::kFloat64),
-          .sigmas = torch::full({world.size()}, 0.01, torch::kFloat64)};
 }
 
 MapperInput input_of(const splat::Gaussians& world, double x, double y, std::int64_t number,

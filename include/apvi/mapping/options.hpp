@@ -139,7 +139,7 @@ struct MapperOptions {
   bool medium = false;  ///< whether the water is learnt too
   TrainerOptions trainer;
   OnlineOptions online;
-  DepthOptions depth;
+  DepthOptions depth;  ///< with a lamp all views and all pixels of a patch count, whatever it says
 };
 
 }  // namespace apvi::mapping
