@@ -29,11 +29,14 @@ constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr double kSurveyGrowth = 1.4;        // in keyframes, from one survey to the next
-constexpr double kSurveySpacing = 0.1;       // of the extent, between keyframes that are compared
-constexpr double kAlike = 1e3;               // a patch sigma that leaves no pixel out
+constexpr std::int64_t kOutage_ns = 2'000'000'000;
+constexpr std::size_t kAfterOutage = 20;  // keyframes until a survey looks at what followed it
+constexpr double kSurveySpacing = 0.1;    // of the extent, between keyframes that are compared
+constexpr double kAlike = 1e3;            // a patch sigma that leaves no pixel out
 
 /// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
-/// a matter of chance, and choosing costs the map more than what is seen behind edges brings.
+/// a matter of chance, and choosing costs new Gaussians more than what is seen behind edges brings.
+/// Surveys of the water choose: they only look where the map has a surface, and average its slope.
 DepthOptions by_lamplight(DepthOptions depth) {
   depth.best_share = 1.0;
   depth.patch_sigma = kAlike;
@@ -74,6 +77,7 @@ std::string_view to_string(Intake intake) {
 
 Mapper::Mapper(const MapperOptions& options)
     : options_(options),
+      insertion_depth_(options.trainer.lamp ? by_lamplight(options.depth) : options.depth),
       drift_({.translation_m = options.online.drift_m,
               .rotation_rad = kRadians * options.online.drift_deg}),
       first_sight_(options.trainer.densify.max_gaussians),
@@ -81,7 +85,6 @@ Mapper::Mapper(const MapperOptions& options)
                 options.online.recent_share),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
-  if (options.trainer.lamp) options_.depth = by_lamplight(options.depth);
 }
 
 Intake Mapper::judge(const MapperInput& input) const {
@@ -122,6 +125,7 @@ Intake Mapper::add(const MapperInput& input) {
     thin_held_out();
   }
   if (intake != Intake::taken) return intake;
+  expect_survey(input.keyframe.stamp_ns);
   keep(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
   schedule_.add(view);
@@ -226,7 +230,15 @@ void Mapper::thin_held_out() {
   }
 }
 
-// Again whenever there are so many more keyframes.
+// Over a time without pictures a camera's gain may have gone anywhere, and what comes into sight
+// then takes whatever gain it is given for its own brightness: the water tells.
+void Mapper::expect_survey(std::int64_t stamp_ns) {
+  const std::vector<std::size_t>& views = keyframes_.training();
+  if (views.empty() || stamp_ns - keyframes_[views.back()].stamp_ns < kOutage_ns) return;
+  next_survey_ = std::min(next_survey_, counts_[Intake::taken] + kAfterOutage);
+}
+
+// Again whenever there are so many more keyframes, and after outages.
 void Mapper::maybe_survey_water() {
   if (!options_.medium || !learner_ || size() == 0) return;
   const auto taken = counts_[Intake::taken];

@@ -108,7 +108,7 @@ void Mapper::fill_from_depth(std::size_t view) {
   DepthRequest request;
   if (learner_) request.medium = learner_->medium();
   // Over a baseline as short as theirs nothing knows better than odometry how they stand.
-  for (const std::size_t i : neighbours(keyframes_, view, options_.depth.views)) {
+  for (const std::size_t i : neighbours(keyframes_, view, insertion_depth_.views)) {
     splat::View camera = keyframes_.view(i, 1);
     camera.T_camera_world = drift_.in_map(view, drift_.in_odometry(i, camera.T_camera_world));
     request.views.push_back({to_grey(keyframes_[i].image), camera});
@@ -116,7 +116,7 @@ void Mapper::fill_from_depth(std::size_t view) {
   DepthEstimate estimate;
   {
     const auto entry = times_.enter("depth");
-    estimate = estimate_depth(request, options_.depth);
+    estimate = estimate_depth(request, insertion_depth_);
   }
   if (estimate.verdict != DepthVerdict::estimated) return;
   const auto entry = times_.enter("filling");

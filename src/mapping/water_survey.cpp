@@ -58,8 +58,9 @@ struct Look {
   Tensor facing;   ///< [p,3] the same, for a lamp: of more of the surface around
 };
 
-/// Keyframes at least `spacing_m` apart; of many, some stretches: others each time, so that what
-/// one of them says wrongly is not said again by every survey.
+/// Keyframes at least `spacing_m` apart; of many, some stretches: the newest, whose gains nobody
+/// has looked at, and others each time, so that what one of them says wrongly is not said again by
+/// every survey.
 std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes, double spacing_m,
                                                   Random& random) {
   std::vector<std::size_t> apart;
@@ -74,6 +75,7 @@ std::vector<std::vector<std::size_t>> clusters_of(const KeyframeStore& keyframes
   if (apart.size() <= most) return {apart};
   std::array<std::size_t, kClusters> passed{};  // before each of them, by none
   for (std::size_t& count : passed) count = random.next() % (apart.size() - most + 1);
+  passed.back() = apart.size() - most;
   std::sort(passed.begin(), passed.end());
   std::vector<std::vector<std::size_t>> clusters;
   for (std::size_t k = 0; k < kClusters; ++k) {

@@ -5,7 +5,9 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <cstdint>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "apvi/mapping/seeds.hpp"
@@ -129,11 +131,12 @@ Tensor bed_through_water(const splat::View& view, const std::optional<splat::Lam
 constexpr double kDownwards = 0.75;
 constexpr double kAhead = 0.3;  // over the bed's end into open water
 
-/// Pictures through water by a camera that exposes by itself and looks down by about `pitch`.
-KeyframeStore dive(double pitch = kDownwards, const std::optional<splat::Lamp>& lamp = {}) {
+/// So many pictures through water by a camera that exposes by itself and looks down by about
+/// `pitch`.
+KeyframeStore dive(double pitch = kDownwards, const std::optional<splat::Lamp>& lamp = {},
+                   int count = 14) {
   const torch::NoGradGuard no_grad;
   KeyframeStore store;
-  const int count = lamp ? 36 : 14;
   const double pace = 14.0 / count;
   for (int i = 0; i < count; ++i) {
     Keyframe keyframe;
@@ -251,7 +254,7 @@ TEST(SurveyWater, SurfacesThatTheMapLacksAreNotOpenWater) {
 TEST(SurveyWater, ByLamplightBelievesThePicturesMoreThanAMapThatIsTooNear) {
   const splat::Lamp lamp = {
       .position_m = {0.0, 0.0, 0.0}, .axis = {0.0, 0.0, 1.0}, .half_beam_rad = 1.0};
-  const KeyframeStore keyframes = dive(kDownwards, lamp);
+  const KeyframeStore keyframes = dive(kDownwards, lamp, 36);
   Map map = {.gaussians = sea_bed(), .medium = std::nullopt};
   map.gaussians.means.select(1, 1) -= 0.2;  // of some two metres
   const WaterPrior prior = {.medium = splat::coastal_medium(), .lamp = lamp};
@@ -265,6 +268,23 @@ TEST(SurveyWater, ByLamplightBelievesThePicturesMoreThanAMapThatIsTooNear) {
   const double by_pictures = error({});
   EXPECT_GT(by_map, 2.0 * by_pictures);
   EXPECT_LT(by_pictures, 0.25) << by_map;
+}
+
+// Their gains are what nobody has looked at.
+TEST(SurveyWater, LooksAtTheNewestKeyframesAndAtOthersEachTime) {
+  const splat::Gaussians bed = sea_bed();
+  const KeyframeStore keyframes = dive(kDownwards, {}, 60);
+  std::set<std::vector<std::size_t>> different;
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const auto survey = survey_water({.gaussians = bed, .medium = std::nullopt}, keyframes, 0.01,
+                                     {.medium = splat::coastal_medium()}, seed);
+    ASSERT_TRUE(survey);
+    ASSERT_EQ(survey->views.size(), 33U);
+    EXPECT_EQ(survey->views[22], 49U);
+    EXPECT_EQ(survey->views.back(), 59U);
+    different.insert(survey->views);
+  }
+  EXPECT_EQ(different.size(), 3U);
 }
 
 TEST(SurveyWater, FindsNothingInAnEmptyMapOrInOneView) {

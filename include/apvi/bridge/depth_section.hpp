@@ -84,17 +84,17 @@ struct DepthSection {
       "whether a first, coarse look narrows the range, so that the steps become finer");
     v("views", values.views, Range{2, 32}, "pictures compared, the keyframe among them");
     v("best_share", values.best_share, Range{0.01, 1.0},
-      "by daylight, of the pictures that see a point, those that fit best count: in the others it "
-      "may be hidden; 1: all, as the paper prints and by lamplight");
+      "of the pictures that see a point, those that fit best count: in the others it "
+      "may be hidden; 1: all, as the paper prints, and as new Gaussians have it by lamplight");
     v("cost", values.cost,
       Choices<PhotometricCost>{{"zncc", PhotometricCost::zncc},
                                {"absolute", PhotometricCost::absolute}},
       "correlation, or absolute difference of intensities through the water, as the paper prints");
     v("noise", values.noise, Range{0.0, 1.0}, "of intensities (0 to 1), one sigma");
     v("patch_sigma", values.patch_sigma, Range{1e-3, 1e3},
-      "by daylight, pixels that differ by this in intensity (0 to 1) from the middle of what is "
-      "compared, and by its standard deviation, matter 1/e; 1000: all alike, as the paper prints "
-      "and by lamplight");
+      "pixels that differ by this in intensity (0 to 1) from the middle of what is "
+      "compared, and by its standard deviation, matter 1/e; 1000: all alike, as the paper "
+      "prints, and as new Gaussians have it by lamplight");
     v("quadtree", quadtree, "the blocks whose depth is estimated");
     v("belief", belief, "belief propagation");
     v("upsample", upsample, "from blocks to pixels");

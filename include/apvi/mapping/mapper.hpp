@@ -148,6 +148,7 @@ class Mapper {
   void insert(std::size_t view, Seeds seeds);
   std::int64_t room() const;
   std::int64_t make_room(std::int64_t wanted);
+  void expect_survey(std::int64_t stamp_ns);
   void maybe_survey_water();
   void survey_water();
   std::int64_t round_length() const;
@@ -156,7 +157,8 @@ class Mapper {
   LearningRates rates() const;
 
   MapperOptions options_;
-  KeyframeStore keyframes_;  ///< where the map has them
+  DepthOptions insertion_depth_;  ///< surveys of the water sweep as the options say
+  KeyframeStore keyframes_;       ///< where the map has them
   Drift drift_;
   FirstSight first_sight_;
   std::size_t remembered_ = 0;  ///< keyframes before are in it
