@@ -28,11 +28,9 @@ constexpr std::size_t kMostWaiting = 8;  // for depth, in a hurry
 // to be murky, and teaches the map a fog all the same.
 constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
-constexpr double kSurveyGrowth = 1.4;        // in keyframes, from one survey to the next
 constexpr std::int64_t kOutage_ns = 2'000'000'000;
-constexpr std::size_t kAfterOutage = 20;  // keyframes until a survey looks at what followed it
-constexpr double kSurveySpacing = 0.1;    // of the extent, between keyframes that are compared
-constexpr double kAlike = 1e3;            // a patch sigma that leaves no pixel out
+constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
+constexpr double kAlike = 1e3;          // a patch sigma that leaves no pixel out
 
 /// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
 /// a matter of chance, and choosing costs new Gaussians more than what is seen behind edges brings.
@@ -83,6 +81,7 @@ Mapper::Mapper(const MapperOptions& options)
       first_sight_(options.trainer.densify.max_gaussians),
       schedule_(static_cast<std::size_t>(options.online.recent_keyframes),
                 options.online.recent_share),
+      surveys_(static_cast<std::size_t>(std::max(1, options.online.medium_after))),
       points_(torch::empty({0, 3}, torch::kFloat64)) {
   options_.trainer.sparse_adam = options.trainer.sparse_adam || options.online.sparse_adam;
 }
@@ -110,6 +109,7 @@ Intake Mapper::add(const MapperInput& input) {
     move(input.moved);
     relocate(input.relocated);
   }
+  const bool loses_sight = input.vio_failing && !vio_failing_;
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);
   if (input.murky) {
@@ -124,8 +124,11 @@ Intake Mapper::add(const MapperInput& input) {
     if (leader != by_stamp_.end()) followers_[leader->second].push_back(keyframes_.size() - 1);
     thin_held_out();
   }
-  if (intake != Intake::taken) return intake;
-  expect_survey(input.keyframe.stamp_ns);
+  if (intake != Intake::taken) {
+    if (loses_sight) maybe_survey_water(input, loses_sight);
+    return intake;
+  }
+  note_outage(input.keyframe.stamp_ns);
   keep(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
   schedule_.add(view);
@@ -139,8 +142,7 @@ Intake Mapper::add(const MapperInput& input) {
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
   if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
-  const bool has_water = learner_ && learner_->medium();
-  if (!has_water || (!input.hurry && !input.crowded)) maybe_survey_water();
+  maybe_survey_water(input, loses_sight);
   return intake;
 }
 
@@ -230,21 +232,19 @@ void Mapper::thin_held_out() {
   }
 }
 
-// Over a time without pictures a camera's gain may have gone anywhere, and what comes into sight
-// then takes whatever gain it is given for its own brightness: the water tells.
-void Mapper::expect_survey(std::int64_t stamp_ns) {
+void Mapper::note_outage(std::int64_t stamp_ns) {
   const std::vector<std::size_t>& views = keyframes_.training();
   if (views.empty() || stamp_ns - keyframes_[views.back()].stamp_ns < kOutage_ns) return;
-  next_survey_ = std::min(next_survey_, counts_[Intake::taken] + kAfterOutage);
+  surveys_.sight_returned(counts_[Intake::taken]);
 }
 
-// Again whenever there are so many more keyframes, and after outages.
-void Mapper::maybe_survey_water() {
+// All but the first can wait while there is too much else to do.
+void Mapper::maybe_survey_water(const MapperInput& input, bool loses_sight) {
   if (!options_.medium || !learner_ || size() == 0) return;
-  const auto taken = counts_[Intake::taken];
-  const auto first = static_cast<std::size_t>(std::max(1, options_.online.medium_after));
-  if (taken < std::max(first, next_survey_)) return;
-  next_survey_ = static_cast<std::size_t>(std::ceil(kSurveyGrowth * static_cast<double>(taken)));
+  if (learner_->medium() && (input.hurry || input.crowded)) return;
+  const std::size_t taken = counts_[Intake::taken];
+  if (!surveys_.is_due(taken) && !(loses_sight && surveys_.is_due_at_loss(taken))) return;
+  surveys_.surveyed(taken);
   survey_water();
 }
 

@@ -104,7 +104,9 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   archive.write("heldout_stride", c10::IValue(heldout_stride_));
   const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
   archive.write("waiting", torch::tensor(waiting, torch::kInt64));
-  archive.write("next_survey", c10::IValue(static_cast<std::int64_t>(next_survey_)));
+  OutputArchive surveys;
+  surveys_.save(surveys);
+  archive.write("surveys", surveys);
   archive.write("clears_ns", c10::IValue(clears_ns_));
   write_archive(checkpoint, archive);
 }
@@ -145,7 +147,8 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.last_round_ = read_int(archive, "last_round");
     read.heldout_stride_ = read_int(archive, "heldout_stride");
     read.clears_ns_ = read_int(archive, "clears_ns");
-    read.next_survey_ = static_cast<std::size_t>(read_int(archive, "next_survey"));
+    archive.read("surveys", part);
+    read.surveys_.load(part);
     Tensor waiting;
     archive.read("waiting", waiting);
     const auto* const first = waiting.data_ptr<std::int64_t>();

@@ -20,6 +20,7 @@
 #include "apvi/mapping/options.hpp"
 #include "apvi/mapping/rendering.hpp"
 #include "apvi/mapping/seeds.hpp"
+#include "apvi/mapping/survey_schedule.hpp"
 #include "apvi/mapping/view_schedule.hpp"
 
 namespace apvi::mapping {
@@ -148,8 +149,8 @@ class Mapper {
   void insert(std::size_t view, Seeds seeds);
   std::int64_t room() const;
   std::int64_t make_room(std::int64_t wanted);
-  void expect_survey(std::int64_t stamp_ns);
-  void maybe_survey_water();
+  void note_outage(std::int64_t stamp_ns);
+  void maybe_survey_water(const MapperInput& input, bool loses_sight);
   void survey_water();
   std::int64_t round_length() const;
   void maybe_densify();
@@ -164,6 +165,7 @@ class Mapper {
   std::size_t remembered_ = 0;  ///< keyframes before are in it
   std::map<std::int64_t, std::size_t> by_stamp_;
   ViewSchedule schedule_;
+  SurveySchedule surveys_;
   std::optional<MapLearner> learner_;
   LateLosses losses_;
   torch::Tensor points_;                ///< [n,3] float64: sparse ones, the newest
@@ -171,9 +173,8 @@ class Mapper {
   std::map<std::size_t, std::vector<std::size_t>> followers_;  ///< by keyframe: held-out ones
   std::deque<std::size_t> waiting_;  ///< keyframes whose depth is still to be estimated
   std::map<Intake, std::size_t> counts_;
-  std::size_t next_survey_ = 0;  ///< of the water: when there are so many keyframes
-  double growth_ = 0.0;          ///< Gaussians that may still come from doubling and splitting
-  double extent_ = 0.0;          ///< what sizes and rates are measured in [m]; 0: nothing seen
+  double growth_ = 0.0;  ///< Gaussians that may still come from doubling and splitting
+  double extent_ = 0.0;  ///< what sizes and rates are measured in [m]; 0: nothing seen
   std::int64_t iteration_ = 0;
   std::int64_t last_round_ = 0;  ///< of growth and pruning: the iteration
   std::optional<std::int64_t> final_start_;

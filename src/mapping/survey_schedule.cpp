@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/mapping/survey_schedule.hpp"
+
+#include <torch/serialize/archive.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace apvi::mapping {
+namespace {
+
+constexpr double kGrowth = 1.4;  // in keyframes, from one survey to the next
+// After an outage: the map must first learn what came into sight.
+constexpr std::size_t kAfterOutage = 20;
+constexpr std::size_t kStretch = 10;  // that a survey can make something of
+
+constexpr std::int64_t kNone = -1;
+
+}  // namespace
+
+void SurveySchedule::sight_returned(std::size_t taken) {
+  after_outage_ = taken + kAfterOutage;
+}
+
+bool SurveySchedule::is_due(std::size_t taken) const {
+  if (taken < first_) return false;
+  const auto grown = static_cast<std::size_t>(std::ceil(kGrowth * static_cast<double>(last_)));
+  return taken >= grown || (after_outage_ && taken >= *after_outage_);
+}
+
+bool SurveySchedule::is_due_at_loss(std::size_t taken) const {
+  return taken >= std::max(first_, last_ + kStretch);
+}
+
+void SurveySchedule::surveyed(std::size_t taken) {
+  last_ = taken;
+  if (after_outage_ && taken + kStretch >= *after_outage_) after_outage_.reset();
+}
+
+void SurveySchedule::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("last", c10::IValue(static_cast<std::int64_t>(last_)));
+  archive.write("after_outage",
+                c10::IValue(after_outage_ ? static_cast<std::int64_t>(*after_outage_) : kNone));
+}
+
+void SurveySchedule::load(torch::serialize::InputArchive& archive) {
+  c10::IValue value;
+  archive.read("last", value);
+  last_ = static_cast<std::size_t>(value.toInt());
+  archive.read("after_outage", value);
+  after_outage_.reset();
+  if (value.toInt() != kNone) after_outage_ = static_cast<std::size_t>(value.toInt());
+}
+
+}  // namespace apvi::mapping
