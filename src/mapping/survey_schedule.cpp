@@ -11,16 +11,17 @@ namespace apvi::mapping {
 namespace {
 
 constexpr double kGrowth = 1.4;  // in keyframes, from one survey to the next
-// After an outage: the map must first learn what came into sight.
-constexpr std::size_t kAfterOutage = 20;
-constexpr std::size_t kStretch = 10;  // that a survey can make something of
+// After an outage: the map must first learn what came into sight. Where sight is lost, since the
+// last: each survey makes those before count less, so that more of them forget the rest of a dive.
+constexpr std::size_t kAboutOutages = 20;
+constexpr std::size_t kEnough = 10;  // of these, for a survey that comes by itself
 
 constexpr std::int64_t kNone = -1;
 
 }  // namespace
 
 void SurveySchedule::sight_returned(std::size_t taken) {
-  after_outage_ = taken + kAfterOutage;
+  after_outage_ = taken + kAboutOutages;
 }
 
 bool SurveySchedule::is_due(std::size_t taken) const {
@@ -30,12 +31,12 @@ bool SurveySchedule::is_due(std::size_t taken) const {
 }
 
 bool SurveySchedule::is_due_at_loss(std::size_t taken) const {
-  return taken >= std::max(first_, last_ + kStretch);
+  return taken >= std::max(first_, last_ + kAboutOutages);
 }
 
 void SurveySchedule::surveyed(std::size_t taken) {
   last_ = taken;
-  if (after_outage_ && taken + kStretch >= *after_outage_) after_outage_.reset();
+  if (after_outage_ && taken + kEnough >= *after_outage_) after_outage_.reset();
 }
 
 void SurveySchedule::save(torch::serialize::OutputArchive& archive) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "water_equations.hpp"
 
+#include <ATen/Parallel.h>
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -16,6 +17,7 @@ constexpr double kLeastNoise = 0.003;  // of a colour: rounding to a byte, and a
 constexpr double kTextureNoise = 0.5;  // of a colour's change around, by a patch that is off
 constexpr double kInformation = 0.3;   // errors of neighbouring sightings are alike
 constexpr double kNormalMedian = 1.4826;
+constexpr Index kParts = 16;  // of the points, summed side by side
 
 /// Of a tensor float64, which must outlive them; none where it is undefined.
 const double* numbers(const Tensor& values) {
@@ -27,7 +29,8 @@ const double* numbers(const Tensor& values) {
 }  // namespace
 
 Sightings by_point(const Sightings& s) {
-  const Tensor order = std::get<1>(s.points.sort(/*stable=*/true, 0, /*descending=*/false));
+  const Tensor place = s.points * s.view_count + s.views;
+  const Tensor order = std::get<1>(place.sort(/*stable=*/true, 0, /*descending=*/false));
   const auto sorted = [&order](const Tensor& t) {
     return t.defined() ? t.index_select(0, order) : Tensor();
   };
@@ -92,12 +95,12 @@ struct WaterEquations::Sums {
         size(m) {}
 
   /// `scale` times the product of a column with itself and, for each, what it has with the others.
+  /// The columns rise.
   void add(double scale, const std::vector<Index>& columns, const std::vector<double>& values) {
     for (std::size_t k = 0; k < columns.size(); ++k) {
-      for (std::size_t l = k; l < columns.size(); ++l) {
-        const auto [row, column] = std::minmax(columns[k], columns[l]);
-        a[row * size + column] += scale * values[k] * values[l];
-      }
+      double* const row = a + columns[k] * size;
+      const double value = scale * values[k];
+      for (std::size_t l = k; l < columns.size(); ++l) row[columns[l]] += value * values[l];
     }
   }
   void add_gradient(double scale, const std::vector<Index>& columns,
@@ -148,6 +151,15 @@ void WaterEquations::add_point(const Channel& channel, Index begin, Index end, S
   sums.add(-1.0 / (kInformation * s), all_columns, g);
 }
 
+void WaterEquations::add_points(const Channel& channel, Index part, Sums& sums) const {
+  const auto count = static_cast<Index>(first_.size()) - 1;
+  const Index end = count * (part + 1) / kParts;
+  for (Index p = count * part / kParts; p < end; ++p) {
+    const Index* const first = &first_[static_cast<std::size_t>(p)];
+    add_point(channel, first[0], first[1], sums);
+  }
+}
+
 void WaterEquations::add(Index c, const ChannelModel& model, const Tensor& falloff, Tensor& A,
                          Tensor& b) {
   const auto number = static_cast<std::size_t>(c);
@@ -165,12 +177,16 @@ void WaterEquations::add(Index c, const ChannelModel& model, const Tensor& fallo
   // Geman and McClure
   const Tensor variance = sigma * sigma + (kTextureNoise * s_.texture).square();
   weights.copy_((1.0 + left.square() / (4.0 * variance)).square().reciprocal() / variance);
-  Sums sums(b.size(0));
-  for (std::size_t p = 0; p + 1 < first_.size(); ++p) {
-    add_point(channel, first_[p], first_[p + 1], sums);
+  // Parts that do not depend on how many threads there are, nor does then their sum.
+  std::vector<Sums> parts;
+  for (Index k = 0; k < kParts; ++k) parts.emplace_back(b.size(0));
+  at::parallel_for(0, kParts, 1, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k) add_points(channel, k, parts[static_cast<std::size_t>(k)]);
+  });
+  for (const Sums& part : parts) {
+    A += part.A.triu() + part.A.triu(1).t();
+    b += part.b;
   }
-  A += sums.A.triu() + sums.A.triu(1).t();
-  b += sums.b;
 }
 
 }  // namespace apvi::mapping

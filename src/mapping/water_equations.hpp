@@ -12,7 +12,7 @@
 
 namespace apvi::mapping {
 
-/// The same sightings, those of a point in a row.
+/// The same sightings, those of a point in a row, in the order of their views.
 Sightings by_point(const Sightings& sightings);
 
 /// Robust normal equations of what sightings look like, with the points' colours eliminated
@@ -36,6 +36,7 @@ class WaterEquations {
   using Index = std::int64_t;
   struct Channel;
   struct Sums;
+  void add_points(const Channel& channel, Index part, Sums& sums) const;
   void add_point(const Channel& channel, Index begin, Index end, Sums& sums) const;
 
   const Sightings& s_;

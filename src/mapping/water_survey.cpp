@@ -328,7 +328,10 @@ void share_facing(std::vector<Look>& looks, double radius_m) {
       points.push_back(looks[end].points);
       facing.push_back(looks[end].facing);
     }
-    Tensor shared = prevailing_normals(torch::cat(points), torch::cat(facing), radius_m);
+    const auto there = [](const std::vector<Tensor>& parts) {
+      return torch::cat(parts).to(splat::active_device());
+    };
+    Tensor shared = prevailing_normals(there(points), there(facing), radius_m).to(torch::kCPU);
     for (std::size_t i = begin; i < end; ++i) {
       const std::int64_t own = looks[i].points.size(0);
       looks[i].facing = shared.slice(0, 0, own);

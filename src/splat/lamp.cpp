@@ -85,14 +85,20 @@ LampHaze::LampHaze(const Lamp& lamp, double unit_range_m, const Tensor& rays,
   }
 }
 
+// In place where it can be: this is most of what fitting water takes.
 LampTerm LampHaze::at(const Tensor& beta_d) const {
   LampTerm sum;
   for (std::size_t j = 0; j < ways_.size(); ++j) {
-    const Tensor part = weights_[j] * torch::exp(-beta_d * ways_[j]);
-    const Tensor by_beta_d = -ways_[j] * part;
-    sum.value = j == 0 ? part : sum.value + part;
-    sum.by_beta_d = j == 0 ? by_beta_d : sum.by_beta_d + by_beta_d;
+    const Tensor part = (beta_d * -ways_[j]).exp_().mul_(weights_[j]);
+    if (j == 0) {
+      sum.value = part.clone();
+      sum.by_beta_d = ways_[j] * part;
+    } else {
+      sum.value.add_(part);
+      sum.by_beta_d.addcmul_(ways_[j], part);
+    }
   }
+  sum.by_beta_d.neg_();
   return sum;
 }
 

@@ -57,8 +57,8 @@ TEST(MapperWater, IsSurveyedTwentyKeyframesAfterAnOutage) {
 
 // What was seen until then is a stretch of its own now.
 TEST(MapperWater, IsSurveyedWhereSightIsLost) {
-  EXPECT_EQ(surveys(72, true), (std::vector<int>{60, 72}));
-  EXPECT_EQ(surveys(65, true), (std::vector<int>{60, 84}));
+  EXPECT_EQ(surveys(81, true), (std::vector<int>{60, 81}));
+  EXPECT_EQ(surveys(70, true), (std::vector<int>{60, 84}));
 }
 
 }  // namespace

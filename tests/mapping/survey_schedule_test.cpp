@@ -49,8 +49,8 @@ TEST(SurveySchedule, SurveysWhenSightIsLostIfAStretchWasSeenSinceTheLast) {
   EXPECT_FALSE(schedule.is_due_at_loss(19));
   EXPECT_TRUE(schedule.is_due_at_loss(20));
   schedule.surveyed(50);
-  EXPECT_FALSE(schedule.is_due_at_loss(59));
-  EXPECT_TRUE(schedule.is_due_at_loss(60));
+  EXPECT_FALSE(schedule.is_due_at_loss(69));
+  EXPECT_TRUE(schedule.is_due_at_loss(70));
 }
 
 TEST(SurveySchedule, GoesOnFromAnArchive) {

@@ -25,7 +25,7 @@ class SurveySchedule {
   void sight_returned(std::size_t taken);
   bool is_due(std::size_t taken) const;
   /// Whether to survey now that sight is lost: what was seen since the last survey is a stretch of
-  /// its own, and nothing will be added to it.
+  /// its own, and nothing will be added to it. Not after so few that surveys would crowd.
   bool is_due_at_loss(std::size_t taken) const;
   void surveyed(std::size_t taken);
 
