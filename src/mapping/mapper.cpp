@@ -109,7 +109,6 @@ Intake Mapper::add(const MapperInput& input) {
     move(input.moved);
     relocate(input.relocated);
   }
-  const bool loses_sight = input.vio_failing && !vio_failing_;
   vio_failing_ = input.vio_failing;
   if (learner_) learner_->set_vio_failing(vio_failing_);
   if (input.murky) {
@@ -124,10 +123,7 @@ Intake Mapper::add(const MapperInput& input) {
     if (leader != by_stamp_.end()) followers_[leader->second].push_back(keyframes_.size() - 1);
     thin_held_out();
   }
-  if (intake != Intake::taken) {
-    if (loses_sight) maybe_survey_water(input, loses_sight);
-    return intake;
-  }
+  if (intake != Intake::taken) return intake;
   note_outage(input.keyframe.stamp_ns);
   keep(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
@@ -142,7 +138,7 @@ Intake Mapper::add(const MapperInput& input) {
   if (options_.trainer.densify.kind == Densification::random) insert_random(view);
   if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
-  maybe_survey_water(input, loses_sight);
+  maybe_survey_water(input);
   return intake;
 }
 
@@ -239,11 +235,11 @@ void Mapper::note_outage(std::int64_t stamp_ns) {
 }
 
 // All but the first can wait while there is too much else to do.
-void Mapper::maybe_survey_water(const MapperInput& input, bool loses_sight) {
+void Mapper::maybe_survey_water(const MapperInput& input) {
   if (!options_.medium || !learner_ || size() == 0) return;
   if (learner_->medium() && (input.hurry || input.crowded)) return;
   const std::size_t taken = counts_[Intake::taken];
-  if (!surveys_.is_due(taken) && !(loses_sight && surveys_.is_due_at_loss(taken))) return;
+  if (!surveys_.is_due(taken)) return;
   surveys_.surveyed(taken);
   survey_water();
 }

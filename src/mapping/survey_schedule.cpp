@@ -3,7 +3,6 @@
 
 #include <torch/serialize/archive.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -11,9 +10,8 @@ namespace apvi::mapping {
 namespace {
 
 constexpr double kGrowth = 1.4;  // in keyframes, from one survey to the next
-// After an outage: the map must first learn what came into sight. Where sight is lost, since the
-// last: each survey makes those before count less, so that more of them forget the rest of a dive.
-constexpr std::size_t kAboutOutages = 20;
+// After an outage: the map must first learn what came into sight.
+constexpr std::size_t kAfterOutage = 20;
 constexpr std::size_t kEnough = 10;  // of these, for a survey that comes by itself
 
 constexpr std::int64_t kNone = -1;
@@ -21,17 +19,13 @@ constexpr std::int64_t kNone = -1;
 }  // namespace
 
 void SurveySchedule::sight_returned(std::size_t taken) {
-  after_outage_ = taken + kAboutOutages;
+  after_outage_ = taken + kAfterOutage;
 }
 
 bool SurveySchedule::is_due(std::size_t taken) const {
   if (taken < first_) return false;
   const auto grown = static_cast<std::size_t>(std::ceil(kGrowth * static_cast<double>(last_)));
   return taken >= grown || (after_outage_ && taken >= *after_outage_);
-}
-
-bool SurveySchedule::is_due_at_loss(std::size_t taken) const {
-  return taken >= std::max(first_, last_ + kAboutOutages);
 }
 
 void SurveySchedule::surveyed(std::size_t taken) {

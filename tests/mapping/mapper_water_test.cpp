@@ -16,8 +16,8 @@ namespace {
 constexpr int kOutage = 5;  // [s]
 
 /// After how many of 90 keyframes, a second apart, the water is surveyed. An outage may come after
-/// so many of them, of which localization may say something when it begins.
-std::vector<int> surveys(const std::optional<int>& outage_after, bool said = false) {
+/// so many of them.
+std::vector<int> surveys(const std::optional<int>& outage_after) {
   const splat::Gaussians world = test::wall_of_gaussians();
   MapperOptions options = small_map_options();
   options.medium = true;
@@ -25,23 +25,14 @@ std::vector<int> surveys(const std::optional<int>& outage_after, bool said = fal
   Mapper mapper(options);
   std::vector<int> after;
   double passed_s = 0.0;
-  const auto survey_after = [&](int count) {
-    if (mapper.times().of("water") > passed_s) after.push_back(count);
-    passed_s = mapper.times().of("water");
-  };
   for (int i = 0; i < 90; ++i) {
-    if (said && i == *outage_after) {
-      MapperInput news;
-      news.vio_failing = true;
-      EXPECT_EQ(mapper.add(news), Intake::no_picture);
-      survey_after(i);
-    }
     MapperInput input;
     const int second = outage_after && i >= *outage_after ? i + kOutage : i;
     input.keyframe = test::photograph(world, test::camera_at(0.015 * i - 0.7, 0.0), second);
     input.points = points_of(world);
     EXPECT_EQ(mapper.add(input), Intake::taken);
-    survey_after(i + 1);
+    if (mapper.times().of("water") > passed_s) after.push_back(i + 1);
+    passed_s = mapper.times().of("water");
   }
   return after;
 }
@@ -53,12 +44,6 @@ TEST(MapperWater, IsSurveyedAgainWhenThereAreFourTenthsMoreKeyframes) {
 // The camera's gain may have gone anywhere.
 TEST(MapperWater, IsSurveyedTwentyKeyframesAfterAnOutage) {
   EXPECT_EQ(surveys(60), (std::vector<int>{60, 81}));
-}
-
-// What was seen until then is a stretch of its own now.
-TEST(MapperWater, IsSurveyedWhereSightIsLost) {
-  EXPECT_EQ(surveys(81, true), (std::vector<int>{60, 81}));
-  EXPECT_EQ(surveys(70, true), (std::vector<int>{60, 84}));
 }
 
 }  // namespace

@@ -44,15 +44,6 @@ TEST(SurveySchedule, ASurveyOfAStretchAfterAnOutageIsEnough) {
   EXPECT_EQ(surveys(schedule, 1, 170, 130), (std::vector<std::size_t>{100, 140}));
 }
 
-TEST(SurveySchedule, SurveysWhenSightIsLostIfAStretchWasSeenSinceTheLast) {
-  SurveySchedule schedule(20);
-  EXPECT_FALSE(schedule.is_due_at_loss(19));
-  EXPECT_TRUE(schedule.is_due_at_loss(20));
-  schedule.surveyed(50);
-  EXPECT_FALSE(schedule.is_due_at_loss(69));
-  EXPECT_TRUE(schedule.is_due_at_loss(70));
-}
-
 TEST(SurveySchedule, GoesOnFromAnArchive) {
   SurveySchedule schedule(10);
   surveys(schedule, 1, 120, 115);

@@ -150,7 +150,7 @@ class Mapper {
   std::int64_t room() const;
   std::int64_t make_room(std::int64_t wanted);
   void note_outage(std::int64_t stamp_ns);
-  void maybe_survey_water(const MapperInput& input, bool loses_sight);
+  void maybe_survey_water(const MapperInput& input);
   void survey_water();
   std::int64_t round_length() const;
   void maybe_densify();

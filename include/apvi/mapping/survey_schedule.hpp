@@ -12,10 +12,9 @@ class OutputArchive;
 namespace apvi::mapping {
 
 /// When the mapper surveys the water, counted in keyframes that it took: again whenever there are
-/// four tenths more than at the last survey, and about outages. Over a time without pictures a
-/// camera's gain may go anywhere, and what comes into sight then takes whatever gain it is given
-/// for its own brightness: the water tells, and only a survey that looks at keyframes of both
-/// sides tells it of them.
+/// four tenths more than at the last survey, and twenty after an outage. Over a time without
+/// pictures a camera's gain may go anywhere, and what comes into sight then takes whatever gain it
+/// is given for its own brightness: the water tells.
 class SurveySchedule {
  public:
   /// The first survey comes when there are `first` keyframes.
@@ -24,9 +23,6 @@ class SurveySchedule {
   /// Pictures come again, after a time without; `taken` with the first of them.
   void sight_returned(std::size_t taken);
   bool is_due(std::size_t taken) const;
-  /// Whether to survey now that sight is lost: what was seen since the last survey is a stretch of
-  /// its own, and nothing will be added to it. Not after so few that surveys would crowd.
-  bool is_due_at_loss(std::size_t taken) const;
   void surveyed(std::size_t taken);
 
   void save(torch::serialize::OutputArchive& archive) const;
