@@ -183,10 +183,12 @@ void WaterEquations::add(Index c, const ChannelModel& model, const Tensor& fallo
   at::parallel_for(0, kParts, 1, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k) add_points(channel, k, parts[static_cast<std::size_t>(k)]);
   });
+  Tensor upper = torch::zeros_like(A);
   for (const Sums& part : parts) {
-    A += part.A.triu() + part.A.triu(1).t();
+    upper += part.A;
     b += part.b;
   }
+  A += upper + upper.triu(1).t();
 }
 
 }  // namespace apvi::mapping
