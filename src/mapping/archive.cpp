@@ -9,6 +9,15 @@
 #include "apvi/core/error.hpp"
 
 namespace apvi::mapping {
+namespace {
+
+c10::IValue read_value(torch::serialize::InputArchive& archive, const char* key) {
+  c10::IValue value;
+  archive.read(key, value);
+  return value;
+}
+
+}  // namespace
 
 void write_archive(const std::filesystem::path& file, torch::serialize::OutputArchive& archive) {
   // LibTorch is told that all was written, because a destructor of its own throws when it was not;
@@ -31,6 +40,18 @@ void read_archive(const std::filesystem::path& file,
     fail_input("{}: cannot be resumed: {}; delete it to start anew", file.string(),
                e.what_without_backtrace());
   }
+}
+
+std::int64_t read_int(torch::serialize::InputArchive& archive, const char* key) {
+  return read_value(archive, key).toInt();
+}
+
+double read_double(torch::serialize::InputArchive& archive, const char* key) {
+  return read_value(archive, key).toDouble();
+}
+
+bool read_bool(torch::serialize::InputArchive& archive, const char* key) {
+  return read_value(archive, key).toBool();
 }
 
 }  // namespace apvi::mapping

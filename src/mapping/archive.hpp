@@ -3,6 +3,7 @@
 
 #include <torch/serialize/archive.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 
@@ -15,5 +16,10 @@ void write_archive(const std::filesystem::path& file, torch::serialize::OutputAr
 /// damaged, or when `read` throws c10::Error.
 void read_archive(const std::filesystem::path& file,
                   const std::function<void(torch::serialize::InputArchive&)>& read);
+
+/// What a checkpoint holds under a name. Throw c10::Error when that is nothing or of another type.
+std::int64_t read_int(torch::serialize::InputArchive& archive, const char* key);
+double read_double(torch::serialize::InputArchive& archive, const char* key);
+bool read_bool(torch::serialize::InputArchive& archive, const char* key);
 
 }  // namespace apvi::mapping

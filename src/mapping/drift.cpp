@@ -7,6 +7,7 @@
 
 #include "apvi/mapping/keyframe_store.hpp"
 #include "apvi/mapping/seeds.hpp"
+#include "archive.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -88,9 +89,7 @@ void Drift::save(torch::serialize::OutputArchive& archive) const {
 
 void Drift::load(torch::serialize::InputArchive& archive) {
   archive.read("now", now_);
-  c10::IValue last;
-  archive.read("last_found", last);
-  last_found_ns_ = last.toInt();
+  last_found_ns_ = read_int(archive, "last_found");
   Tensor poses;
   Tensor found;
   archive.read("T_odometry_map", poses);

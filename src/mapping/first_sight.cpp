@@ -9,6 +9,7 @@
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/render.hpp"
 #include "apvi/splat/similarity.hpp"
+#include "archive.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -85,9 +86,7 @@ void FirstSight::save(torch::serialize::OutputArchive& archive) const {
 void FirstSight::load(torch::serialize::InputArchive& archive, const torch::Device& device) {
   kept_ = {};
   archive.read("stamps", stamps_);
-  c10::IValue any;
-  archive.read("any", any);
-  if (!any.toBool()) return;
+  if (!read_bool(archive, "any")) return;
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     Tensor read;
     archive.read(kNames[k], read);

@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include "archive.hpp"
+
 namespace apvi::mapping {
 namespace {
 
@@ -41,10 +43,8 @@ void LateLosses::save(torch::serialize::OutputArchive& archive) const {
 
 void LateLosses::load(torch::serialize::InputArchive& archive, const torch::Device& device) {
   torch::Tensor views, losses;
-  c10::IValue newest;
   archive.read("views", views);
   archive.read("losses", losses);
-  archive.read("newest", newest);
   TORCH_CHECK(
       views.sizes() == losses.sizes() && views.dim() == 1 && views.scalar_type() == torch::kInt64,
       "checkpoint: losses of ", losses.sizes(), " for views ", views.sizes());
@@ -54,7 +54,7 @@ void LateLosses::load(torch::serialize::InputArchive& archive, const torch::Devi
   for (std::int64_t i = 0; i < views.size(0); ++i) {
     waiting_.emplace_back(static_cast<std::size_t>(view[i]), losses[i].to(device));
   }
-  newest_ = newest.toDouble();
+  newest_ = read_double(archive, "newest");
 }
 
 std::vector<std::pair<std::size_t, double>> LateLosses::take() {

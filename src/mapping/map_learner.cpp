@@ -14,6 +14,7 @@
 #include "apvi/splat/losses.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "apvi/splat/morton.hpp"
+#include "archive.hpp"
 #include "recolor.hpp"
 
 namespace apvi::mapping {
@@ -358,14 +359,10 @@ void MapLearner::load(torch::serialize::InputArchive& archive) {
   gains_.load(part);
   archive.read("water", part);
   surveys_.load(part);
-  c10::IValue vignetting;
-  archive.read("vignetting", vignetting);
-  vignetting_ = vignetting.toDouble();
+  vignetting_ = read_double(archive, "vignetting");
   falloffs_.clear();
   waters_.clear();
-  c10::IValue has_medium;
-  archive.read("has_medium", has_medium);
-  if (!has_medium.toBool()) return medium_.reset();
+  if (!read_bool(archive, "has_medium")) return medium_.reset();
   if (!medium_) medium_.emplace(on_device(splat::coastal_medium()));
   archive.read("medium", part);
   medium_->load(part);

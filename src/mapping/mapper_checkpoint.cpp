@@ -13,18 +13,6 @@ using torch::Tensor;
 using torch::serialize::InputArchive;
 using torch::serialize::OutputArchive;
 
-std::int64_t read_int(InputArchive& archive, const char* key) {
-  c10::IValue value;
-  archive.read(key, value);
-  return value.toInt();
-}
-
-double read_double(InputArchive& archive, const char* key) {
-  c10::IValue value;
-  archive.read(key, value);
-  return value.toDouble();
-}
-
 void write(OutputArchive& archive, const Keyframe& keyframe) {
   const splat::Intrinsics& k = keyframe.intrinsics;
   archive.write("stamp", c10::IValue(keyframe.stamp_ns));
@@ -43,12 +31,11 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
 
 Keyframe read_keyframe(InputArchive& archive) {
   Keyframe keyframe;
-  c10::IValue value;
   keyframe.stamp_ns = read_int(archive, "stamp");
-  archive.read("name", value);
-  keyframe.name = value.toStringRef();
-  archive.read("held_out", value);
-  keyframe.held_out = value.toBool();
+  c10::IValue name;
+  archive.read("name", name);
+  keyframe.name = name.toStringRef();
+  keyframe.held_out = read_bool(archive, "held_out");
   keyframe.number = read_int(archive, "number");
   Tensor lens;
   archive.read("lens", lens);
@@ -62,8 +49,7 @@ Keyframe read_keyframe(InputArchive& archive) {
                          .height = static_cast<int>(read_int(archive, "height")),
                          .lens_spread = {f[4], f[5], f[6]}};
   archive.read("pose", keyframe.T_camera_world);
-  archive.read("kept", value);
-  if (value.toBool()) archive.read("image", keyframe.image);
+  if (read_bool(archive, "kept")) archive.read("image", keyframe.image);
   return keyframe;
 }
 
@@ -131,9 +117,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.schedule_.load(part);
     archive.read("losses", part);
     read.losses_.load(part, splat::active_device());
-    c10::IValue learning;
-    archive.read("learning", learning);
-    if (learning.toBool()) {
+    if (read_bool(archive, "learning")) {
       read.learner_.emplace(
           splat::Gaussians::empty(read.options_.trainer.sh_degree, torch::kFloat32),
           read.options_.trainer, read.keyframes_.size());

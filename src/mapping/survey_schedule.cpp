@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "archive.hpp"
+
 namespace apvi::mapping {
 namespace {
 
@@ -40,12 +42,10 @@ void SurveySchedule::save(torch::serialize::OutputArchive& archive) const {
 }
 
 void SurveySchedule::load(torch::serialize::InputArchive& archive) {
-  c10::IValue value;
-  archive.read("last", value);
-  last_ = static_cast<std::size_t>(value.toInt());
-  archive.read("after_outage", value);
+  last_ = static_cast<std::size_t>(read_int(archive, "last"));
+  const std::int64_t after_outage = read_int(archive, "after_outage");
   after_outage_.reset();
-  if (value.toInt() != kNone) after_outage_ = static_cast<std::size_t>(value.toInt());
+  if (after_outage != kNone) after_outage_ = static_cast<std::size_t>(after_outage);
 }
 
 }  // namespace apvi::mapping

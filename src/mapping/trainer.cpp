@@ -137,15 +137,10 @@ void Trainer::save(const std::filesystem::path& checkpoint) const {
 void Trainer::resume(const std::filesystem::path& checkpoint) {
   read_archive(checkpoint, [this](torch::serialize::InputArchive& archive) {
     learner_.load(archive);
-    c10::IValue value;
-    archive.read("iteration", value);
-    iteration_ = value.toInt();
-    archive.read("seconds", value);
-    seconds_ = value.toDouble();
-    archive.read("surveys", value);
-    surveys_ = static_cast<std::size_t>(value.toInt());
-    archive.read("initial_size", value);
-    initial_size_ = value.toInt();
+    iteration_ = read_int(archive, "iteration");
+    seconds_ = read_double(archive, "seconds");
+    surveys_ = static_cast<std::size_t>(read_int(archive, "surveys"));
+    initial_size_ = read_int(archive, "initial_size");
   });
 }
 

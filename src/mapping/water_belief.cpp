@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include "archive.hpp"
+
 namespace apvi::mapping {
 namespace {
 
@@ -56,9 +58,7 @@ void WaterBelief::save(torch::serialize::OutputArchive& archive) const {
 }
 
 void WaterBelief::load(torch::serialize::InputArchive& archive) {
-  c10::IValue none;
-  archive.read("empty", none);
-  if (none.toBool()) {
+  if (read_bool(archive, "empty")) {
     *this = {};
     return;
   }
