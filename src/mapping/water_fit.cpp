@@ -41,14 +41,14 @@ class Solver {
         gains_(vignetting_ + 1) {
     const auto n = gains_ + s_.view_count;
     mean_ = torch::zeros({n}, kF64);
-    precision_ = torch::eye(n, kF64) / (prior.gain_sigma * prior.gain_sigma);
+    sigma_ = torch::full({n}, prior.gain_sigma, kF64);
     for (std::int64_t c = 0; c < 3; ++c) {
-      own(mean_, c, own_).copy_(water_.mean(c));
-      own(precision_, c, own_).copy_(torch::inverse(water_.covariance(c)));
+      mean_.slice(0, own_ * c, own_ * (c + 1)).copy_(water_.mean(c));
+      sigma_.slice(0, own_ * c, own_ * (c + 1)).copy_(water_.sigma());
     }
-    precision_[vignetting_][vignetting_] = 1.0 / (prior.vignetting_sigma * prior.vignetting_sigma);
+    sigma_[vignetting_] = prior.vignetting_sigma;
     theta_ = mean_.clone();
-    before_ = own_waters(precision_);
+    before_ = torch::diag(water_.sigma().slice(0, 0, kWater).square().reciprocal());
   }
 
   void solve() {
@@ -67,12 +67,12 @@ class Solver {
 
   /// Adds what these sightings alone say of attenuation.
   void tell(WaterBelief& surveys) const {
+    const Tensor prior = before_.slice(0, 0, kShared).slice(1, 0, kShared);
     const Tensor found = water_parameters().slice(1, 0, kShared);
     const Tensor covariance = torch::inverse(information_);
     Tensor information = torch::empty({3, kShared, kShared}, kF64);
     Tensor weighted = torch::empty({3, kShared}, kF64);
     for (std::int64_t c = 0; c < 3; ++c) {
-      const Tensor prior = attenuation_before(c);
       const Tensor all = torch::inverse(own(covariance, c, kShared));
       information[c].copy_(all - prior);
       weighted[c].copy_(all.mv(found[c]) - prior.mv(own(mean_, c, kShared)));
@@ -82,17 +82,18 @@ class Solver {
 
   /// Of each channel's water [3,3,3].
   Tensor covariances() const {
-    return own_waters(torch::inverse(information_));
+    const Tensor all = torch::inverse(information_);
+    return torch::stack({own(all, 0, kWater), own(all, 1, kWater), own(all, 2, kWater)});
   }
 
   /// From now on attenuation is what surveys say together; brings `covariances` [3,3,3] up to it.
   void settle(const WaterBelief& surveys, Tensor& covariances) {
+    const Tensor prior = before_.slice(0, 0, kShared).slice(1, 0, kShared);
     for (std::int64_t c = 0; c < 3; ++c) {
-      const Tensor prior = attenuation_before(c);
       const Tensor shared = torch::inverse(prior + surveys.information()[c]);
       const Tensor mean = shared.mv(prior.mv(own(mean_, c, kShared)) + surveys.weighted()[c]);
       own(mean_, c, kShared).copy_(mean);
-      own(precision_, c, kShared).copy_(torch::eye(kShared, kF64) / (kHeld * kHeld));
+      own(sigma_, c, kShared).fill_(kHeld);
       own(theta_, c, kShared).copy_(mean);
       // The veil's brightness goes with attenuation as it did (conditioning of a normal).
       Tensor all = covariances[c];
@@ -116,7 +117,7 @@ class Solver {
         torch::tensor({1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0}, kF64).reshape({3, 3});
     for (std::int64_t c = 0; c < 3; ++c) {
       const Tensor& own = covariances[c];
-      const Tensor known = torch::eye(3, kF64) - own.mm(before_[c]);
+      const Tensor known = torch::eye(3, kF64) - own.mm(before_);
       fit.known[c].copy_(to_logs.mm(known).mm(torch::inverse(to_logs)));
       fit.sigmas[c].copy_(to_logs.mm(own).mm(to_logs.t()).diagonal().clamp_min(0.0).sqrt());
     }
@@ -132,14 +133,6 @@ class Solver {
     Tensor part = all.slice(0, own_ * c, own_ * c + count);
     return all.dim() == 1 ? part : part.slice(1, own_ * c, own_ * c + count);
   }
-  /// The same of all channels [3,kWater,kWater].
-  Tensor own_waters(const Tensor& all) const {
-    return torch::stack({own(all, 0, kWater), own(all, 1, kWater), own(all, 2, kWater)});
-  }
-  /// Information about a channel's attenuation before anything was seen.
-  Tensor attenuation_before(std::int64_t c) const {
-    return before_[c].slice(0, 0, kShared).slice(1, 0, kShared);
-  }
   Tensor falloff() const { return 1.0 - theta_[vignetting_] * s_.corners2; }
   Tensor responses() const {
     return theta_.slice(0, gains_).exp().index_select(0, s_.views) * falloff();
@@ -147,8 +140,9 @@ class Solver {
 
   /// Information and gradient, the points' colours eliminated.
   std::pair<Tensor, Tensor> normal_equations() {
-    Tensor A = precision_.clone();
-    Tensor b = precision_.mv(theta_ - mean_);
+    const Tensor precision = sigma_.square().reciprocal();
+    Tensor A = torch::diag(precision);
+    Tensor b = precision * (theta_ - mean_);
     const Tensor lens = falloff();
     const std::vector<ChannelModel> models = water_.evaluate(water_parameters(), responses());
     for (std::int64_t c = 0; c < 3; ++c) {
@@ -165,8 +159,8 @@ class Solver {
   std::int64_t own_;  ///< parameters of a channel
   WaterEquations equations_;
   std::int64_t vignetting_, gains_;
-  Tensor mean_, precision_, theta_, information_;
-  Tensor before_;  ///< [3,3,3] information about the channels' water before anything was seen
+  Tensor mean_, sigma_, theta_, information_;
+  Tensor before_;  ///< information [3,3] about a channel's water before anything was seen
 };
 
 }  // namespace

@@ -37,23 +37,17 @@ Tensor WaterModel::mean(std::int64_t channel) const {
   const auto log_of = [channel](const Tensor& t) {
     return std::log(t[channel].to(torch::kFloat64).item<double>());
   };
-  const auto c = static_cast<std::size_t>(channel);
-  const double beta = log_of(prior_.medium.beta_d);
-  return torch::tensor({beta, prior_.log_ratio[c] + prior_.ratio_by_beta[c] * beta,
-                        log_of(prior_.medium.b_inf), prior_.daylight, std::log(prior_.glow)},
-                       kF64)
+  return torch::tensor({log_of(prior_.medium.beta_d), prior_.log_ratio, log_of(prior_.medium.b_inf),
+                        prior_.daylight, std::log(prior_.glow)},
+                       torch::kFloat64)
       .slice(0, 0, parameters());
 }
 
-Tensor WaterModel::covariance(std::int64_t channel) const {
-  const Tensor sigmas = torch::tensor({prior_.beta_sigma, prior_.ratio_sigma, prior_.b_inf_sigma,
-                                       prior_.daylight_sigma, prior_.glow_sigma},
-                                      kF64)
-                            .slice(0, 0, parameters());
-  // The ratio is that of the water's beta_d, and something of its own.
-  Tensor to = torch::eye(parameters(), kF64);
-  to[kRatio][kBeta] = prior_.ratio_by_beta[static_cast<std::size_t>(channel)];
-  return to.mm(torch::diag(sigmas.square())).mm(to.t());
+Tensor WaterModel::sigma() const {
+  return torch::tensor({prior_.beta_sigma, prior_.ratio_sigma, prior_.b_inf_sigma,
+                        prior_.daylight_sigma, prior_.glow_sigma},
+                       torch::kFloat64)
+      .slice(0, 0, parameters());
 }
 
 void WaterModel::confine(Tensor& parameters) const {

@@ -29,9 +29,9 @@ class WaterModel {
   WaterModel(const Sightings& sightings, const WaterPrior& prior);
 
   std::int64_t parameters() const { return lamp_ ? 5 : 3; }
-  /// What is believed before: mean [parameters()] and covariance [parameters(),parameters()].
+  /// Means and sigmas [parameters()] of what is believed before.
   torch::Tensor mean(std::int64_t channel) const;
-  torch::Tensor covariance(std::int64_t channel) const;
+  torch::Tensor sigma() const;
   /// Parameters [3,parameters()] moved back into their range.
   void confine(torch::Tensor& parameters) const;
 

@@ -192,37 +192,13 @@ TEST(FitWater, WaterStaysAtItsPriorWhileAllIsAtOneDistance) {
   ASSERT_TRUE(fit);
   const splat::Medium prior = splat::coastal_medium();
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, prior.beta_d), 0.02);
-  const WaterPrior usual = usual_prior();
-  const Tensor at_one = torch::tensor(at::ArrayRef<double>(usual.log_ratio), kF64);
-  const Tensor by_beta = torch::tensor(at::ArrayRef<double>(usual.ratio_by_beta), kF64);
-  const Tensor ratio = (at_one + by_beta * prior.beta_d.log()).exp();
+  const double ratio = std::exp(usual_prior().log_ratio);
   EXPECT_LT(worst_relative_error(fit->medium.beta_b, ratio * prior.beta_d), 0.02);
   EXPECT_LT(worst_relative_error(fit->medium.b_inf, prior.b_inf), 0.02);
   EXPECT_LT(fit->known.abs().max().item<double>(), 0.05);
   // The camera is known all the same.
   EXPECT_NEAR(fit->vignetting, kVignetting, 0.01);
   EXPECT_LT((fit->log_gains - true_log_gains()).abs().max().item<double>(), 0.01);
-}
-
-// A veil that is hardly there does not tell how it grows with distance.
-TEST(FitWater, WhereTheVeilSaysNothingTheMurkierWaterScattersMore) {
-  const splat::LampLight light = lamp_of_a_vehicle();
-  splat::Medium water = water_of_a_lake();
-  water.b_inf = torch::full({3}, 1e-3, kF64);
-  const auto ratio_in = [&](double beta) {
-    water.beta_d = torch::full({3}, beta, kF64);
-    const auto fit = fit_water(see_by_lamplight(light, water), usual_prior(light.lamp));
-    EXPECT_TRUE(fit);
-    return fit ? (fit->medium.beta_b / fit->medium.beta_d).log() : torch::zeros({3}, kF64);
-  };
-  // Petzold's three waters, with 0.4 of the scattering in the first degrees.
-  const Tensor clear = ratio_in(0.15), coastal = ratio_in(0.40);
-  for (const std::int64_t c : {1, 2}) {
-    EXPECT_NEAR(clear[c].item<double>(), std::log(1.0 - 0.4 * 0.25), 0.05);
-    EXPECT_NEAR(coastal[c].item<double>(), std::log(1.0 - 0.4 * 0.55), 0.05);
-  }
-  // In red half of that is the water's own absorption.
-  EXPECT_NEAR(coastal[0].item<double>(), 0.5 * std::log(1.0 - 0.4 * 0.55), 0.05);
 }
 
 TEST(FitWater, SaysHowLittleItKnowsWhenDistancesHardlyVary) {

@@ -3,7 +3,6 @@
 
 #include <torch/types.h>
 
-#include <array>
 #include <cstdint>
 #include <optional>
 
@@ -30,14 +29,11 @@ struct Sightings {
 struct WaterPrior {
   splat::Medium medium;     ///< the median
   double beta_sigma = 1.0;  ///< of log(beta_d)
-  /// Of log(beta_b / beta_d) in red, green and blue, where beta_d is one per metre, and how it goes
-  /// with log(beta_d). What is scattered by a few degrees, 0.3 to 0.5 of all that is scattered, is
-  /// lost to the scene's picture and not to the veil; scattering is 0.25 of an attenuation of 0.15
-  /// per metre, 0.55 of 0.40 and 0.83 of 2.2 in green (the three waters of Petzold, "Volume
-  /// scattering functions for selected ocean waters", 1972; the line through these). In red the
-  /// water itself absorbs 0.2 per metre (Pope and Fry, "Absorption spectrum of pure water", 1997).
-  std::array<double, 3> log_ratio = {-0.27, -0.33, -0.33};
-  std::array<double, 3> ratio_by_beta = {-0.17, -0.11, -0.11};
+  /// Of log(beta_b / beta_d): what is scattered by a few degrees, 0.3 to 0.5 of all that is
+  /// scattered (Petzold, "Volume scattering functions for selected ocean waters", 1972), is lost to
+  /// the scene's picture and not to the veil; scattering is a tenth of the attenuation in clear
+  /// water and two thirds in turbid.
+  double log_ratio = -0.12;
   double ratio_sigma = 0.15;
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's gain
