@@ -45,6 +45,7 @@ void LateLosses::load(torch::serialize::InputArchive& archive, const torch::Devi
   torch::Tensor views, losses;
   archive.read("views", views);
   archive.read("losses", losses);
+  const double newest = read_double(archive, "newest");
   TORCH_CHECK(
       views.sizes() == losses.sizes() && views.dim() == 1 && views.scalar_type() == torch::kInt64,
       "checkpoint: losses of ", losses.sizes(), " for views ", views.sizes());
@@ -54,7 +55,7 @@ void LateLosses::load(torch::serialize::InputArchive& archive, const torch::Devi
   for (std::int64_t i = 0; i < views.size(0); ++i) {
     waiting_.emplace_back(static_cast<std::size_t>(view[i]), losses[i].to(device));
   }
-  newest_ = read_double(archive, "newest");
+  newest_ = newest;
 }
 
 std::vector<std::pair<std::size_t, double>> LateLosses::take() {
