@@ -49,6 +49,7 @@ Sightings see(double nearest, double farthest, double noise = 0.005, double shim
   s.texture = torch::zeros({n}, kF64);
   const Tensor z = s.ranges.unsqueeze(1);
   const Tensor errors = noise * torch::randn({n, 3}, kF64);
+  // Nothing is drawn where nothing shimmers: what is drawn after this stays as it is.
   const Tensor light = shimmer > 0.0 ? 1.0 + shimmer * torch::randn({n, 1}, kF64) : torch::ones({});
   const Tensor seen = light * colors.index_select(0, s.points) * torch::exp(-water.beta_d * z) +
                       water.b_inf * (1.0 - torch::exp(-water.beta_b * z));
