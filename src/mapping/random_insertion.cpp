@@ -3,6 +3,9 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/render.hpp"
 
@@ -12,8 +15,19 @@ namespace {
 using torch::Tensor;
 
 constexpr double kSolid = 0.5;     // alpha from which the rendered depth is believed
+constexpr double kSpread = 0.2;    // of the logarithm of a depth that nobody knows
 constexpr double kRadiusPx = 1.5;  // of a new Gaussian
 constexpr double kOpacity = 0.1;
+
+/// A depth where the map says none: about that of a surface seen elsewhere in the picture, and only
+/// without any between the camera and the far end. Anywhere along the ray would be in mid-water.
+double guess(const Tensor& known, double extent, Random& random) {
+  const std::int64_t n = known.numel();
+  if (n == 0) return random.uniform(0.1 * extent, extent);
+  const auto one =
+      std::min(n - 1, static_cast<std::int64_t>(random.uniform() * static_cast<double>(n)));
+  return static_cast<double>(known.data_ptr<float>()[one]) * std::exp(kSpread * random.normal());
+}
 
 }  // namespace
 
@@ -25,6 +39,7 @@ splat::Gaussians random_gaussians(const Map& map, const KeyframeStore& keyframes
   const splat::RenderOutput out = splat::render(map.gaussians, camera, {});
   const Tensor depth = out.depth.to(torch::kCPU, torch::kFloat32).contiguous();
   const Tensor alpha = out.alpha.to(torch::kCPU, torch::kFloat32).contiguous();
+  const Tensor known = depth.masked_select(alpha > kSolid);
   Seeds seeds = {.pixels = torch::empty({count, 2}, torch::kFloat64),
                  .depths = torch::empty({count}, torch::kFloat64),
                  .radii_px = torch::full({count}, kRadiusPx, torch::kFloat64),
@@ -34,11 +49,11 @@ splat::Gaussians random_gaussians(const Map& map, const KeyframeStore& keyframes
     const auto u = static_cast<std::int64_t>(random.uniform() * k.width);
     const auto v = static_cast<std::int64_t>(random.uniform() * k.height);
     const std::int64_t pixel = v * k.width + u;
-    const double unknown = random.uniform(0.1 * extent, extent);
     pixels[2 * i] = static_cast<double>(u) + 0.5;
     pixels[2 * i + 1] = static_cast<double>(v) + 0.5;
-    seeds.depths.data_ptr<double>()[i] =
-        alpha.data_ptr<float>()[pixel] > kSolid ? depth.data_ptr<float>()[pixel] : unknown;
+    seeds.depths.data_ptr<double>()[i] = alpha.data_ptr<float>()[pixel] > kSolid
+                                             ? depth.data_ptr<float>()[pixel]
+                                             : guess(known, extent, random);
   }
   return gaussians_at(seeds, keyframes, view, map.gaussians.sh_degree(), map.medium,
                       camera_response(map, keyframes, view, 1));

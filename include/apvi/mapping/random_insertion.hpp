@@ -12,8 +12,10 @@
 namespace apvi::mapping {
 
 /// Small Gaussians behind random pixels of a keyframe, in the pixels' colours: at the depth that
-/// the map has there, or, where it has none, at any depth from a tenth of `extent` to all of it
-/// [m]. As many as asked for, on the map's device.
+/// the map has there; where it has none, at about that of a random pixel that has one (after
+/// Matsuki et al., "Gaussian splatting SLAM", 2024, who take the median); and in a picture without
+/// any depth at one from a tenth of `extent` to all of it [m]. As many as asked for, on the map's
+/// device.
 splat::Gaussians random_gaussians(const Map& map, const KeyframeStore& keyframes, std::size_t view,
                                   std::int64_t count, double extent, Random& random);
 
