@@ -26,22 +26,57 @@ int as_int(std::int64_t value) {
   return static_cast<int>(value);
 }
 
-Tensor paired(const Tensor& pixels) {
-  Tensor pairs = torch::empty(pixels.sizes(), pixels.options().dtype(torch::kInt32));
-  C10_CUDA_CHECK(cuda::launch_pair(pixels.data_ptr<float>(), as_int(pixels.size(0)),
-                                   as_int(pixels.size(1)),
-                                   reinterpret_cast<std::uint32_t*>(pairs.data_ptr<std::int32_t>()),
-                                   at::cuda::getCurrentCUDAStream()));
-  return pairs;
+void check_count(std::size_t pictures) {
+  TORCH_CHECK(pictures <= cuda::kMostViews + 1, "depth: ", pictures, " pictures; ",
+              cuda::kMostViews + 1, " can be compared on a GPU");
 }
 
-Tensor halved(const Tensor& pixels) {
-  Tensor half = torch::empty({pixels.size(0) / 2, pixels.size(1) / 2}, pixels.options());
-  C10_CUDA_CHECK(cuda::launch_halve(pixels.data_ptr<float>(), as_int(pixels.size(0)),
-                                    as_int(pixels.size(1)), half.data_ptr<float>(),
-                                    at::cuda::getCurrentCUDAStream()));
-  return half;
-}
+/// Pictures on their way through their reductions, all of them at once: launching one kernel for
+/// each takes longer than what they do.
+class Pyramids {
+ public:
+  explicit Pyramids(const std::vector<Tensor>& greys) {
+    check_count(greys.size());
+    for (const Tensor& grey : greys) pixels_.push_back(grey.contiguous());
+    kept_.resize(greys.size() * kSweepLevels);
+  }
+
+  std::vector<Tensor> reduced() && {
+    for (int level = 0; level < kSweepLevels; ++level) reduce(level);
+    return std::move(kept_);
+  }
+
+ private:
+  void reduce(int level) {
+    cuda::ReductionJobs in = {.jobs = {},
+                              .count = as_int(static_cast<std::int64_t>(pixels_.size())),
+                              .halve = level > 0,
+                              .unit = static_cast<float>(kUnits)};
+    const std::int64_t part = in.halve ? 2 : 1;
+    std::vector<Tensor> smaller;  // what they are made of must not be freed before the launch
+    for (std::size_t i = 0; i < pixels_.size(); ++i) {
+      const Tensor& from = pixels_[i];
+      const std::int64_t height = from.size(0) / part;
+      const std::int64_t width = from.size(1) / part;
+      const bool fits = std::min(height, width) >= kLeastSide;
+      Tensor& kept = kept_[i * kSweepLevels + static_cast<std::size_t>(level)];
+      kept =
+          torch::empty({fits ? height : 0, fits ? width : 0}, from.options().dtype(torch::kInt32));
+      smaller.push_back(torch::empty(kept.sizes(), from.options()));
+      in.jobs[i] = {.from = from.data_ptr<float>(),
+                    .from_width = as_int(from.size(1)),
+                    .to = smaller.back().data_ptr<float>(),
+                    .pairs = reinterpret_cast<std::uint32_t*>(kept.data_ptr<std::int32_t>()),
+                    .width = as_int(kept.size(1)),
+                    .height = as_int(kept.size(0))};
+    }
+    C10_CUDA_CHECK(cuda::launch_reduction(in, at::cuda::getCurrentCUDAStream()));
+    pixels_ = std::move(smaller);
+  }
+
+  std::vector<Tensor> pixels_;  ///< of the last reduction
+  std::vector<Tensor> kept_;
+};
 
 cuda::PicturePyramid to_pyramid(const Tensor* kept) {
   cuda::PicturePyramid pyramid = {};
@@ -57,8 +92,7 @@ cuda::PicturePyramid to_pyramid(const Tensor* kept) {
 
 cuda::SweepPointers to_pointers(const SweepPictures& pictures, const SweepInput& in) {
   const std::size_t count = pictures.kept.size() / kSweepLevels;
-  TORCH_CHECK(count <= cuda::kMostViews + 1, "depth: ", count, " pictures; ", cuda::kMostViews + 1,
-              " can be compared on a GPU");
+  check_count(count);
   cuda::SweepPointers out = {.pyramids = {},
                              .views = as_int(static_cast<std::int64_t>(count)) - 1,
                              .points = as_int(in.points.size(0)),
@@ -106,18 +140,9 @@ class CudaDepthBackend final : public DepthBackend {
   std::string_view name() const override { return "cuda"; }
 
   SweepPictures prepare(const std::vector<Tensor>& greys) const override {
-    SweepPictures pictures;
-    for (const Tensor& grey : greys) {
-      const c10::cuda::CUDAGuard guard(grey.device());
-      Tensor pixels = (grey * kUnits).contiguous();
-      for (int level = 0; level < kSweepLevels; ++level) {
-        const bool fits = std::min(pixels.size(0), pixels.size(1)) >= kLeastSide;
-        pictures.kept.push_back(fits ? paired(pixels)
-                                     : torch::empty({0, 0}, pixels.options().dtype(torch::kInt32)));
-        if (fits && level + 1 < kSweepLevels) pixels = halved(pixels);
-      }
-    }
-    return pictures;
+    if (greys.empty()) return {};
+    const c10::cuda::CUDAGuard guard(greys.front().device());
+    return {.kept = Pyramids(greys).reduced()};
   }
 
   SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input) const override {
@@ -153,14 +178,15 @@ class CudaDepthBackend final : public DepthBackend {
     const c10::cuda::CUDAGuard guard(input.guide.device());
     const int height = as_int(input.guide.size(0));
     const int width = as_int(input.guide.size(1));
+    TORCH_CHECK(std::max(height, width) <= cuda::kLongestLine, "depth: a picture of ", width, " x ",
+                height, "; at most ", cuda::kLongestLine, " px a side can be smoothed on a GPU");
     Tensor out = torch::stack({input.values * input.weights, input.weights});
-    const Tensor upper = torch::empty_like(input.guide);
     for (int round = 1; round <= input.options.iterations; ++round) {
       for (const bool rows : {true, false}) {
-        C10_CUDA_CHECK(cuda::launch_smooth_lines(
-            input.guide.data_ptr<float>(), height, width, rows, input.lambda(round),
-            static_cast<float>(input.options.sigma), upper.data_ptr<float>(), out.data_ptr<float>(),
-            at::cuda::getCurrentCUDAStream()));
+        C10_CUDA_CHECK(
+            cuda::launch_smooth_lines(input.guide.data_ptr<float>(), height, width, rows,
+                                      input.lambda(round), static_cast<float>(input.options.sigma),
+                                      out.data_ptr<float>(), at::cuda::getCurrentCUDAStream()));
       }
     }
     out[0].div_(out[1].clamp_min(1e-20));

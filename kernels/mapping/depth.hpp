@@ -14,6 +14,7 @@ inline constexpr int kDepthLevels = 6;     ///< reductions of a picture
 inline constexpr int kMostViews = 32;      ///< pictures in one sweep
 inline constexpr int kMostLabels = 1024;   ///< hypotheses that a node of belief propagation has
 inline constexpr int kPlanesPerPixel = 2;  ///< of a smoother: values, weights
+inline constexpr int kLongestLine = 6144;  ///< [px] that a smoother solves
 
 /// A picture in one reduction, 1/256 grey levels; each word holds a pixel (low half) and the one
 /// below it. Without pixels where the picture would be too small.
@@ -28,12 +29,24 @@ struct PicturePyramid {
   int count;  ///< levels that there are
 };
 
-/// The next reduction [height/2,width/2] of pixels [height,width]: means of four.
-cudaError_t launch_halve(const float* pixels, int height, int width, float* half,
-                         cudaStream_t stream);
-/// Pixels [height,width] in 1/256 grey levels as the words of a level.
-cudaError_t launch_pair(const float* pixels, int height, int width, std::uint32_t* pairs,
-                        cudaStream_t stream);
+/// One picture on its way from one reduction to the next; [height,width] is what comes out.
+struct ReductionJob {
+  const float* from;
+  int from_width;
+  float* to;  ///< the same, in 1/256 grey levels, for the next reduction
+  std::uint32_t* pairs;
+  int width;
+  int height;
+};
+
+/// The same reduction of all pictures.
+struct ReductionJobs {
+  ReductionJob jobs[kMostViews + 1];
+  int count;
+  bool halve;  ///< means of four pixels; else the pixels times `unit`
+  float unit;
+};
+cudaError_t launch_reduction(const ReductionJobs& in, cudaStream_t stream);
 
 /// As SweepInput; `views` pictures beside the reference, which comes first in `pyramids`.
 struct SweepPointers {
@@ -81,8 +94,8 @@ cudaError_t launch_beliefs(const GraphPointers& in, const float* a, const float*
                            cudaStream_t stream);
 
 /// Solves (1 + lambda A) u = f along all rows, or all columns, of `planes`
-/// [kPlanesPerPixel,height,width] in place; `guide` and the scratch `upper` are [height,width].
+/// [kPlanesPerPixel,height,width] in place; `guide` is [height,width].
 cudaError_t launch_smooth_lines(const float* guide, int height, int width, bool rows, float lambda,
-                                float sigma, float* upper, float* planes, cudaStream_t stream);
+                                float sigma, float* planes, cudaStream_t stream);
 
 }  // namespace apvi::mapping::cuda

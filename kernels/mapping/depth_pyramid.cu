@@ -6,45 +6,41 @@ namespace {
 
 constexpr int kThreads = 256;
 
-unsigned blocks_for(int pixels) {
-  return static_cast<unsigned>((pixels + kThreads - 1) / kThreads);
+__device__ float mean_of_four(const ReductionJob& job, int x, int y) {
+  const float* const a = job.from + 2 * y * job.from_width + 2 * x;
+  const float* const b = a + job.from_width;
+  return 0.25f * (a[0] + a[1] + b[0] + b[1]);
 }
 
-/// One thread a pixel of the half.
-__global__ void halve_kernel(const float* pixels, int stride, int height, int width, float* half) {
+/// One thread a pixel, one row of blocks a picture.
+__global__ void reduce_kernel(const __grid_constant__ ReductionJobs in) {
+  const ReductionJob& job = in.jobs[blockIdx.y];
   const int i = static_cast<int>(blockIdx.x) * kThreads + static_cast<int>(threadIdx.x);
-  if (i >= height * width) return;
-  const int y = i / width;
-  const float* const a = pixels + 2 * y * stride + 2 * (i - y * width);
-  const float* const b = a + stride;
-  half[i] = 0.25f * (a[0] + a[1] + b[0] + b[1]);
-}
-
-/// One thread a pixel.
-__global__ void pair_kernel(const float* pixels, int height, int width, std::uint32_t* pairs) {
-  const int i = static_cast<int>(blockIdx.x) * kThreads + static_cast<int>(threadIdx.x);
-  if (i >= height * width) return;
-  const int below = i + width < height * width ? i + width : i;
-  const auto low = static_cast<std::uint32_t>(lroundf(pixels[i]));
-  const auto high = static_cast<std::uint32_t>(lroundf(pixels[below]));
-  pairs[i] = low | (high << 16u);
+  if (i >= job.height * job.width) return;
+  const int y = i / job.width;
+  const int x = i - y * job.width;
+  const int below = min(y + 1, job.height - 1);
+  const auto pixel = [&](int row) {
+    return in.halve ? mean_of_four(job, x, row) : in.unit * job.from[row * job.width + x];
+  };
+  const float value = pixel(y);
+  job.to[i] = value;
+  job.pairs[i] = static_cast<std::uint32_t>(lroundf(value)) |
+                 static_cast<std::uint32_t>(lroundf(pixel(below))) << 16u;
 }
 
 }  // namespace
 
-cudaError_t launch_halve(const float* pixels, int height, int width, float* half,
-                         cudaStream_t stream) {
-  const int small = (height / 2) * (width / 2);
-  if (small == 0) return cudaSuccess;
-  halve_kernel<<<blocks_for(small), kThreads, 0, stream>>>(pixels, width, height / 2, width / 2,
-                                                           half);
-  return cudaGetLastError();
-}
-
-cudaError_t launch_pair(const float* pixels, int height, int width, std::uint32_t* pairs,
-                        cudaStream_t stream) {
-  if (height * width == 0) return cudaSuccess;
-  pair_kernel<<<blocks_for(height * width), kThreads, 0, stream>>>(pixels, height, width, pairs);
+cudaError_t launch_reduction(const ReductionJobs& in, cudaStream_t stream) {
+  int most = 0;
+  for (int i = 0; i < in.count; ++i) {
+    const int pixels = in.jobs[i].width * in.jobs[i].height;
+    most = pixels > most ? pixels : most;
+  }
+  if (most == 0) return cudaSuccess;
+  const dim3 blocks(static_cast<unsigned>((most + kThreads - 1) / kThreads),
+                    static_cast<unsigned>(in.count));
+  reduce_kernel<<<blocks, kThreads, 0, stream>>>(in);
   return cudaGetLastError();
 }
 

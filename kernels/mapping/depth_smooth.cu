@@ -4,9 +4,10 @@
 namespace apvi::mapping::cuda {
 namespace {
 
-constexpr int kThreads = 32;  // few lines, each on its own: over as many processors as there are
-constexpr int kChunk = 16;    // pixels of a line that are read at once
+constexpr int kThreads = 256;
 constexpr float kTable = 1024.0f;
+constexpr int kUsual = 4;  // pixels of a thread in pictures of up to 1024 px
+constexpr int kMost = kLongestLine / kThreads;
 
 /// `count` parallel lines of `length` pixels: pixel i of line j is at i * along + j * across.
 struct Lines {
@@ -22,93 +23,105 @@ __device__ float affinity(float a, float b, float sigma) {
   return expf(-difference / sigma);
 }
 
-/// What the next pixel of a line is solved with.
-struct Carried {
-  float before = 0.0f;  ///< coupling to the previous pixel
-  float above = 0.0f;
-  float last[kPlanesPerPixel] = {};
+/// One equation of a line, u[i] = before u[i - stride] + after u[i + stride] + value.
+struct Equation {
+  float before;
+  float after;
+  float value[kPlanesPerPixel];
 };
+static_assert(kPlanesPerPixel == 2 && sizeof(Equation) == sizeof(float4));
 
-/// `kChunk` pixels from `first` on: all are read before the first is solved, so that a line waits
-/// for memory once a chunk and not at every pixel.
-__device__ void eliminate(const Lines& lines, std::int64_t start, std::int64_t plane, int first,
-                          float lambda, float sigma, const float* guide, float* upper,
-                          float* planes, Carried& carried) {
-  float grey[kChunk + 1];
-  float value[kPlanesPerPixel][kChunk];
-  const auto at = [&](int i) { return start + static_cast<std::int64_t>(i) * lines.along; };
-#pragma unroll
-  for (int k = 0; k <= kChunk; ++k) grey[k] = guide[at(min(first + k, lines.length - 1))];
-#pragma unroll
-  for (int k = 0; k < kChunk; ++k) {
-    for (int n = 0; n < kPlanesPerPixel; ++n) {
-      value[n][k] = planes[n * plane + at(min(first + k, lines.length - 1))];
-    }
-  }
-#pragma unroll
-  for (int k = 0; k < kChunk; ++k) {
-    const int i = first + k;
-    if (i >= lines.length) return;
-    const float after =
-        i + 1 < lines.length ? lambda * affinity(grey[k], grey[k + 1], sigma) : 0.0f;
-    const float inverse = 1.0f / (1.0f + carried.before + after - carried.before * carried.above);
-    carried.above = after * inverse;
-    upper[at(i)] = carried.above;
-    for (int n = 0; n < kPlanesPerPixel; ++n) {
-      carried.last[n] = (value[n][k] + carried.before * carried.last[n]) * inverse;
-      planes[n * plane + at(i)] = carried.last[n];
-    }
-    carried.before = after;
-  }
+__device__ Equation equation_of(const Lines& lines, std::int64_t start, std::int64_t plane, int i,
+                                float lambda, float sigma, const float* guide,
+                                const float* planes) {
+  const std::int64_t at = start + static_cast<std::int64_t>(i) * lines.along;
+  const float grey = guide[at];
+  const float before = i > 0 ? lambda * affinity(guide[at - lines.along], grey, sigma) : 0.0f;
+  const float after =
+      i + 1 < lines.length ? lambda * affinity(grey, guide[at + lines.along], sigma) : 0.0f;
+  const float inverse = 1.0f / (1.0f + before + after);
+  return {before * inverse, after * inverse, {planes[at] * inverse, planes[plane + at] * inverse}};
 }
 
-/// Backwards from `last`, whose successor is solved.
-__device__ void substitute(const Lines& lines, std::int64_t start, std::int64_t plane, int last,
-                           const float* upper, float* planes, Carried& carried) {
-  float factor[kChunk];
-  float value[kPlanesPerPixel][kChunk];
-  const auto at = [&](int i) { return start + static_cast<std::int64_t>(i) * lines.along; };
+/// The equation of `own` without its neighbours: they are put in, so that it is about pixels twice
+/// as far away.
+__device__ Equation eliminate(const Equation& own, const Equation& before, const Equation& after) {
+  const float inverse = 1.0f / (1.0f - own.before * before.after - own.after * after.before);
+  Equation out = {own.before * before.before * inverse, own.after * after.after * inverse, {}};
 #pragma unroll
-  for (int k = 0; k < kChunk; ++k) {
-    const std::int64_t p = at(max(last - k, 0));
-    factor[k] = upper[p];
-    for (int n = 0; n < kPlanesPerPixel; ++n) value[n][k] = planes[n * plane + p];
+  for (int n = 0; n < kPlanesPerPixel; ++n) {
+    out.value[n] =
+        (own.value[n] + own.before * before.value[n] + own.after * after.value[n]) * inverse;
   }
-#pragma unroll
-  for (int k = 0; k < kChunk; ++k) {
-    if (last - k < 0) return;
-    for (int n = 0; n < kPlanesPerPixel; ++n) {
-      carried.last[n] = value[n][k] + factor[k] * carried.last[n];
-      planes[n * plane + at(last - k)] = carried.last[n];
-    }
-  }
+  return out;
 }
 
-/// Thomas' algorithm, one thread a line.
+/// Parallel cyclic reduction (Hockney and Jesshope, "Parallel computers", 1981), a line a block:
+/// one after the other, as on the CPU, a line's pixels wait for each other's divisions. `K` pixels
+/// a thread.
+template <int K>
 __global__ void solve_kernel(Lines lines, std::int64_t plane, float lambda, float sigma,
-                             const float* guide, float* upper, float* planes) {
-  const int line = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
-  if (line >= lines.count) return;
-  const std::int64_t start = static_cast<std::int64_t>(line) * lines.across;
-  Carried carried;
-  for (int first = 0; first < lines.length; first += kChunk) {
-    eliminate(lines, start, plane, first, lambda, sigma, guide, upper, planes, carried);
+                             const float* guide, float* planes) {
+  extern __shared__ float4 shared[];
+  auto* const line = reinterpret_cast<Equation*>(shared);
+  const std::int64_t start = static_cast<std::int64_t>(blockIdx.x) * lines.across;
+  const int first = static_cast<int>(threadIdx.x);
+  Equation own[K];
+#pragma unroll
+  for (int k = 0; k < K; ++k) {
+    const int i = first + k * kThreads;
+    if (i >= lines.length) break;
+    own[k] = equation_of(lines, start, plane, i, lambda, sigma, guide, planes);
+    line[i] = own[k];
   }
-  for (int last = lines.length - 2; last >= 0; last -= kChunk) {
-    substitute(lines, start, plane, last, upper, planes, carried);
+  constexpr Equation kNone = {};
+  for (int stride = 1; stride < lines.length; stride *= 2) {
+    __syncthreads();
+#pragma unroll
+    for (int k = 0; k < K; ++k) {
+      const int i = first + k * kThreads;
+      if (i >= lines.length) break;
+      own[k] = eliminate(own[k], i >= stride ? line[i - stride] : kNone,
+                         i + stride < lines.length ? line[i + stride] : kNone);
+    }
+    __syncthreads();
+#pragma unroll
+    for (int k = 0; k < K; ++k) {
+      const int i = first + k * kThreads;
+      if (i < lines.length) line[i] = own[k];
+    }
   }
+#pragma unroll
+  for (int k = 0; k < K; ++k) {
+    const int i = first + k * kThreads;
+    if (i >= lines.length) break;
+    const std::int64_t at = start + static_cast<std::int64_t>(i) * lines.along;
+    for (int n = 0; n < kPlanesPerPixel; ++n) planes[n * plane + at] = own[k].value[n];
+  }
+}
+
+template <int K>
+cudaError_t solve(const Lines& lines, std::int64_t plane, float lambda, float sigma,
+                  const float* guide, float* planes, cudaStream_t stream) {
+  const std::size_t bytes = static_cast<std::size_t>(lines.length) * sizeof(Equation);
+  const cudaError_t error = cudaFuncSetAttribute(
+      solve_kernel<K>, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes));
+  if (error != cudaSuccess) return error;
+  solve_kernel<K><<<static_cast<unsigned>(lines.count), kThreads, bytes, stream>>>(
+      lines, plane, lambda, sigma, guide, planes);
+  return cudaGetLastError();
 }
 
 }  // namespace
 
 cudaError_t launch_smooth_lines(const float* guide, int height, int width, bool rows, float lambda,
-                                float sigma, float* upper, float* planes, cudaStream_t stream) {
+                                float sigma, float* planes, cudaStream_t stream) {
   if (height * width == 0) return cudaSuccess;
   const Lines lines = rows ? Lines{height, width, 1, width} : Lines{width, height, width, 1};
-  solve_kernel<<<static_cast<unsigned>((lines.count + kThreads - 1) / kThreads), kThreads, 0,
-                 stream>>>(lines, static_cast<std::int64_t>(height) * width, lambda, sigma, guide,
-                           upper, planes);
-  return cudaGetLastError();
+  const std::int64_t plane = static_cast<std::int64_t>(height) * width;
+  if (lines.length > kLongestLine) return cudaErrorInvalidValue;
+  const auto solved = lines.length <= kUsual * kThreads ? solve<kUsual> : solve<kMost>;
+  return solved(lines, plane, lambda, sigma, guide, planes, stream);
 }
 
 }  // namespace apvi::mapping::cuda

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/mapping/depth.hpp"
 
+#include <ATen/Parallel.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "apvi/mapping/depth_backend.hpp"
@@ -24,10 +26,11 @@ constexpr double kRangeTail = 0.01;    // part of the blocks that may lie outsid
 constexpr double kRangeNearer = 1.25;  // how much nearer than the rest the range begins
 constexpr double kRangeFarther = 2.5;  // and how much farther it ends: few blocks see through bars
 constexpr std::size_t kFewestForRange = 20;
+constexpr std::int64_t kBlocksPerTask = 1024;
 constexpr int kRefinements = 2;
 constexpr std::int64_t kFine = 4;     // finer steps in one step; as many to either side are tried
 constexpr float kSteepest = 0.02F;    // relative change of 1/depth a pixel that a surface may have
-constexpr float kSameSurface = 0.1F;  // relative difference of 1/depth between its blocks
+constexpr double kSameSurface = 0.1;  // relative difference of 1/depth between its blocks
 constexpr double kNowhere = 1e9;      // cost of what is not to be chosen
 constexpr double kSameMinimum_px = 2.0;      // half the width of a minimum in the other pictures
 constexpr std::int64_t kSameHypothesis = 3;  // steps within which two minima are one
@@ -76,14 +79,14 @@ Tensor pick(const Tensor& values, const Tensor& index) {
 class Estimator {
  public:
   /// `grey` is the reference's picture on the CPU.
-  Estimator(std::vector<DepthView> views, const Tensor& grey, const DepthRequest& request,
-            const DepthOptions& options)
+  Estimator(std::vector<DepthView> views, const Tensor& grey, const SweepGeometry& geometry,
+            const DepthRequest& request, const DepthOptions& options)
       : views_(std::move(views)),
         grey_(grey),
         device_(views_.front().grey.device()),
         options_(options),
         backend_(depth_backend(device_)),
-        geometry_(on_device(sweep_geometry(views_), device_)),
+        geometry_(on_device(geometry, device_)),
         medium_(grey_medium(request.medium)) {
     std::vector<Tensor> greys;
     for (const DepthView& view : views_) greys.push_back(view.grey);
@@ -176,43 +179,57 @@ class Estimator {
   /// What each block thinks of every hypothesis [B,L], its neighbours having been heard.
   Tensor beliefs(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
     if (!options_.belief.enabled) return cost;
-    const Tensor neighbors = indices(graph.neighbors);
-    return backend_.propagate({.cost = cost,
-                               .offsets = indices(graph.offsets),
-                               .neighbors = neighbors,
-                               .reverse = indices(graph.reverse),
-                               .weights = edge_weights(graph, neighbors, out.blocks),
-                               .step = options_.belief.step,
-                               .limit = options_.belief.limit,
-                               .iterations = options_.belief.iterations});
+    const std::vector<Tensor> on_device =
+        indices({graph.offsets, graph.neighbors, graph.reverse, sources(graph)});
+    return backend_.propagate(
+        {.cost = cost,
+         .offsets = on_device[0],
+         .neighbors = on_device[1],
+         .reverse = on_device[2],
+         .weights = edge_weights(mean_greys(out.blocks).to(device_), on_device[3], on_device[1]),
+         .step = options_.belief.step,
+         .limit = options_.belief.limit,
+         .iterations = options_.belief.iterations});
   }
 
-  Tensor indices(const std::vector<std::int32_t>& values) const {
-    Tensor tensor = torch::empty({static_cast<std::int64_t>(values.size())}, torch::kInt32);
-    std::copy(values.begin(), values.end(), tensor.data_ptr<std::int32_t>());
-    return tensor.to(device_);
+  /// Lists of numbers on the device, brought there together: each way there waits for the sweep.
+  std::vector<Tensor> indices(const std::vector<std::vector<std::int32_t>>& lists) const {
+    std::vector<std::int64_t> sizes;
+    for (const auto& list : lists) sizes.push_back(static_cast<std::int64_t>(list.size()));
+    const Tensor all = torch::empty({std::reduce(sizes.begin(), sizes.end())}, torch::kInt32);
+    auto* to = all.data_ptr<std::int32_t>();
+    for (const auto& list : lists) to = std::copy(list.begin(), list.end(), to);
+    return all.to(device_).split_with_sizes(sizes);
   }
 
-  /// Neighbours that look different may well lie at different depths.
-  Tensor edge_weights(const BlockGraph& graph, const Tensor& neighbors,
-                      const std::vector<Block>& blocks) const {
+  /// Where each edge begins.
+  static std::vector<std::int32_t> sources(const BlockGraph& graph) {
+    std::vector<std::int32_t> from(graph.neighbors.size());
+    for (std::size_t i = 0; i + 1 < graph.offsets.size(); ++i) {
+      std::fill(from.begin() + graph.offsets[i], from.begin() + graph.offsets[i + 1],
+                static_cast<std::int32_t>(i));
+    }
+    return from;
+  }
+
+  Tensor mean_greys(const std::vector<Block>& blocks) const {
     const auto* const grey = grey_.data_ptr<float>();
     Tensor mean = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kFloat32);
-    std::vector<std::int32_t> from(graph.neighbors.size());
-    for (std::size_t i = 0; i < blocks.size(); ++i) {
-      const Block& b = blocks[i];
+    auto* to = mean.data_ptr<float>();
+    for (const Block& b : blocks) {
       float sum = 0.0F;
       for (int y = b.y; y < b.y + b.height; ++y) {
         const float* const row = grey + static_cast<std::ptrdiff_t>(y) * width();
         for (int x = b.x; x < b.x + b.width; ++x) sum += row[x];
       }
-      mean.data_ptr<float>()[i] = sum / static_cast<float>(b.width * b.height);
-      std::fill(from.begin() + graph.offsets[i], from.begin() + graph.offsets[i + 1],
-                static_cast<std::int32_t>(i));
+      *to++ = sum / static_cast<float>(b.width * b.height);
     }
-    mean = mean.to(device_);
-    const Tensor difference =
-        (mean.index_select(0, indices(from)) - mean.index_select(0, neighbors)).abs();
+    return mean;
+  }
+
+  /// Neighbours that look different may well lie at different depths.
+  Tensor edge_weights(const Tensor& mean, const Tensor& from, const Tensor& to) const {
+    const Tensor difference = (mean.index_select(0, from) - mean.index_select(0, to)).abs();
     return (difference * (-1.0 / options_.belief.edge_sigma)).exp();
   }
 
@@ -225,13 +242,13 @@ class Estimator {
     const Tensor step = 0.5 * (row.index_select(0, (label - 1).clamp_min(0)) -
                                row.index_select(0, (label + 1).clamp_max(last)));
     Tensor best = row.index_select(0, label);
-    const Tensor first = best.to(torch::kCPU);
+    const Surfaces surfaces = surfaces_of(best.to(torch::kCPU), graph, out.points);
     BlockEvidence evidence = {.cost = pick(swept.cost, label),
                               .margin = margin(belief, label, reach(best, step)),
                               .relative_sigma = {},
                               .seen = pick(swept.views, label).to(torch::kFloat32),
-                              .agreement = agreement(first, graph).to(device_)};
-    out.slope = slopes(first, graph, out);
+                              .agreement = surfaces.agreement.to(device_)};
+    out.slope = surfaces.slope;
     const Tensor slope = out.slope.to(device_);
     double fineness = 1.0;
     for (int round = 0; round < kRefinements; ++round) {
@@ -274,51 +291,50 @@ class Estimator {
         .clamp(kSameHypothesis, 0.25 * options_.hypotheses);
   }
 
-  /// Part of the neighbours that lie on the same surface.
-  Tensor agreement(const Tensor& w, const BlockGraph& graph) const {
-    Tensor result = torch::ones_like(w);
-    const auto* const value = w.data_ptr<float>();
-    for (std::int64_t i = 0; i < w.numel(); ++i) {
-      const auto begin = graph.offsets[static_cast<std::size_t>(i)];
-      const auto end = graph.offsets[static_cast<std::size_t>(i) + 1];
-      int alike = 0;
-      for (auto e = begin; e < end; ++e) {
-        const auto j = graph.neighbors[static_cast<std::size_t>(e)];
-        if (std::abs(value[j] / value[i] - 1.0F) < kSameSurface) ++alike;
-      }
-      if (end > begin) {
-        result.data_ptr<float>()[i] = static_cast<float>(alike) / static_cast<float>(end - begin);
-      }
-    }
-    return result;
+  /// What each block has in common with its neighbours.
+  struct Surfaces {
+    Tensor agreement;  ///< [B] part of them that lie on the same surface
+    Tensor slope;      ///< [B,2] how 1/depth changes to these: the plane that fits them best
+  };
+
+  static Surfaces surfaces_of(const Tensor& w, const BlockGraph& graph, const Tensor& points) {
+    Surfaces out = {.agreement = torch::ones_like(w), .slope = torch::zeros({w.numel(), 2})};
+    at::parallel_for(0, w.numel(), kBlocksPerTask, [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t i = begin; i < end; ++i) fit_surface(w, graph, points, i, out);
+    });
+    out.slope.clamp_(-kSteepest, kSteepest);
+    return out;
   }
 
-  /// How 1/depth changes from a block to its neighbours: the plane that fits them best.
-  Tensor slopes(const Tensor& w, const BlockGraph& graph, const DepthEstimate& out) const {
-    Tensor result = torch::zeros({w.numel(), 2}, torch::kFloat32);
+  static void fit_surface(const Tensor& w, const BlockGraph& graph, const Tensor& points,
+                          std::int64_t i, Surfaces& out) {
     const auto* const value = w.data_ptr<float>();
-    const auto* const point = out.points.data_ptr<float>();
-    auto* const slope = result.data_ptr<float>();
-    for (std::int64_t i = 0; i < w.numel(); ++i) {
-      double xx = 1.0, xy = 0.0, yy = 1.0, xw = 0.0, yw = 0.0;
-      for (auto e = graph.offsets[static_cast<std::size_t>(i)];
-           e < graph.offsets[static_cast<std::size_t>(i) + 1]; ++e) {
-        const std::int64_t j = graph.neighbors[static_cast<std::size_t>(e)];
-        const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
-        if (std::abs(dw) > kSameSurface) continue;
-        const double dx = static_cast<double>(point[2 * j] - point[2 * i]);
-        const double dy = static_cast<double>(point[2 * j + 1] - point[2 * i + 1]);
-        xx += dx * dx;
-        xy += dx * dy;
-        yy += dy * dy;
-        xw += dx * dw;
-        yw += dy * dw;
-      }
-      const double determinant = xx * yy - xy * xy;
-      slope[2 * i] = static_cast<float>((yy * xw - xy * yw) / determinant);
-      slope[2 * i + 1] = static_cast<float>((xx * yw - xy * xw) / determinant);
+    const auto* const point = points.data_ptr<float>();
+    double xx = 1.0, xy = 0.0, yy = 1.0, xw = 0.0, yw = 0.0;
+    int alike = 0;
+    const auto begin = graph.offsets[static_cast<std::size_t>(i)];
+    const auto end = graph.offsets[static_cast<std::size_t>(i) + 1];
+    for (auto e = begin; e < end; ++e) {
+      const std::int64_t j = graph.neighbors[static_cast<std::size_t>(e)];
+      const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
+      if (std::abs(dw) > kSameSurface) continue;
+      ++alike;
+      const double dx = static_cast<double>(point[2 * j] - point[2 * i]);
+      const double dy = static_cast<double>(point[2 * j + 1] - point[2 * i + 1]);
+      xx += dx * dx;
+      xy += dx * dy;
+      yy += dy * dy;
+      xw += dx * dw;
+      yw += dy * dw;
     }
-    return result.clamp(-kSteepest, kSteepest);
+    const double determinant = xx * yy - xy * xy;
+    auto* const slope = out.slope.data_ptr<float>() + 2 * i;
+    slope[0] = static_cast<float>((yy * xw - xy * yw) / determinant);
+    slope[1] = static_cast<float>((xx * yw - xy * xw) / determinant);
+    if (end > begin) {
+      out.agreement.data_ptr<float>()[i] =
+          static_cast<float>(alike) / static_cast<float>(end - begin);
+    }
   }
 
   /// Spreads 1/depth from the blocks' centres over the image [H,W].
@@ -369,10 +385,10 @@ void check_options(const DepthOptions& o) {
               "depth: a share of the views must be in (0, 1], not ", o.best_share);
 }
 
-DepthVerdict first_look(const std::vector<DepthView>& views, const Tensor& grey) {
-  if (views.size() < 2) return DepthVerdict::too_few_views;
+DepthVerdict first_look(const SweepGeometry& geometry, const Tensor& grey) {
+  if (geometry.projections.size(0) == 0) return DepthVerdict::too_few_views;
   if (grey.std().item<double>() < kLeastContrast) return DepthVerdict::no_contrast;
-  if (sweep_geometry(views).baseline_m < kLeastBaseline_m) return DepthVerdict::no_baseline;
+  if (geometry.baseline_m < kLeastBaseline_m) return DepthVerdict::no_baseline;
   return DepthVerdict::estimated;
 }
 
@@ -401,12 +417,13 @@ DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& op
   std::vector<DepthView> views(request.views.begin(),
                                request.views.begin() + static_cast<std::ptrdiff_t>(used));
   const Tensor grey = views.front().grey.to(torch::kCPU);
+  const SweepGeometry geometry = sweep_geometry(views);
   DepthEstimate out = nothing_known(grey, options);
-  out.verdict = first_look(views, grey);
+  out.verdict = first_look(geometry, grey);
   out.near_m = options.near_m;
   out.far_m = options.far_m;
   if (out.verdict != DepthVerdict::estimated) return out;
-  Estimator(std::move(views), grey, request, options).estimate(out);
+  Estimator(std::move(views), grey, geometry, request, options).estimate(out);
   return out;
 }
 

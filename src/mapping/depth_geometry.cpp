@@ -4,7 +4,9 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 namespace apvi::mapping {
 namespace {
@@ -13,8 +15,83 @@ using torch::Tensor;
 
 constexpr double kRigid = 1e-3;  // how far R R' may be from one
 
-Tensor calibration(const splat::Intrinsics& k) {
-  return torch::tensor({k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0}, torch::kFloat64)
+/// A pose in plain numbers: of matrices this small LibTorch takes microseconds each, and there are
+/// hundreds of them.
+struct Rigid {
+  std::array<std::array<double, 3>, 3> R = {};
+  std::array<double, 3> t = {};
+
+  explicit Rigid(const Tensor& T) {
+    const auto value = T.accessor<double, 2>();
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        R[i][j] = value[static_cast<std::int64_t>(i)][static_cast<std::int64_t>(j)];
+      }
+      t[i] = value[static_cast<std::int64_t>(i)][3];
+    }
+  }
+
+  bool finite() const {
+    return std::all_of(t.begin(), t.end(), [](double x) { return std::isfinite(x); }) &&
+           std::all_of(R.begin(), R.end(), [](const auto& row) {
+             return std::all_of(row.begin(), row.end(), [](double x) { return std::isfinite(x); });
+           });
+  }
+
+  /// By how much an element of R R' is off at most.
+  double off() const {
+    double most = 0.0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double product = R[i][0] * R[j][0] + R[i][1] * R[j][1] + R[i][2] * R[j][2];
+        most = std::max(most, std::abs(product - (i == j ? 1.0 : 0.0)));
+      }
+    }
+    return most;
+  }
+
+  /// T_this_other of T_this_world and T_other_world.
+  Rigid relative_to(const Rigid& other) const {
+    Rigid out = *this;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        out.R[i][j] = R[i][0] * other.R[j][0] + R[i][1] * other.R[j][1] + R[i][2] * other.R[j][2];
+      }
+      out.t[i] =
+          t[i] - out.R[i][0] * other.t[0] - out.R[i][1] * other.t[1] - out.R[i][2] * other.t[2];
+    }
+    return out;
+  }
+
+  /// Its place in the other's frame: -R' t.
+  std::array<double, 3> center() const {
+    std::array<double, 3> out = {};
+    for (std::size_t i = 0; i < 3; ++i)
+      out[i] = -(R[0][i] * t[0] + R[1][i] * t[1] + R[2][i] * t[2]);
+    return out;
+  }
+};
+
+/// [K R K_reference^-1 | K t], 12 numbers row by row.
+void project(const splat::Intrinsics& k, const splat::Intrinsics& reference, const Rigid& T,
+             float* out) {
+  std::array<std::array<double, 4>, 3> M = {};  // R K_reference^-1 and t
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double x = T.R[i][0] / reference.fx;
+    const double y = T.R[i][1] / reference.fy;
+    M[i] = {x, y, T.R[i][2] - x * reference.cx - y * reference.cy, T.t[i]};
+  }
+  for (std::size_t j = 0; j < 4; ++j) {
+    out[j] = static_cast<float>(k.fx * M[0][j] + k.cx * M[2][j]);
+    out[4 + j] = static_cast<float>(k.fy * M[1][j] + k.cy * M[2][j]);
+    out[8 + j] = static_cast<float>(M[2][j]);
+  }
+}
+
+Tensor inverse_calibration(const splat::Intrinsics& k) {
+  return torch::tensor(
+             {1.0 / k.fx, 0.0, -k.cx / k.fx, 0.0, 1.0 / k.fy, -k.cy / k.fy, 0.0, 0.0, 1.0},
+             torch::kFloat32)
       .reshape({3, 3});
 }
 
@@ -27,11 +104,26 @@ void check_camera(const splat::View& camera, std::size_t i) {
   TORCH_CHECK(T.defined() && T.sizes() == at::IntArrayRef({4, 4}) &&
                   T.scalar_type() == torch::kFloat64 && T.device().is_cpu(),
               "depth: view ", i, ": the pose must be [4,4] float64 on the CPU");
-  TORCH_CHECK(torch::isfinite(T).all().item<bool>(), "depth: view ", i,
+  const Rigid pose(T);
+  TORCH_CHECK(pose.finite(), "depth: view ", i,
               ": the pose is not finite; leave such keyframes out");
-  const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
-  const double off = (R.mm(R.t()) - torch::eye(3, torch::kFloat64)).abs().max().item<double>();
-  TORCH_CHECK(off < kRigid, "depth: view ", i, ": the pose's rotation is none, off by ", off);
+  TORCH_CHECK(pose.off() < kRigid, "depth: view ", i, ": the pose's rotation is none, off by ",
+              pose.off());
+}
+
+void check_intensities(const std::vector<DepthView>& views) {
+  std::vector<Tensor> ends;
+  for (const DepthView& view : views) {
+    const auto range = torch::aminmax(view.grey);
+    ends.push_back(std::get<0>(range));
+    ends.push_back(std::get<1>(range));
+  }
+  const Tensor all = torch::stack(ends).to(torch::kCPU);  // once: reading one waits for a GPU
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const float* const range = all.data_ptr<float>() + 2 * i;
+    TORCH_CHECK(range[0] >= 0.0F && range[1] <= 1.0F, "depth: view ", i,
+                ": intensities must lie in [0, 1], not ", range[0], " to ", range[1]);
+  }
 }
 
 }  // namespace
@@ -39,7 +131,6 @@ void check_camera(const splat::View& camera, std::size_t i) {
 void check_views(const std::vector<DepthView>& views) {
   TORCH_CHECK(!views.empty(), "depth: a picture is needed whose depth is asked for");
   TORCH_CHECK(views.front().grey.defined(), "depth: view 0: the picture is missing");
-  std::vector<Tensor> ranges;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Tensor& grey = views[i].grey;
     const splat::Intrinsics& k = views[i].camera.intrinsics;
@@ -50,40 +141,30 @@ void check_views(const std::vector<DepthView>& views) {
                 "depth: view ", i, ": the picture is ", grey.sizes(), ", its camera ", k.width,
                 " x ", k.height);
     check_camera(views[i].camera, i);
-    const auto range = torch::aminmax(grey);
-    ranges.push_back(torch::stack({std::get<0>(range), std::get<1>(range)}));
   }
-  const Tensor all = torch::stack(ranges).to(torch::kCPU);  // once: reading one waits for a GPU
-  const auto range = all.accessor<float, 2>();
-  for (std::int64_t i = 0; i < all.size(0); ++i) {
-    TORCH_CHECK(range[i][0] >= 0.0F && range[i][1] <= 1.0F, "depth: view ", i,
-                ": intensities must lie in [0, 1], not ", range[i][0], " to ", range[i][1]);
-  }
+  check_intensities(views);
 }
 
 SweepGeometry sweep_geometry(const std::vector<DepthView>& views) {
-  const Tensor T_world_reference = torch::inverse(views.front().camera.T_camera_world);
-  const Tensor K_inverse = torch::inverse(calibration(views.front().camera.intrinsics));
-  SweepGeometry out;
-  out.rays = K_inverse.to(torch::kFloat32).contiguous();
-  std::vector<Tensor> projections;
-  std::vector<Tensor> centers;
-  std::vector<double> sizes;
-  for (std::size_t i = 1; i < views.size(); ++i) {
-    const Tensor T = views[i].camera.T_camera_world.mm(T_world_reference);
-    const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
-    const Tensor t = T.slice(0, 0, 3).slice(1, 3, 4);
-    const Tensor K = calibration(views[i].camera.intrinsics);
-    projections.push_back(torch::cat({K.mm(R).mm(K_inverse), K.mm(t)}, 1));
-    centers.push_back(-R.t().mm(t).squeeze(1));
-    sizes.push_back(views[i].camera.intrinsics.width);
-    sizes.push_back(views[i].camera.intrinsics.height);
-    out.baseline_m = std::max(out.baseline_m, t.norm().item<double>());
+  const splat::View& reference = views.front().camera;
+  const Rigid origin(reference.T_camera_world);
+  const auto others = static_cast<std::int64_t>(views.size()) - 1;
+  SweepGeometry out = {.projections = torch::empty({others, 3, 4}, torch::kFloat32),
+                       .rays = inverse_calibration(reference.intrinsics),
+                       .centers = torch::empty({others, 3}, torch::kFloat32),
+                       .sizes = torch::empty({others, 2}, torch::kFloat32)};
+  auto* projection = out.projections.data_ptr<float>();
+  auto* center = out.centers.data_ptr<float>();
+  auto* size = out.sizes.data_ptr<float>();
+  for (std::size_t i = 1; i < views.size(); ++i, projection += 12) {
+    const splat::Intrinsics& k = views[i].camera.intrinsics;
+    const Rigid T = Rigid(views[i].camera.T_camera_world).relative_to(origin);
+    project(k, reference.intrinsics, T, projection);
+    for (const double x : T.center()) *center++ = static_cast<float>(x);
+    *size++ = static_cast<float>(k.width);
+    *size++ = static_cast<float>(k.height);
+    out.baseline_m = std::max(out.baseline_m, std::hypot(T.t[0], T.t[1], T.t[2]));
   }
-  if (projections.empty()) return out;
-  out.projections = torch::stack(projections).to(torch::kFloat32).contiguous();
-  out.centers = torch::stack(centers).to(torch::kFloat32).contiguous();
-  out.sizes = torch::tensor(sizes, torch::kFloat32).reshape({-1, 2});
   return out;
 }
 

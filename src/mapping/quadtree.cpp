@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace apvi::mapping {
@@ -12,6 +13,19 @@ namespace {
 bool is_power_of_two(int n) {
   return n > 0 && (n & (n - 1)) == 0;
 }
+
+/// Intensities of a block.
+struct Spread {
+  float least = std::numeric_limits<float>::infinity();
+  float most = -std::numeric_limits<float>::infinity();
+  double sum = 0.0;
+
+  void add(const Spread& other) {
+    least = std::min(least, other.least);
+    most = std::max(most, other.most);
+    sum += other.sum;
+  }
+};
 
 class Divider {
  public:
@@ -29,38 +43,51 @@ class Divider {
   }
 
  private:
-  void add(int x, int y, int size) {
-    if (x >= width_ || y >= height_) return;
+  /// Puts a block or its parts behind the others. The parts come first and make room again where
+  /// the whole is even, so that every pixel is looked at once.
+  Spread add(int x, int y, int size) {
+    if (x >= width_ || y >= height_) return {};
     const Block block = {.x = x,
                          .y = y,
                          .size = size,
                          .width = std::min(size, width_ - x),
                          .height = std::min(size, height_ - y)};
-    if (size <= options_.smallest_px || is_even(block)) {
+    if (size <= options_.smallest_px) {
       blocks_.push_back(block);
-      return;
+      return spread_of(block);
     }
+    const std::size_t before = blocks_.size();
     const int half = size / 2;
+    Spread spread;
     for (const auto& [dx, dy] : {std::pair{0, 0}, {half, 0}, {0, half}, {half, half}}) {
-      add(x + dx, y + dy, half);
+      spread.add(add(x + dx, y + dy, half));
     }
+    if (is_even(block, spread)) {
+      blocks_.resize(before);
+      blocks_.push_back(block);
+    }
+    return spread;
   }
 
   /// Whether all pixels are within the threshold of their mean.
-  bool is_even(const Block& block) const {
-    float least = pixels_[block.y * width_ + block.x];
-    float most = least;
-    double sum = 0.0;
+  bool is_even(const Block& block, const Spread& spread) const {
+    const double mean = spread.sum / (block.width * block.height);
+    return std::max(spread.most - mean, mean - spread.least) <= options_.threshold;
+  }
+
+  Spread spread_of(const Block& block) const {
+    Spread out;
     for (int y = block.y; y < block.y + block.height; ++y) {
-      const float* const row = pixels_ + static_cast<std::ptrdiff_t>(y) * width_;
-      for (int x = block.x; x < block.x + block.width; ++x) {
-        least = std::min(least, row[x]);
-        most = std::max(most, row[x]);
-        sum += static_cast<double>(row[x]);
+      const float* const row = pixels_ + static_cast<std::ptrdiff_t>(y) * width_ + block.x;
+      float sum = 0.0F;
+      for (int x = 0; x < block.width; ++x) {
+        out.least = std::min(out.least, row[x]);
+        out.most = std::max(out.most, row[x]);
+        sum += row[x];
       }
+      out.sum += static_cast<double>(sum);
     }
-    const double mean = sum / (block.width * block.height);
-    return std::max(most - mean, mean - least) <= options_.threshold;
+    return out;
   }
 
   const float* pixels_;
@@ -70,19 +97,36 @@ class Divider {
   std::vector<Block> blocks_;
 };
 
-/// Which block each pixel belongs to.
-std::vector<std::int32_t> owners(const std::vector<Block>& blocks, int width, int height) {
-  std::vector<std::int32_t> owner(static_cast<std::size_t>(width) *
-                                  static_cast<std::size_t>(height));
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const Block& b = blocks[i];
-    for (int y = b.y; y < b.y + b.height; ++y) {
-      std::fill_n(owner.begin() + static_cast<std::ptrdiff_t>(y) * width + b.x, b.width,
-                  static_cast<std::int32_t>(i));
+/// Which block each square of the smallest block's side belongs to.
+class Owners {
+ public:
+  Owners(const std::vector<Block>& blocks, int width, int height) {
+    for (const Block& b : blocks) side_ = std::min(side_, b.size);
+    columns_ = (width + side_ - 1) / side_;
+    const int rows = (height + side_ - 1) / side_;
+    owner_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows));
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      const Block& b = blocks[i];
+      for (int y = b.y; y < b.y + b.height; y += side_) {
+        for (int x = b.x; x < b.x + b.width; x += side_) {
+          owner_[index(x, y)] = static_cast<std::int32_t>(i);
+        }
+      }
     }
   }
-  return owner;
-}
+
+  std::int32_t at(int x, int y) const { return owner_[index(x, y)]; }
+
+ private:
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y / side_) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(x / side_);
+  }
+
+  int side_ = std::numeric_limits<int>::max();
+  int columns_ = 0;
+  std::vector<std::int32_t> owner_;
+};
 
 /// The same edge seen from its other end.
 std::vector<std::int32_t> reverse_edges(const BlockGraph& graph) {
@@ -114,26 +158,24 @@ std::vector<Block> divide(const torch::Tensor& grey, const QuadtreeOptions& opti
 }
 
 BlockGraph neighbor_graph(const std::vector<Block>& blocks, int width, int height) {
-  const std::vector<std::int32_t> owner = owners(blocks, width, height);
-  const auto at = [&](int x, int y) {
-    return owner[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                 static_cast<std::size_t>(x)];
-  };
   BlockGraph graph;
   graph.offsets = {0};
+  if (blocks.empty()) return graph;
+  const Owners owners(blocks, width, height);
+  graph.offsets.reserve(blocks.size() + 1);
   std::vector<std::int32_t>& all = graph.neighbors;
   for (const Block& b : blocks) {  // from one neighbour along each side to the next
     const auto first = static_cast<std::ptrdiff_t>(all.size());
     for (const int x : {b.x - 1, b.x + b.width}) {
       for (int y = b.y; x >= 0 && x < width && y < b.y + b.height;) {
-        all.push_back(at(x, y));
+        all.push_back(owners.at(x, y));
         const Block& other = blocks[static_cast<std::size_t>(all.back())];
         y = other.y + other.height;
       }
     }
     for (const int y : {b.y - 1, b.y + b.height}) {
       for (int x = b.x; y >= 0 && y < height && x < b.x + b.width;) {
-        all.push_back(at(x, y));
+        all.push_back(owners.at(x, y));
         const Block& other = blocks[static_cast<std::size_t>(all.back())];
         x = other.x + other.width;
       }

@@ -170,7 +170,7 @@ TEST_F(CudaDepth, PropagatesBeliefsAsTheCpuDoesWithAnyNumberOfHypotheses) {
 
 TEST_F(CudaDepth, SmoothsAsTheCpuDoes) {
   torch::manual_seed(8);
-  for (const auto& [height, width] : {std::pair{48, 64}, {1, 70}, {33, 1}, {120, 161}}) {
+  for (const auto& [height, width] : {std::pair{48, 64}, {1, 70}, {33, 1}, {120, 161}, {2, 3000}, {1025, 3}}) {
     SmoothInput input = {.guide = torch::rand({height, width}),
                          .values = torch::rand({height, width}),
                          .weights = (torch::rand({height, width}) < 0.3).to(torch::kFloat32),

@@ -59,6 +59,7 @@ TEST_F(CudaStep, GainsFollowThePictureAsWithTheOperators) {
     backend.match_gain({.drawn = drawn.to(device),
                         .alpha = solid.to(device),
                         .picture = picture.to(device),
+                        .water = {},
                         .log_gain = log_gain,
                         .usual = usual,
                         .pace = kGainFollowed});
