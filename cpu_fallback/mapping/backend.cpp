@@ -15,6 +15,7 @@ class CpuDepthBackend final : public DepthBackend {
     return cpu::sweep(pictures, input);
   }
   torch::Tensor propagate(const BeliefInput& input) const override { return cpu::propagate(input); }
+  Surfaces surfaces(const SurfaceInput& input) const override { return cpu::surfaces(input); }
   torch::Tensor smooth(const SmoothInput& input) const override { return cpu::smooth(input); }
 };
 

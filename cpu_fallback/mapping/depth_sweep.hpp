@@ -14,6 +14,7 @@ namespace apvi::mapping::cpu {
 SweepPictures make_pyramids(const std::vector<torch::Tensor>& greys);
 SweepOutput sweep(const SweepPictures& pictures, const SweepInput& input);
 torch::Tensor propagate(const BeliefInput& input);
+Surfaces surfaces(const SurfaceInput& input);
 torch::Tensor smooth(const SmoothInput& input);
 
 }  // namespace apvi::mapping::cpu

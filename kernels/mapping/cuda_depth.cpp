@@ -174,6 +174,23 @@ class CudaDepthBackend final : public DepthBackend {
     return belief;
   }
 
+  Surfaces surfaces(const SurfaceInput& input) const override {
+    const c10::cuda::CUDAGuard guard(input.points.device());
+    Surfaces out = {.agreement = torch::empty_like(input.inverse_depths),
+                    .slope = torch::empty_like(input.points)};
+    C10_CUDA_CHECK(cuda::launch_surfaces({.nodes = as_int(input.inverse_depths.size(0)),
+                                          .inverse_depths = input.inverse_depths.data_ptr<float>(),
+                                          .places = input.points.data_ptr<float>(),
+                                          .offsets = input.offsets.data_ptr<std::int32_t>(),
+                                          .neighbors = input.neighbors.data_ptr<std::int32_t>(),
+                                          .same = input.same,
+                                          .steepest = input.steepest,
+                                          .agreement = out.agreement.data_ptr<float>(),
+                                          .slope = out.slope.data_ptr<float>()},
+                                         at::cuda::getCurrentCUDAStream()));
+    return out;
+  }
+
   Tensor smooth(const SmoothInput& input) const override {
     const c10::cuda::CUDAGuard guard(input.guide.device());
     const int height = as_int(input.guide.size(0));

@@ -93,6 +93,20 @@ cudaError_t launch_messages(const GraphPointers& in, const float* messages, floa
 cudaError_t launch_beliefs(const GraphPointers& in, const float* a, const float* b, float* belief,
                            cudaStream_t stream);
 
+/// As SurfaceInput and Surfaces.
+struct SurfacePointers {
+  int nodes;
+  const float* inverse_depths;    ///< [nodes]
+  const float* places;            ///< [nodes,2]
+  const std::int32_t* offsets;    ///< [nodes+1]
+  const std::int32_t* neighbors;  ///< [edges]
+  double same;
+  double steepest;
+  float* agreement;  ///< [nodes]
+  float* slope;      ///< [nodes,2]
+};
+cudaError_t launch_surfaces(const SurfacePointers& in, cudaStream_t stream);
+
 /// Solves (1 + lambda A) u = f along all rows, or all columns, of `planes`
 /// [kPlanesPerPixel,height,width] in place; `guide` is [height,width].
 cudaError_t launch_smooth_lines(const float* guide, int height, int width, bool rows, float lambda,

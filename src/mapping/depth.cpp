@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/mapping/depth.hpp"
 
-#include <ATen/Parallel.h>
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -26,10 +26,9 @@ constexpr double kRangeTail = 0.01;    // part of the blocks that may lie outsid
 constexpr double kRangeNearer = 1.25;  // how much nearer than the rest the range begins
 constexpr double kRangeFarther = 2.5;  // and how much farther it ends: few blocks see through bars
 constexpr std::size_t kFewestForRange = 20;
-constexpr std::int64_t kBlocksPerTask = 1024;
 constexpr int kRefinements = 2;
 constexpr std::int64_t kFine = 4;     // finer steps in one step; as many to either side are tried
-constexpr float kSteepest = 0.02F;    // relative change of 1/depth a pixel that a surface may have
+constexpr double kSteepest = 0.02;    // relative change of 1/depth a pixel that a surface may have
 constexpr double kSameSurface = 0.1;  // relative difference of 1/depth between its blocks
 constexpr double kNowhere = 1e9;      // cost of what is not to be chosen
 constexpr double kSameMinimum_px = 2.0;      // half the width of a minimum in the other pictures
@@ -100,22 +99,23 @@ class Estimator {
     levels_ = levels_of(out.blocks).to(device_);
     const Tensor w = hypotheses(out.near_m, out.far_m, options_).to(device_);
     const SweepOutput swept = sweep(points_, levels_, w, {});
-    const BlockGraph graph = neighbor_graph(out.blocks, width(), height());
-    const Tensor belief = beliefs(swept.cost, graph, out);
-    const Choice choice = choose(w, belief, swept, graph, out);
+    const Graph graph = graph_of(out.blocks);
+    const Tensor belief = beliefs(swept.cost, graph, out.blocks);
+    const Choice choice = choose(w, belief, swept, graph);
     out.dense = upsampled(choice, out.blocks).to(torch::kCPU);
     const Tensor all =
         torch::stack({choice.depth, choice.sigma, choice.confidence}).to(torch::kCPU);
     out.depth = all[0];
     out.sigma = all[1];
     out.confidence = all[2];
+    out.slope = choice.slope.to(torch::kCPU);
     out.confident = out.confidence >= options_.confidence.least;
   }
 
  private:
   /// What is chosen for each block, on the device.
   struct Choice {
-    Tensor depth, sigma, confidence;
+    Tensor depth, sigma, confidence, slope;
   };
 
   int width() const { return views_.front().camera.intrinsics.width; }
@@ -176,91 +176,93 @@ class Estimator {
     return std::get<0>(cost.masked_fill(here, kNowhere).min(1)) - pick(cost, label);
   }
 
-  /// What each block thinks of every hypothesis [B,L], its neighbours having been heard.
-  Tensor beliefs(const Tensor& cost, const BlockGraph& graph, const DepthEstimate& out) const {
-    if (!options_.belief.enabled) return cost;
-    const std::vector<Tensor> on_device =
-        indices({graph.offsets, graph.neighbors, graph.reverse, sources(graph)});
-    return backend_.propagate(
-        {.cost = cost,
-         .offsets = on_device[0],
-         .neighbors = on_device[1],
-         .reverse = on_device[2],
-         .weights = edge_weights(mean_greys(out.blocks).to(device_), on_device[3], on_device[1]),
-         .step = options_.belief.step,
-         .limit = options_.belief.limit,
-         .iterations = options_.belief.iterations});
-  }
+  /// Who touches whom, on the device; [E] or [B+1] int32, as in BlockGraph.
+  struct Graph {
+    Tensor offsets, neighbors, reverse;
+    Tensor from;  ///< [E] where each edge begins
+  };
 
-  /// Lists of numbers on the device, brought there together: each way there waits for the sweep.
-  std::vector<Tensor> indices(const std::vector<std::vector<std::int32_t>>& lists) const {
-    std::vector<std::int64_t> sizes;
-    for (const auto& list : lists) sizes.push_back(static_cast<std::int64_t>(list.size()));
-    const Tensor all = torch::empty({std::reduce(sizes.begin(), sizes.end())}, torch::kInt32);
-    auto* to = all.data_ptr<std::int32_t>();
-    for (const auto& list : lists) to = std::copy(list.begin(), list.end(), to);
-    return all.to(device_).split_with_sizes(sizes);
-  }
-
-  /// Where each edge begins.
-  static std::vector<std::int32_t> sources(const BlockGraph& graph) {
+  /// Brought there together: each way there waits for the sweep.
+  Graph graph_of(const std::vector<Block>& blocks) const {
+    const BlockGraph graph = neighbor_graph(blocks, width(), height());
     std::vector<std::int32_t> from(graph.neighbors.size());
-    for (std::size_t i = 0; i + 1 < graph.offsets.size(); ++i) {
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
       std::fill(from.begin() + graph.offsets[i], from.begin() + graph.offsets[i + 1],
                 static_cast<std::int32_t>(i));
     }
-    return from;
+    std::vector<std::int64_t> sizes;
+    const std::array<const std::vector<std::int32_t>*, 4> lists = {&graph.offsets, &graph.neighbors,
+                                                                   &graph.reverse, &from};
+    for (const auto* const list : lists) {
+      sizes.push_back(static_cast<std::int64_t>(list->size()));
+    }
+    const Tensor all = torch::empty({std::reduce(sizes.begin(), sizes.end())},
+                                    torch::dtype(torch::kInt32).pinned_memory(device_.is_cuda()));
+    auto* to = all.data_ptr<std::int32_t>();
+    for (const auto* const list : lists) {
+      to = std::copy(list->begin(), list->end(), to);
+    }
+    const std::vector<Tensor> parts =
+        all.to(device_, /*non_blocking=*/true).split_with_sizes(sizes);
+    return {parts[0], parts[1], parts[2], parts[3]};
   }
 
-  Tensor mean_greys(const std::vector<Block>& blocks) const {
-    const auto* const grey = grey_.data_ptr<float>();
-    Tensor mean = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kFloat32);
-    auto* to = mean.data_ptr<float>();
-    for (const Block& b : blocks) {
-      float sum = 0.0F;
-      for (int y = b.y; y < b.y + b.height; ++y) {
-        const float* const row = grey + static_cast<std::ptrdiff_t>(y) * width();
-        for (int x = b.x; x < b.x + b.width; ++x) sum += row[x];
-      }
-      *to++ = sum / static_cast<float>(b.width * b.height);
-    }
-    return mean;
+  /// What each block thinks of every hypothesis [B,L], its neighbours having been heard.
+  Tensor beliefs(const Tensor& cost, const Graph& graph, const std::vector<Block>& blocks) const {
+    if (!options_.belief.enabled) return cost;
+    return backend_.propagate({.cost = cost,
+                               .offsets = graph.offsets,
+                               .neighbors = graph.neighbors,
+                               .reverse = graph.reverse,
+                               .weights = edge_weights(graph, blocks),
+                               .step = options_.belief.step,
+                               .limit = options_.belief.limit,
+                               .iterations = options_.belief.iterations});
   }
 
   /// Neighbours that look different may well lie at different depths.
-  Tensor edge_weights(const Tensor& mean, const Tensor& from, const Tensor& to) const {
-    const Tensor difference = (mean.index_select(0, from) - mean.index_select(0, to)).abs();
+  Tensor edge_weights(const Graph& graph, const std::vector<Block>& blocks) const {
+    Tensor mean = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kFloat32);
+    auto* to = mean.data_ptr<float>();
+    for (const Block& b : blocks) *to++ = b.mean;
+    mean = mean.to(device_);
+    const Tensor difference =
+        (mean.index_select(0, graph.from) - mean.index_select(0, graph.neighbors)).abs();
     return (difference * (-1.0 / options_.belief.edge_sigma)).exp();
   }
 
   /// Depth between the hypotheses, its slope and how sure it is.
   Choice choose(const Tensor& w, const Tensor& belief, const SweepOutput& swept,
-                const BlockGraph& graph, DepthEstimate& out) const {
+                const Graph& graph) const {
     const Tensor row = w.squeeze(0);
     const Tensor label = least_of(belief);
     const std::int64_t last = row.numel() - 1;
     const Tensor step = 0.5 * (row.index_select(0, (label - 1).clamp_min(0)) -
                                row.index_select(0, (label + 1).clamp_max(last)));
     Tensor best = row.index_select(0, label);
-    const Surfaces surfaces = surfaces_of(best.to(torch::kCPU), graph, out.points);
+    const Surfaces surfaces = backend_.surfaces({.inverse_depths = best,
+                                                 .points = points_,
+                                                 .offsets = graph.offsets,
+                                                 .neighbors = graph.neighbors,
+                                                 .same = kSameSurface,
+                                                 .steepest = kSteepest});
     BlockEvidence evidence = {.cost = pick(swept.cost, label),
                               .margin = margin(belief, label, reach(best, step)),
                               .relative_sigma = {},
                               .seen = pick(swept.views, label).to(torch::kFloat32),
-                              .agreement = surfaces.agreement.to(device_)};
-    out.slope = surfaces.slope;
-    const Tensor slope = out.slope.to(device_);
+                              .agreement = surfaces.agreement};
     double fineness = 1.0;
     for (int round = 0; round < kRefinements; ++round) {
       fineness /= kFine;
-      std::tie(best, evidence.cost) = refined(best, fineness * step, slope);
+      std::tie(best, evidence.cost) = refined(best, fineness * step, surfaces.slope);
     }
     const Tensor pixels = pixels_per_inverse_depth(geometry_, points_, best);
     evidence.relative_sigma = options_.confidence.match_sigma_px / (pixels * best).clamp_min(1e-9);
     const Tensor depth = best.reciprocal();
     return {.depth = depth,
             .sigma = (depth * evidence.relative_sigma).clamp_max(options_.far_m),
-            .confidence = confidence_of(evidence, options_.confidence)};
+            .confidence = confidence_of(evidence, options_.confidence),
+            .slope = surfaces.slope};
   }
 
   /// The least cost around `w`, in steps that are a fraction of those before, and between them by a
@@ -289,52 +291,6 @@ class Estimator {
     const Tensor pixels = pixels_per_inverse_depth(geometry_, points_, w) * step;
     return (kSameMinimum_px / pixels.clamp_min(1e-6))
         .clamp(kSameHypothesis, 0.25 * options_.hypotheses);
-  }
-
-  /// What each block has in common with its neighbours.
-  struct Surfaces {
-    Tensor agreement;  ///< [B] part of them that lie on the same surface
-    Tensor slope;      ///< [B,2] how 1/depth changes to these: the plane that fits them best
-  };
-
-  static Surfaces surfaces_of(const Tensor& w, const BlockGraph& graph, const Tensor& points) {
-    Surfaces out = {.agreement = torch::ones_like(w), .slope = torch::zeros({w.numel(), 2})};
-    at::parallel_for(0, w.numel(), kBlocksPerTask, [&](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t i = begin; i < end; ++i) fit_surface(w, graph, points, i, out);
-    });
-    out.slope.clamp_(-kSteepest, kSteepest);
-    return out;
-  }
-
-  static void fit_surface(const Tensor& w, const BlockGraph& graph, const Tensor& points,
-                          std::int64_t i, Surfaces& out) {
-    const auto* const value = w.data_ptr<float>();
-    const auto* const point = points.data_ptr<float>();
-    double xx = 1.0, xy = 0.0, yy = 1.0, xw = 0.0, yw = 0.0;
-    int alike = 0;
-    const auto begin = graph.offsets[static_cast<std::size_t>(i)];
-    const auto end = graph.offsets[static_cast<std::size_t>(i) + 1];
-    for (auto e = begin; e < end; ++e) {
-      const std::int64_t j = graph.neighbors[static_cast<std::size_t>(e)];
-      const double dw = static_cast<double>(value[j] / value[i]) - 1.0;
-      if (std::abs(dw) > kSameSurface) continue;
-      ++alike;
-      const double dx = static_cast<double>(point[2 * j] - point[2 * i]);
-      const double dy = static_cast<double>(point[2 * j + 1] - point[2 * i + 1]);
-      xx += dx * dx;
-      xy += dx * dy;
-      yy += dy * dy;
-      xw += dx * dw;
-      yw += dy * dw;
-    }
-    const double determinant = xx * yy - xy * xy;
-    auto* const slope = out.slope.data_ptr<float>() + 2 * i;
-    slope[0] = static_cast<float>((yy * xw - xy * yw) / determinant);
-    slope[1] = static_cast<float>((xx * yw - xy * xw) / determinant);
-    if (end > begin) {
-      out.agreement.data_ptr<float>()[i] =
-          static_cast<float>(alike) / static_cast<float>(end - begin);
-    }
   }
 
   /// Spreads 1/depth from the blocks' centres over the image [H,W].

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <utility>
 
@@ -19,6 +20,12 @@ struct Spread {
   float least = std::numeric_limits<float>::infinity();
   float most = -std::numeric_limits<float>::infinity();
   double sum = 0.0;
+
+  void add(float value) {
+    least = std::min(least, value);
+    most = std::max(most, value);
+    sum += static_cast<double>(value);
+  }
 
   void add(const Spread& other) {
     least = std::min(least, other.least);
@@ -53,8 +60,9 @@ class Divider {
                          .width = std::min(size, width_ - x),
                          .height = std::min(size, height_ - y)};
     if (size <= options_.smallest_px) {
-      blocks_.push_back(block);
-      return spread_of(block);
+      const Spread spread = spread_of(block);
+      keep(block, spread);
+      return spread;
     }
     const std::size_t before = blocks_.size();
     const int half = size / 2;
@@ -64,9 +72,14 @@ class Divider {
     }
     if (is_even(block, spread)) {
       blocks_.resize(before);
-      blocks_.push_back(block);
+      keep(block, spread);
     }
     return spread;
+  }
+
+  void keep(Block block, const Spread& spread) {
+    block.mean = static_cast<float>(spread.sum / (block.width * block.height));
+    blocks_.push_back(block);
   }
 
   /// Whether all pixels are within the threshold of their mean.
@@ -75,18 +88,19 @@ class Divider {
     return std::max(spread.most - mean, mean - spread.least) <= options_.threshold;
   }
 
+  /// Four columns side by side, which a processor does at once.
   Spread spread_of(const Block& block) const {
-    Spread out;
+    std::array<Spread, 4> columns;
     for (int y = block.y; y < block.y + block.height; ++y) {
       const float* const row = pixels_ + static_cast<std::ptrdiff_t>(y) * width_ + block.x;
-      float sum = 0.0F;
-      for (int x = 0; x < block.width; ++x) {
-        out.least = std::min(out.least, row[x]);
-        out.most = std::max(out.most, row[x]);
-        sum += row[x];
+      int x = 0;
+      for (; x + 4 <= block.width; x += 4) {
+        for (std::size_t k = 0; k < 4; ++k) columns[k].add(row[x + static_cast<int>(k)]);
       }
-      out.sum += static_cast<double>(sum);
+      for (; x < block.width; ++x) columns[0].add(row[x]);
     }
+    Spread out;
+    for (const Spread& column : columns) out.add(column);
     return out;
   }
 

@@ -168,9 +168,29 @@ TEST_F(CudaDepth, PropagatesBeliefsAsTheCpuDoesWithAnyNumberOfHypotheses) {
   }
 }
 
+TEST_F(CudaDepth, FitsSurfacesAsTheCpuDoes) {
+  const BeliefInput graph = belief_input(8);
+  const std::int64_t blocks = graph.cost.size(0);
+  SurfaceInput input = {.inverse_depths = 0.5 + 0.1 * torch::rand({blocks}),
+                        .points = 100.0 * torch::rand({blocks, 2}),
+                        .offsets = graph.offsets,
+                        .neighbors = graph.neighbors,
+                        .same = 0.1,
+                        .steepest = 0.002};
+  const Surfaces expected = cpu_depth_backend().surfaces(input);
+  for (Tensor* t : {&input.inverse_depths, &input.points, &input.offsets, &input.neighbors}) {
+    *t = t->to(torch::kCUDA);
+  }
+  const Surfaces got = depth_backend(torch::kCUDA).surfaces(input);
+  EXPECT_TRUE(torch::equal(got.agreement.cpu(), expected.agreement));
+  EXPECT_TRUE(tensors_near(got.slope.cpu(), expected.slope, 1e-7));
+  EXPECT_LT(expected.agreement.min().item<float>(), 0.9F);
+}
+
 TEST_F(CudaDepth, SmoothsAsTheCpuDoes) {
   torch::manual_seed(8);
-  for (const auto& [height, width] : {std::pair{48, 64}, {1, 70}, {33, 1}, {120, 161}, {2, 3000}, {1025, 3}}) {
+  for (const auto& [height, width] :
+       {std::pair{48, 64}, {1, 70}, {33, 1}, {120, 161}, {2, 3000}, {1025, 3}}) {
     SmoothInput input = {.guide = torch::rand({height, width}),
                          .values = torch::rand({height, width}),
                          .weights = (torch::rand({height, width}) < 0.3).to(torch::kFloat32),

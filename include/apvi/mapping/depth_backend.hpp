@@ -66,6 +66,24 @@ struct BeliefInput {
   int iterations = 0;
 };
 
+/// Depths of blocks, and who touches whom.
+struct SurfaceInput {
+  torch::Tensor inverse_depths;  ///< [B] float32 [1/m]
+  torch::Tensor points;          ///< [B,2] float32 (x, y) [px]
+  torch::Tensor offsets;         ///< [B+1] int32, as in BlockGraph
+  torch::Tensor neighbors;       ///< [E] int32
+  double same = 0.0;             ///< relative difference of 1/depth up to which it is one surface
+  double steepest = 0.0;         ///< relative change of 1/depth that a surface may have [1/px]
+};
+
+/// What each block has in common with its neighbours.
+struct Surfaces {
+  torch::Tensor agreement;  ///< [B] float32 part of them that lie on the same surface; 1: has none
+  /// [B,2] float32 relative change of 1/depth to the right and down [1/px]: the plane that fits
+  /// those of the same surface best, drawn to a level one where they are few.
+  torch::Tensor slope;
+};
+
 /// Edge-aware smoothing of values that are known here and there.
 struct SmoothInput {
   torch::Tensor guide;    ///< [H,W] float32 in [0, 1]: its edges keep values apart
@@ -100,6 +118,7 @@ class DepthBackend {
   /// [B,L], the mean of those of the last two iterations; the paper's B_u(d) with V in the place of
   /// the misprinted I.
   virtual torch::Tensor propagate(const BeliefInput& input) const = 0;
+  virtual Surfaces surfaces(const SurfaceInput& input) const = 0;
   /// [2,H,W]: values, and weights, smoothed alike (Min et al., "Fast global image smoothing based
   /// on weighted least squares", 2014).
   virtual torch::Tensor smooth(const SmoothInput& input) const = 0;

@@ -17,6 +17,7 @@ struct Block {
   int size = 0;  ///< side as divided: largest, ..., smallest
   int width = 0;
   int height = 0;
+  float mean = 0.0F;  ///< of its intensities
 };
 
 /// Divides an image [H,W] (float32, on the CPU) into blocks that cover every pixel once (the

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <vector>
+
+#include "apvi/mapping/depth_backend.hpp"
+#include "apvi/mapping/quadtree.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr int kSide = 8;
+constexpr int kColumns = 6;
+constexpr int kRows = 5;
+
+/// 1/depth over a picture of 48 x 40 px in blocks of 8 px: at a block's middle (x, y) [px].
+template <typename Function>
+SurfaceInput grid(const Function& inverse_depth) {
+  const std::vector<Block> blocks =
+      divide(torch::zeros({kRows * kSide, kColumns * kSide}), {.largest_px = kSide});
+  const BlockGraph graph = neighbor_graph(blocks, kColumns * kSide, kRows * kSide);
+  std::vector<float> points;
+  std::vector<float> values;
+  for (const Block& b : blocks) {
+    const double x = b.x + 0.5 * b.width;
+    const double y = b.y + 0.5 * b.height;
+    points.insert(points.end(), {static_cast<float>(x), static_cast<float>(y)});
+    values.push_back(static_cast<float>(inverse_depth(x, y)));
+  }
+  return {.inverse_depths = torch::tensor(values),
+          .points = torch::tensor(points).reshape({-1, 2}),
+          .offsets = torch::tensor(graph.offsets, torch::kInt32),
+          .neighbors = torch::tensor(graph.neighbors, torch::kInt32),
+          .same = 0.1,
+          .steepest = 0.02};
+}
+
+/// A block that has neighbours on all sides.
+constexpr std::int64_t kInner = 2 * kColumns + 2;
+
+TEST(Surfaces, SlopeIsThatOfThePlane) {
+  // 1/depth of a plane is linear in the picture: 0.5 at the middle (20, 20) of the inner block.
+  const SurfaceInput input =
+      grid([](double x, double y) { return 0.5 * (1.0 + 0.004 * (x - 20) - 0.007 * (y - 20)); });
+  const Surfaces out = cpu_depth_backend().surfaces(input);
+  // One part in 129 of the sums says that surfaces are level.
+  EXPECT_NEAR(out.slope[kInner][0].item<double>(), 0.004, 0.004 / 100);
+  EXPECT_NEAR(out.slope[kInner][1].item<double>(), -0.007, 0.007 / 100);
+  EXPECT_EQ(out.agreement[kInner].item<float>(), 1.0F);
+}
+
+TEST(Surfaces, WhatLiesBehindAnEdgeIsAnotherSurface) {
+  const SurfaceInput input = grid([](double x, double) { return x < 24 ? 0.5 : 0.3; });
+  const Surfaces out = cpu_depth_backend().surfaces(input);
+  EXPECT_FLOAT_EQ(out.agreement[kInner].item<float>(), 0.75F);  // three of four
+  EXPECT_FLOAT_EQ(out.agreement[kInner - 1].item<float>(), 1.0F);
+  EXPECT_NEAR(out.slope[kInner].abs().max().item<double>(), 0.0, 1e-6);
+}
+
+TEST(Surfaces, AreNoSteeperThanAllowed) {
+  const SurfaceInput input = grid([](double x, double) { return 0.5 * (1.0 + 0.01 * x); });
+  SurfaceInput gentle = input;
+  gentle.steepest = 0.001;
+  const Surfaces out = cpu_depth_backend().surfaces(gentle);
+  EXPECT_FLOAT_EQ(out.slope.abs().max().item<float>(), 0.001F);
+  EXPECT_GT(cpu_depth_backend().surfaces(input).slope.max().item<float>(), 0.005F);
+}
+
+TEST(Surfaces, ABlockAloneIsItsOwn) {
+  SurfaceInput input = grid([](double, double) { return 0.5; });
+  input.inverse_depths = torch::tensor({0.5F});
+  input.points = torch::tensor({{4.0F, 4.0F}});
+  input.offsets = torch::tensor({0, 0}, torch::kInt32);
+  input.neighbors = torch::empty({0}, torch::kInt32);
+  const Surfaces out = cpu_depth_backend().surfaces(input);
+  EXPECT_FLOAT_EQ(out.agreement[0].item<float>(), 1.0F);
+  EXPECT_FLOAT_EQ(out.slope.abs().max().item<float>(), 0.0F);
+}
+
+}  // namespace
+}  // namespace apvi::mapping
