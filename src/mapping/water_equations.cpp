@@ -15,10 +15,7 @@ using Index = std::int64_t;
 
 constexpr double kLeastNoise = 0.003;  // of a colour: rounding to a byte, and a little more
 constexpr double kTextureNoise = 0.5;  // of a colour's change around, by a patch that is off
-/// Of what comes through of a surface: ripples of sunlight, patches that are not quite the same in
-/// every view. Dark surfaces have little of that, so they tell of the veil.
-constexpr double kColorNoise = 0.06;
-constexpr double kInformation = 0.3;  // errors of neighbouring sightings are alike
+constexpr double kInformation = 0.3;   // errors of neighbouring sightings are alike
 constexpr double kNormalMedian = 1.4826;
 constexpr Index kParts = 16;  // of the points, summed side by side
 
@@ -168,19 +165,17 @@ void WaterEquations::add(Index c, const ChannelModel& model, const Tensor& fallo
   const auto number = static_cast<std::size_t>(c);
   Tensor& weights = weights_[number];
   const Channel channel(s_, own_ * c, c, model, falloff, weights);
-  Tensor surface = torch::empty_like(channel.colors);  // what comes through of it
+  Tensor left = channel.colors.clone();
   for (std::size_t p = 0; p + 1 < first_.size(); ++p) {
     const double J = channel.color(first_[p], first_[p + 1]).second;
     for (Index i = first_[p]; i < first_[p + 1]; ++i) {
-      surface.data_ptr<double>()[i] = channel.through[i] * J;
+      left.data_ptr<double>()[i] -= channel.through[i] * J;
     }
   }
-  const Tensor left = channel.colors - surface;
   const double sigma = std::max(kLeastNoise, kNormalMedian * left.abs().median().item<double>());
   noise_[number] = sigma;
   // Geman and McClure
-  const Tensor variance =
-      sigma * sigma + (kTextureNoise * s_.texture).square() + (kColorNoise * surface).square();
+  const Tensor variance = sigma * sigma + (kTextureNoise * s_.texture).square();
   weights.copy_((1.0 + left.square() / (4.0 * variance)).square().reciprocal() / variance);
   // Parts that do not depend on how many threads there are, nor does then their sum.
   std::vector<Sums> parts;
