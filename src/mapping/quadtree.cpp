@@ -114,9 +114,8 @@ class Divider {
 /// Which block each square of the smallest block's side belongs to.
 class Owners {
  public:
-  Owners(const std::vector<Block>& blocks, int width, int height) {
-    for (const Block& b : blocks) side_ = std::min(side_, b.size);
-    columns_ = (width + side_ - 1) / side_;
+  Owners(const std::vector<Block>& blocks, int width, int height)
+      : side_(smallest(blocks)), columns_((width + side_ - 1) / side_) {
     const int rows = (height + side_ - 1) / side_;
     owner_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows));
     for (std::size_t i = 0; i < blocks.size(); ++i) {
@@ -137,8 +136,14 @@ class Owners {
            static_cast<std::size_t>(x / side_);
   }
 
-  int side_ = std::numeric_limits<int>::max();
-  int columns_ = 0;
+  static int smallest(const std::vector<Block>& blocks) {
+    int side = std::numeric_limits<int>::max();
+    for (const Block& b : blocks) side = std::min(side, b.size);
+    return side;
+  }
+
+  int side_;
+  int columns_;
   std::vector<std::int32_t> owner_;
 };
 

@@ -10,18 +10,16 @@
 namespace apvi::mapping {
 namespace {
 
-using torch::Tensor;
-
 constexpr int kSide = 8;
 constexpr int kColumns = 6;
-constexpr int kRows = 5;
+constexpr int kWidth = 48;
+constexpr int kHeight = 40;
 
 /// 1/depth over a picture of 48 x 40 px in blocks of 8 px: at a block's middle (x, y) [px].
 template <typename Function>
 SurfaceInput grid(const Function& inverse_depth) {
-  const std::vector<Block> blocks =
-      divide(torch::zeros({kRows * kSide, kColumns * kSide}), {.largest_px = kSide});
-  const BlockGraph graph = neighbor_graph(blocks, kColumns * kSide, kRows * kSide);
+  const std::vector<Block> blocks = divide(torch::zeros({kHeight, kWidth}), {.largest_px = kSide});
+  const BlockGraph graph = neighbor_graph(blocks, kWidth, kHeight);
   std::vector<float> points;
   std::vector<float> values;
   for (const Block& b : blocks) {
@@ -39,7 +37,7 @@ SurfaceInput grid(const Function& inverse_depth) {
 }
 
 /// A block that has neighbours on all sides.
-constexpr std::int64_t kInner = 2 * kColumns + 2;
+constexpr int kInner = 2 * kColumns + 2;
 
 TEST(Surfaces, SlopeIsThatOfThePlane) {
   // 1/depth of a plane is linear in the picture: 0.5 at the middle (20, 20) of the inner block.
