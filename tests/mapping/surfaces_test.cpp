@@ -11,7 +11,6 @@ namespace apvi::mapping {
 namespace {
 
 constexpr int kSide = 8;
-constexpr int kColumns = 6;
 constexpr int kWidth = 48;
 constexpr int kHeight = 40;
 
@@ -37,7 +36,7 @@ SurfaceInput grid(const Function& inverse_depth) {
 }
 
 /// A block that has neighbours on all sides.
-constexpr int kInner = 2 * kColumns + 2;
+constexpr int kInner = 2 * (kWidth / kSide) + 2;
 
 TEST(Surfaces, SlopeIsThatOfThePlane) {
   // 1/depth of a plane is linear in the picture: 0.5 at the middle (20, 20) of the inner block.
