@@ -91,6 +91,26 @@ TEST(PictureAlignment, IsNoneOfAnotherPlaceOrThroughSilt) {
   EXPECT_FALSE(align_picture(shown, silt, camera(), {0.05, 0.02}).has_value());
 }
 
+/// Waves of 50 px and of its own seed's fine grain, `shift` px aside.
+Tensor like_from_afar(std::uint64_t seed, double shift) {
+  torch::manual_seed(seed);
+  const Tensor x = torch::arange(192, torch::kFloat32) - shift;
+  const Tensor y = torch::arange(128, torch::kFloat32).unsqueeze(1);
+  const Tensor waves = torch::sin(0.13 * x + 0.05 * y) + torch::sin(0.12 * y - 0.06 * x);
+  const Tensor grain = torch::avg_pool2d(torch::randn({1, 1, 128, 192}), 3, 1, 1).view({128, 192});
+  return (0.5 + 0.1 * waves + 0.1 * grain).unsqueeze(2).repeat({1, 1, 3});
+}
+
+TEST(PictureAlignment, IsNoneFarOffWhereHardlyMoreFitsThanBefore) {
+  const Picture shown = {.as_seen = like_from_afar(1, 0.0),
+                         .restored = {},
+                         .depth = torch::full({128, 192}, kDistance),
+                         .alpha = torch::ones({128, 192})};
+  // What is alike from afar is 8 px aside; looked at closely it is another place.
+  EXPECT_FALSE(align_picture(shown, like_from_afar(2, 8.0), camera(), {0.1, 0.03}).has_value());
+  EXPECT_TRUE(align_picture(shown, like_from_afar(1, 0.0).roll(8, 1), camera(), {0.1, 0.03}));
+}
+
 TEST(PictureAlignment, IsNoneWhereTheMapIsNot) {
   const splat::Gaussians world = relief();
   Picture shown = picture_from(world, moved(twist(0, 0, 0, 0, 0, 0)));

@@ -33,7 +33,7 @@ struct PictureAlignment {
 /// Direct alignment, inverse compositional, coarse to fine, with robust weights (Baker and
 /// Matthews, Lucas-Kanade 20 years on, 2004; Kerl et al., Robust odometry estimation for RGB-D
 /// cameras, 2013). None when too little of the picture is on the map, or nothing fits better than
-/// before.
+/// before; far off, when it is not much that fits better.
 std::optional<PictureAlignment> align_picture(const Picture& shown, const torch::Tensor& picture,
                                               const splat::Intrinsics& intrinsics,
                                               const PoseSigmas& sigmas);
