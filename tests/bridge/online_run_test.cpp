@@ -131,6 +131,27 @@ TEST_F(OnlineRunTest, AStopOnTheWaySavesTheMap) {
   EXPECT_TRUE(fs::exists(folder("run") / "checkpoint.pt"));
 }
 
+// What is asked after every step stands in for a device whose memory ends there.
+TEST_F(OnlineRunTest, ADeviceWithoutMemoryLeavesTheMapAndSaysWhatToLower) {
+  int asked = 0;
+  MappingRunOptions options{.folder = folder("run")};
+  options.interrupted = [&asked] {
+    TORCH_CHECK_WITH(OutOfMemoryError, ++asked <= 1400, "no memory left");
+    return false;
+  };
+  try {
+    run_online(config(), options);
+    FAIL() << "nothing was said";
+  } catch (const RunError& error) {
+    const std::string said = error.what();
+    EXPECT_NE(said.find("mapping.max_gaussians (now 6000)"), std::string::npos) << said;
+  }
+  EXPECT_GT(splat::read_ply(folder("run") / "map.ply").size(), 100);
+  const OnlineRunResult more =
+      run_online(config({"mapping.max_gaussians=3000"}), {.folder = folder("run"), .resume = true});
+  EXPECT_FALSE(more.map.interrupted);
+}
+
 TEST_F(OnlineRunTest, WhatCannotBeDoneIsSaidAtOnce) {
   EXPECT_THROW(config({"sensors.use=[imu, dvl]"}), InputError);
   EXPECT_THROW(config({"mapping.depth.near_m=30"}), InputError);
