@@ -63,6 +63,28 @@ std::filesystem::path make_renders_folder(const std::filesystem::path& run) {
   return folder;
 }
 
+void fail_memory(const RunConfig& config, const std::filesystem::path& folder) {
+  const auto memory = splat::device_memory();
+  const std::string free =
+      memory && memory->total_mib > 0.0
+          ? fmt::format(" ({:.0f} of {:.0f} MiB are free)", memory->free_mib, memory->total_mib)
+          : "";
+  const char* const saved =
+      std::filesystem::exists(folder / "map.ply") ? "; what there was of the map is saved" : "";
+  fail_run(
+      "{}: no memory left on the device{}{}: lower mapping.max_gaussians (now {}) or "
+      "mapping.image_scale",
+      folder.string(), free, saved, most_gaussians(config));
+}
+
+void rescue(const std::function<void()>& save) {
+  try {
+    save();
+  } catch (const std::exception& error) {
+    log::error("the map could not be saved: {}", error.what());
+  }
+}
+
 void write_map(const std::filesystem::path& folder, const mapping::Map& map) {
   splat::write_ply(folder / "map.ply", map.gaussians, map.medium);
   if (map.medium) splat::write_medium_json(folder / "medium.json", *map.medium);
@@ -96,6 +118,7 @@ void write_map_metrics(const std::filesystem::path& file, const MapFigures& figu
   sections["mapping"] = figures.held_out;
   sections["mapping"]["gaussians"] = figures.gaussians;
   sections["mapping"]["iterations"] = figures.iterations;
+  if (figures.most_gaussians) sections["mapping"]["most_gaussians"] = *figures.most_gaussians;
   eval::Json& speed = sections["speed"];
   speed["wall_s"] = figures.wall_s;
   speed["training_s"] = figures.training_s;

@@ -4,14 +4,17 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
+#include "apvi/bridge/run_config.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/mapping/evaluation.hpp"
 #include "apvi/mapping/rendering.hpp"
+#include "apvi/splat/device.hpp"
 
 namespace apvi::bridge {
 
@@ -20,6 +23,24 @@ inline constexpr const char* kCheckpoint = "checkpoint.pt";
 
 /// Makes the folder of the held-out images. Throws RunError when it cannot be made.
 std::filesystem::path make_renders_folder(const std::filesystem::path& run);
+
+/// Says what to lower when the device's memory has ended: throws RunError.
+[[noreturn]] void fail_memory(const RunConfig& config, const std::filesystem::path& folder);
+
+/// What `work` returns; where the device's memory ends in it, what to lower is said.
+template <typename Work>
+auto within_memory(const RunConfig& config, const std::filesystem::path& folder, const Work& work) {
+  try {
+    return work();
+  } catch (const c10::Error& error) {
+    if (!splat::is_out_of_memory(error)) throw;
+    fail_memory(config, folder);
+  }
+}
+
+/// Saves what there is when something is to be complained of already: that it cannot be saved
+/// either is only logged.
+void rescue(const std::function<void()>& save);
 
 /// Writes map.ply and, with water, medium.json. Throws RunError when they cannot be written.
 void write_map(const std::filesystem::path& folder, const mapping::Map& map);
@@ -50,6 +71,7 @@ class MapCurve {
 struct MapFigures {
   eval::Json held_out;  ///< from report_held_out
   std::int64_t gaussians = 0;
+  std::optional<std::int64_t> most_gaussians = std::nullopt;  ///< where memory set a limit
   std::int64_t iterations = 0;
   double training_s = 0.0;  ///< in optimisation steps
   double wall_s = 0.0;

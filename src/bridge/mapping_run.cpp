@@ -120,19 +120,7 @@ class Training {
   MapCurve curve_;
 };
 
-}  // namespace
-
-config::Node describe(const RunConfig& config, const pipeline::RunConfig& as_used) {
-  RunConfig resolved = config;
-  static_cast<pipeline::RunConfig&>(resolved) = as_used;
-  const std::string& points = config.mapping.initial_points;
-  if (points != "sift" && points != "random") {
-    resolved.mapping.initial_points = pipeline::absolute_path(points);
-  }
-  return config::to_node(resolved);
-}
-
-MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options) {
+MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& options) {
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
   const PosedImages images = load_posed_images(config);
@@ -143,7 +131,13 @@ MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& o
                       config::to_yaml(describe(config, pipeline::resolved(config, images.rig))));
   log::info("{} -> {}", config.dataset.path, options.folder.string());
   Training training(config, options, images);
-  const bool finished = training.run();
+  bool finished = false;
+  try {
+    finished = training.run();
+  } catch (...) {
+    rescue([&] { training.save(); });
+    throw;
+  }
   training.save();
   const auto truth =
       SimulatedTruth::open(config.dataset.path, images.camera, config.mapping.image_scale);
@@ -163,6 +157,22 @@ MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& o
           .gaussians = trainer.size(),
           .wall_s = watch.seconds(),
           .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
+}
+
+}  // namespace
+
+config::Node describe(const RunConfig& config, const pipeline::RunConfig& as_used) {
+  RunConfig resolved = config;
+  static_cast<pipeline::RunConfig&>(resolved) = as_used;
+  const std::string& points = config.mapping.initial_points;
+  if (points != "sift" && points != "random") {
+    resolved.mapping.initial_points = pipeline::absolute_path(points);
+  }
+  return config::to_node(resolved);
+}
+
+MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options) {
+  return within_memory(config, options.folder, [&] { return train_map(config, options); });
 }
 
 }  // namespace apvi::bridge

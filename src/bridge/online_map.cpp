@@ -83,12 +83,12 @@ void OnlineMap::begin(const Rig& rig) {
   const bool catches_up = !may_drop || splat::active_device().is_cuda();
   worker_ = std::make_unique<Worker<pipeline::MapFrame>>(
       catches_up ? kQueue : kShortQueue, may_drop ? Overflow::drop_oldest : Overflow::block,
-      [this](const pipeline::MapFrame& frame) { try_to_process(frame); });
+      [this](const pipeline::MapFrame& frame) { attempt([&] { process(frame); }); });
 }
 
 void OnlineMap::take(pipeline::MapFrame frame) {
-  if (!worker_) return try_to_process(frame);
-  if (!worker_->push(std::move(frame))) finish();  // it has ended: throws why
+  if (!worker_) return attempt([&] { process(frame); });
+  worker_->push(std::move(frame));
 }
 
 void OnlineMap::finish() {
@@ -98,6 +98,46 @@ void OnlineMap::finish() {
     worker_->wait();
     dropped_ = worker_->dropped();
   }
+  attempt([this] { finish_map(); });
+}
+
+void OnlineMap::stop() {
+  if (worker_) worker_->stop();
+}
+
+// A trajectory is worth having without a map too.
+void OnlineMap::attempt(const std::function<void()>& work) {
+  if (failed_) return;
+  try {
+    work();
+  } catch (...) {
+    give_up(std::current_exception());
+  }
+}
+
+void OnlineMap::give_up(std::exception_ptr why) {
+  failure_ = std::move(why);
+  failed_ = true;
+  rescue([this] { save(); });
+  try {
+    rethrow_failure();
+  } catch (const std::exception& error) {
+    log::error("no more is mapped, localization goes on: {}", error.what());
+  }
+}
+
+// What LibTorch says of itself is long.
+void OnlineMap::rethrow_failure() const {
+  if (!failure_) return;
+  try {
+    std::rethrow_exception(failure_);
+  } catch (const c10::Error& error) {
+    if (splat::is_out_of_memory(error)) fail_memory(config_, options_.folder);
+    fail_run("mapping: {}", error.what_without_backtrace());
+  }
+}
+
+void OnlineMap::finish_map() {
   if (loops_) loops_->finish();
   for (auto moved = next_relocation(); !moved.empty(); moved = next_relocation()) {
     mapping::MapperInput news;
@@ -128,19 +168,8 @@ void OnlineMap::fill_end() {
 }
 
 std::string OnlineMap::status() const {
-  return fmt::format("{} keyframes, {} Gaussians", shown_keyframes_.load(),
-                     shown_gaussians_.load());
-}
-
-// What LibTorch says of itself is long.
-void OnlineMap::try_to_process(const pipeline::MapFrame& frame) {
-  try {
-    process(frame);
-  } catch (const c10::OutOfMemoryError&) {
-    throw;
-  } catch (const c10::Error& error) {
-    fail_run("mapping: image {}: {}", frame.image_stamp.ns, error.what_without_backtrace());
-  }
+  return fmt::format("{}{} keyframes, {} Gaussians", failed_ ? "no longer mapped: " : "",
+                     shown_keyframes_.load(), shown_gaussians_.load());
 }
 
 void OnlineMap::process(const pipeline::MapFrame& frame) {
@@ -214,11 +243,11 @@ std::optional<std::size_t> OnlineMap::closed_loops() const {
 // What a long run leaves in its folder on the way.
 void OnlineMap::look_after() {
   if (curve_->due(watch_.seconds()) && mapper_.size() > 0) {
-    curve_->write(watch_.seconds(), mapper_.iteration(), mapper_.snapshot(), mapper_.keyframes());
+    curve_->write(watch_.seconds(), mapper_.iteration(), mapper_.map(), mapper_.keyframes());
   }
   const double every = config_.mapping.checkpoint_every_s;
   if (every <= 0.0 || since_save_.seconds() < every) return;
-  write_map(options_.folder, mapper_.snapshot());
+  write_map(options_.folder, mapper_.map());
   since_save_.reset();
 }
 
@@ -299,7 +328,7 @@ void OnlineMap::save() {
   if (mapper_.size() > 0) {
     auto checkpoint =
         std::async(std::launch::async, [this] { mapper_.save(options_.folder / kCheckpoint); });
-    write_map(options_.folder, mapper_.snapshot());
+    write_map(options_.folder, mapper_.map());
     io::write_tum(options_.folder / "keyframes.tum", keyframes());
     checkpoint.get();
   }

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <map>
 #include <memory>
@@ -35,7 +36,12 @@ class OnlineMap : public pipeline::MapSink {
   void take(pipeline::MapFrame frame) override;
   void finish() override;
   std::string status() const override;
+  /// Throws what has ended the mapping while localization went on, if anything has; what there was
+  /// of the map had been saved then. After `finish`.
+  void rethrow_failure() const;
 
+  /// Abandons the frames that wait, so that what there is can be saved.
+  void stop();
   /// The final refinement. False when it was interrupted.
   bool refine();
   /// Goes on from the folder's checkpoint, with what `begin` was told.
@@ -57,7 +63,8 @@ class OnlineMap : public pipeline::MapSink {
   std::map<std::string, std::size_t> not_mapped() const;
 
  private:
-  void try_to_process(const pipeline::MapFrame& frame);
+  void attempt(const std::function<void()>& work);
+  void give_up(std::exception_ptr why);
   void process(const pipeline::MapFrame& frame);
   mapping::Intake take_in(const pipeline::MapFrame& frame);
   mapping::MapperInput to_input(const pipeline::MapFrame& frame);
@@ -65,6 +72,7 @@ class OnlineMap : public pipeline::MapSink {
   void close_loops(const pipeline::MapFrame& frame, const cv::Mat& picture);
   std::vector<mapping::Relocated> next_relocation();
   void learn();
+  void finish_map();
   void fill_end();
   bool in_realtime() const;
   bool in_hurry() const;
@@ -84,6 +92,8 @@ class OnlineMap : public pipeline::MapSink {
   std::optional<MapCurve> curve_;  // once there is a folder
   Timesheet times_;
   std::size_t dropped_ = 0;
+  std::exception_ptr failure_;  // of the thread that maps, until `finish`
+  std::atomic<bool> failed_ = false;
   std::atomic<std::int64_t> shown_keyframes_ = 0;  // for the status line, from any thread
   std::atomic<std::int64_t> shown_gaussians_ = 0;
   Stopwatch since_end_;  // written before ending_ is

@@ -29,15 +29,6 @@ Rig rig_of(const RunConfig& config) {
   return rig;
 }
 
-// What there is of the map is worth more than a second complaint.
-void rescue(OnlineMap& map) {
-  try {
-    map.save();
-  } catch (const std::exception& error) {
-    log::error("the map could not be saved: {}", error.what());
-  }
-}
-
 std::optional<pipeline::RunResult> localize(const RunConfig& config,
                                             const MappingRunOptions& options, OnlineMap& map) {
   const pipeline::RunOptions run{
@@ -46,12 +37,16 @@ std::optional<pipeline::RunResult> localize(const RunConfig& config,
       .interrupted = options.interrupted,
       .describe = [&](const pipeline::RunConfig& used) { return describe(config, used); },
       .map = &map};
+  std::optional<pipeline::RunResult> result;
   try {
-    return pipeline::run(config, run);
+    result = pipeline::run(config, run);
   } catch (...) {
-    rescue(map);
+    map.stop();
+    rescue([&] { map.save(); });
     throw;
   }
+  map.rethrow_failure();
+  return result;
 }
 
 void continue_map(const RunConfig& config, const MappingRunOptions& options, const Rig& rig,
@@ -76,7 +71,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   try {
     refined = !interrupted && map.refine();
   } catch (...) {
-    rescue(map);
+    rescue([&] { map.save(); });
     throw;
   }
   map.save();
@@ -85,12 +80,15 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   const mapping::Mapper& mapper = map.mapper();
   const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
                                           config.mapping.image_scale);
-  const mapping::Map made = mapper.snapshot();
+  const mapping::Map made = mapper.map();
   const eval::Json figures =
       report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = mapper.size(),
+                     .most_gaussians = mapper.most_gaussians() < most_gaussians(config)
+                                           ? std::optional(mapper.most_gaussians())
+                                           : std::nullopt,
                      .iterations = mapper.iteration(),
                      .training_s = map.training_s(),
                      .wall_s = wall_s,
@@ -134,14 +132,7 @@ OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOption
 }  // namespace
 
 OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
-  try {
-    return localize_and_map(config, options);
-  } catch (const c10::OutOfMemoryError&) {
-    fail_run(
-        "{}: no memory left on the device; what there was of the map is saved: lower "
-        "mapping.max_gaussians (now {}) or mapping.image_scale",
-        options.folder.string(), most_gaussians(config));
-  }
+  return within_memory(config, options.folder, [&] { return localize_and_map(config, options); });
 }
 
 }  // namespace apvi::bridge

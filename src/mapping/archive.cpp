@@ -7,6 +7,7 @@
 
 #include "apvi/core/atomic_file.hpp"
 #include "apvi/core/error.hpp"
+#include "apvi/splat/device.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -37,6 +38,7 @@ void read_archive(const std::filesystem::path& file,
     archive.load_from(file.string(), torch::kCPU);  // wherever it was written
     read(archive);
   } catch (const c10::Error& e) {
+    if (splat::is_out_of_memory(e)) throw;  // which is not the file's fault
     fail_input("{}: cannot be resumed: {}; delete it to start anew", file.string(),
                e.what_without_backtrace());
   }

@@ -13,7 +13,7 @@ namespace apvi::mapping {
 void write_archive(const std::filesystem::path& file, torch::serialize::OutputArchive& archive);
 
 /// Opens a checkpoint and lets `read` take what it needs. Throws InputError when the file is
-/// damaged, or when `read` throws c10::Error.
+/// damaged, or when `read` throws c10::Error, but for want of memory, which is passed on.
 void read_archive(const std::filesystem::path& file,
                   const std::function<void(torch::serialize::InputArchive&)>& read);
 

@@ -80,6 +80,16 @@ DensityStatistics::DensityStatistics(std::int64_t count, const torch::Device& de
       max_weight_(torch::zeros({count}, device)),
       importance_(torch::ones({count}, device)) {}
 
+bool DensityStatistics::is_of(std::int64_t count) const {
+  const auto sizes = {gradient_sum_.size(0), views_.size(0), max_weight_.size(0),
+                      importance_.size(0)};
+  return std::all_of(sizes.begin(), sizes.end(), [count](std::int64_t n) { return n == count; });
+}
+
+void DensityStatistics::to(const torch::Device& device) {
+  for (Tensor* t : {&gradient_sum_, &views_, &max_weight_, &importance_}) *t = t->to(device);
+}
+
 Tensor DensityStatistics::importance() const {
   const torch::NoGradGuard no_grad;
   return torch::maximum(importance_ * torch::pow(kImportanceKept, views_), max_weight_);

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstddef>
+#include <utility>
 
 #include "apvi/mapping/seeds.hpp"
 #include "apvi/splat/render.hpp"
@@ -52,13 +53,15 @@ void FirstSight::remember(const splat::Gaussians& gaussians, const splat::View& 
   if (gaussians.size() == 0) return;
   const Tensor which = unknown(before(stamp_ns - kLongAgo_ns), gaussians.means, camera);
   const bool first = kept_.size() == 0;
+  splat::Gaussians all;  // first, because memory may end on the way
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     Tensor part = gaussians.tensors()[k]->index_select(0, which);
     if (k + 1 == kNames.size()) part = part.slice(1, 0, 0).contiguous();
-    Tensor& kept = *kept_.tensors()[k];
-    kept = first ? part : torch::cat({kept, part});
+    Tensor& kept = *all.tensors()[k];
+    kept = first ? part : torch::cat({*kept_.tensors()[k], part});
     if (kept.size(0) > most_) kept = kept.slice(0, kept.size(0) - most_).clone();
   }
+  kept_ = std::move(all);
   stamps_ = torch::cat({stamps_, torch::full({which.size(0)}, stamp_ns, torch::kInt64)});
   if (stamps_.size(0) > most_) stamps_ = stamps_.slice(0, stamps_.size(0) - most_).clone();
 }

@@ -44,11 +44,11 @@ void KeyframeStore::add(Keyframe keyframe) {
       image.size(0) == keyframe.intrinsics.height && image.size(1) == keyframe.intrinsics.width,
       keyframe.name, ": the picture is ", image.sizes(), ", its camera ", keyframe.intrinsics.width,
       " x ", keyframe.intrinsics.height);
-  (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
-  image_bytes_ += image.nbytes();
   keyframe.saturates =
       (image >= kBrightest).to(torch::kFloat32).mean().item<double>() > kLeastSaturated;
-  keyframe.image = image.to(device_);
+  keyframe.image = image.to(device_);  // memory may end so far, and nothing is added
+  image_bytes_ += keyframe.image.nbytes();
+  (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
   keyframes_.push_back(std::move(keyframe));
 }
 
@@ -64,6 +64,13 @@ void KeyframeStore::drop_image(std::size_t i) {
   keyframe.image = Tensor();
   std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
   views.erase(std::remove(views.begin(), views.end(), i), views.end());
+}
+
+void KeyframeStore::move_images(const torch::Device& device) {
+  device_ = device;
+  for (Keyframe& keyframe : keyframes_) {
+    if (keyframe.image.defined()) keyframe.image = keyframe.image.to(device);
+  }
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {

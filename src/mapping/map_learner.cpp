@@ -206,6 +206,29 @@ void MapLearner::remove(const Tensor& remove) {
   statistics_.keep(remove.logical_not());
 }
 
+void MapLearner::keep_best(std::int64_t count) {
+  const torch::NoGradGuard no_grad;
+  const torch::Device device = splat::active_device();
+  store_.to(torch::kCPU);
+  if (statistics_.is_of(size())) {
+    statistics_.to(torch::kCPU);
+  } else {
+    statistics_ = DensityStatistics(size());
+  }
+  drop_least(count);
+  store_.to(device);
+  statistics_.to(device);
+}
+
+void MapLearner::drop_least(std::int64_t most) {
+  if (size() <= most) return;
+  Tensor gone =
+      torch::zeros({size()}, torch::dtype(torch::kBool).device(store_.anchors().device()));
+  const Tensor importance = statistics_.importance();
+  gone.index_fill_(0, std::get<1>(importance.topk(size() - most, 0, /*largest=*/false)), true);
+  remove(gone);
+}
+
 void MapLearner::move(const std::map<std::int64_t, Tensor>& motions) {
   if (motions.empty()) return;
   // Which motion an anchor has, by its number; the first is of all that stay.
@@ -347,12 +370,18 @@ void MapLearner::save(torch::serialize::OutputArchive& archive) const {
   archive.write("has_medium", torch::IValue(medium_.has_value()));
 }
 
+// On the host first: the device may have no memory for more than is to stay.
 void MapLearner::load(torch::serialize::InputArchive& archive) {
   torch::serialize::InputArchive part;
   archive.read("map", part);
-  store_ = splat::GaussianStore::load(part, splat::active_device());
+  store_ = splat::GaussianStore::load(part);
   archive.read("statistics", part);
+  statistics_ = DensityStatistics(0);
   statistics_.load(part);
+  TORCH_CHECK(statistics_.is_of(size()), "the archive's statistics do not fit its Gaussians");
+  drop_least(options_.densify.max_gaussians);
+  store_.to(splat::active_device());
+  statistics_.to(splat::active_device());
   archive.read("corrections", part);
   corrections_.load(part);
   archive.read("gains", part);

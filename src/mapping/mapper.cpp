@@ -14,6 +14,7 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/picture_content.hpp"
 #include "apvi/mapping/water_survey.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "seed_stream.hpp"
 
@@ -30,7 +31,11 @@ constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr std::int64_t kOutage_ns = 2'000'000'000;
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
-constexpr double kAlike = 1e3;          // a patch sigma that leaves no pixel out
+// Where memory ends.
+constexpr double kEconomy = 0.8;   // of the Gaussians stay
+constexpr int kMostEconomies = 4;  // for one thing to do: half a map fits where any does
+constexpr std::int64_t kFewestGaussians = 1000;  // with fewer the map is not what takes it
+constexpr double kAlike = 1e3;                   // a patch sigma that leaves no pixel out
 
 /// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
 /// a matter of chance, and choosing costs new Gaussians more than what is seen behind edges brings.
@@ -130,12 +135,14 @@ Intake Mapper::add(const MapperInput& input) {
   schedule_.add(view);
   if (learner_) {
     const auto entry = times_.enter("gains");
-    learner_->match_gain(keyframes_, view);
+    within_memory([&] { learner_->match_gain(keyframes_, view); });
   }
-  align(view);
+  within_memory([&] { align(view); });
   growth_ += options_.online.growth_share * static_cast<double>(room());
   insert_points(view, input);
-  if (options_.trainer.densify.kind == Densification::random) insert_random(view);
+  if (options_.trainer.densify.kind == Densification::random) {
+    within_memory([&] { insert_random(view); });
+  }
   if (options_.trainer.densify.kind == Densification::quadtree) want_depth(view, input.hurry);
   make_memory();
   maybe_survey_water(input);
@@ -148,7 +155,7 @@ void Mapper::want_depth(std::size_t view, bool hurry) {
   if (counts_[Intake::taken] % every == 0) waiting_.push_back(view);
   if (waiting_.size() * every <= static_cast<std::size_t>(options_.online.depth_lag)) return;
   if (!hurry) {
-    fill_from_depth(waiting_.front());
+    within_memory([&] { fill_from_depth(waiting_.front()); });
     return waiting_.pop_front();
   }
   if (waiting_.size() <= kMostWaiting) return;
@@ -159,17 +166,21 @@ void Mapper::want_depth(std::size_t view, bool hurry) {
 
 void Mapper::fill_waiting() {
   const torch::NoGradGuard no_grad;
-  for (const std::size_t view : waiting_) fill_from_depth(view);
+  for (const std::size_t view : waiting_) {
+    within_memory([&] { fill_from_depth(view); });
+  }
   waiting_.clear();
 }
 
 void Mapper::keep(const Keyframe& keyframe) {
-  by_stamp_[keyframe.stamp_ns] = keyframes_.size();
+  const std::size_t next = keyframes_.size();
+  keyframes_.add(keyframe);
   drift_.add();
-  Keyframe placed = keyframe;
-  placed.T_camera_world = drift_.in_map(keyframes_.size(), keyframe.T_camera_world);
-  keyframes_.add(std::move(placed));
-  if (learner_) learner_->add_view();
+  keyframes_.set_pose(next, drift_.in_map(next, keyframe.T_camera_world));
+  by_stamp_[keyframe.stamp_ns] = next;
+  if (learner_) {
+    within_memory([&] { learner_->add_view(); });
+  }
 }
 
 // Sight has gone: it was going already.
@@ -241,7 +252,7 @@ void Mapper::maybe_survey_water(const MapperInput& input) {
   const std::size_t taken = counts_[Intake::taken];
   if (!surveys_.is_due(taken)) return;
   surveys_.surveyed(taken);
-  survey_water();
+  within_memory([&] { survey_water(); });
 }
 
 void Mapper::survey_water() {
@@ -287,11 +298,11 @@ double Mapper::step() {
   const std::size_t view = schedule_.draw(random);
   const auto degree = static_cast<int>(iteration_ / options_.trainer.sh_interval);
   const bool correct = final_start_ && progress() >= options_.trainer.poses.begin;
-  losses_.add(view, learner_->step(keyframes_, view,
-                                   {.reduction = reduction(view),
-                                    .sh_degree = std::min(options_.trainer.sh_degree, degree),
-                                    .correct_pose = correct,
-                                    .rates = rates_at(rates(), extent_, progress())}));
+  const StepSettings settings = {.reduction = reduction(view),
+                                 .sh_degree = std::min(options_.trainer.sh_degree, degree),
+                                 .correct_pose = correct,
+                                 .rates = rates_at(rates(), extent_, progress())};
+  within_memory([&] { losses_.add(view, learner_->step(keyframes_, view, settings)); });
   schedule_.use(view);
   for (const auto& [seen, loss] : losses_.take()) schedule_.report(seen, loss);
   ++iteration_;
@@ -315,9 +326,12 @@ void Mapper::maybe_densify() {
   last_round_ = iteration_;
   const auto entry = times_.enter("growth");
   const std::int64_t before = size();
-  const std::int64_t most = before + std::min(static_cast<std::int64_t>(growth_), room());
-  const DensifyResult result = learner_->densify(
-      extent_, most, seed_of(options_.trainer.seed, Stream::split, iteration_), passed);
+  DensifyResult result;
+  within_memory([&] {
+    const std::int64_t most = size() + std::min(static_cast<std::int64_t>(growth_), room());
+    result = learner_->densify(extent_, most,
+                               seed_of(options_.trainer.seed, Stream::split, iteration_), passed);
+  });
   growth_ -= static_cast<double>(std::max<std::int64_t>(0, size() - before));
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());
@@ -330,7 +344,9 @@ void Mapper::begin_final() {
   // settle.
   if (options_.trainer.final_iterations > 0) {
     fill_waiting();
-    if (options_.medium && learner_ && size() > 0) survey_water();
+    if (options_.medium && learner_ && size() > 0) {
+      within_memory([&] { survey_water(); });
+    }
   }
   schedule_.forget_recency();
   final_start_ = iteration_;
@@ -348,14 +364,44 @@ double Mapper::progress() const {
   return std::min(1.0, std::max(by_count, budget > 0.0 ? final_seconds_ / budget : 0.0));
 }
 
-Map Mapper::snapshot() const {
-  const bool antialiased = options_.trainer.antialiased;
-  if (!learner_) {
-    return {.gaussians = splat::Gaussians::empty(options_.trainer.sh_degree, torch::kFloat32),
-            .medium = std::nullopt,
-            .antialiased = antialiased};
+// First what costs time only. Then large steps, because what is free in pieces is of no use to the
+// next large tensor.
+void Mapper::economise() {
+  if (!keyframes_.device().is_cpu()) {
+    log::warning("no memory left on the device: pictures are kept on the host from now on");
+    return keyframes_.move_images(torch::kCPU);
   }
-  Map map = learner_->whole_map();
+  const auto most = static_cast<std::int64_t>(kEconomy * static_cast<double>(size()));
+  log::warning(
+      "no memory left on the device: the map goes on with {} Gaussians at most, those that count "
+      "most, instead of {}",
+      most, options_.trainer.densify.max_gaussians);
+  options_.trainer.densify.max_gaussians = static_cast<int>(most);
+  learner_->keep_best(most);
+}
+
+// What memory ended in is done again from its beginning.
+void Mapper::within_memory(const std::function<void()>& work) {
+  for (int economies = 0;; ++economies) {
+    try {
+      return work();
+    } catch (const c10::Error& error) {
+      const bool helps = economies < kMostEconomies && size() >= kFewestGaussians;
+      if (!helps || !splat::is_out_of_memory(error)) throw;
+    }
+    economise();
+  }
+}
+
+Map Mapper::map() const {
+  if (learner_) return learner_->whole_map();
+  return {.gaussians = splat::Gaussians::empty(options_.trainer.sh_degree, torch::kFloat32),
+          .medium = std::nullopt,
+          .antialiased = options_.trainer.antialiased};
+}
+
+Map Mapper::snapshot() const {
+  Map map = this->map();
   map.gaussians = clone(map.gaussians);
   if (map.log_gains.defined()) map.log_gains = map.log_gains.clone();
   return map;

@@ -15,6 +15,7 @@
 #include "apvi/mapping/open_water.hpp"
 #include "apvi/mapping/quadtree_insertion.hpp"
 #include "apvi/mapping/random_insertion.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/render.hpp"
 #include "neighbours.hpp"
 #include "seed_stream.hpp"
@@ -100,7 +101,9 @@ Seeds Mapper::point_seeds(std::size_t view, const MapperInput& input) {
 void Mapper::insert_points(std::size_t view, const MapperInput& input) {
   const auto entry = times_.enter("insertion");
   const Seeds seeds = point_seeds(view, input);
-  if (seeds.size() > 0) insert(view, seeds);
+  if (seeds.size() > 0) {
+    within_memory([&] { insert(view, seeds); });
+  }
 }
 
 void Mapper::fill_from_depth(std::size_t view) {
@@ -111,7 +114,7 @@ void Mapper::fill_from_depth(std::size_t view) {
   for (const std::size_t i : neighbours(keyframes_, view, insertion_depth_.views)) {
     splat::View camera = keyframes_.view(i, 1);
     camera.T_camera_world = drift_.in_map(view, drift_.in_odometry(i, camera.T_camera_world));
-    request.views.push_back({to_grey(keyframes_[i].image), camera});
+    request.views.push_back({to_grey(keyframes_[i].image.to(splat::active_device())), camera});
   }
   DepthEstimate estimate;
   {
@@ -126,7 +129,7 @@ void Mapper::fill_from_depth(std::size_t view) {
                                       options_.online.free_space);
     if (gone.any().item<bool>()) learner_->remove(gone);
   }
-  const Tensor picture = keyframes_.image(view, 1, keyframes_[view].image.device());
+  const Tensor picture = keyframes_.image(view, 1, splat::active_device());
   Tensor drawn = torch::zeros_like(picture);
   Tensor alpha = torch::zeros({picture.size(0), picture.size(1)}, picture.options());
   if (learner_) {

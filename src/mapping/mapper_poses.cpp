@@ -87,7 +87,9 @@ void Mapper::relocate(const std::vector<Relocated>& relocated) {
 }
 
 void Mapper::move_gaussians(const std::map<std::int64_t, Tensor>& motions) {
-  if (learner_) learner_->move(motions);
+  if (learner_) {
+    within_memory([&] { learner_->move(motions); });
+  }
 }
 
 // Held-out keyframes are no part of the window; they stay where its keyframes see them.

@@ -3,6 +3,7 @@
 
 #include <torch/torch.h>
 
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
 
 namespace apvi::mapping {
@@ -77,7 +78,7 @@ splat::Gaussians gaussians_at(const Seeds& seeds, const KeyframeStore& keyframes
   const splat::View camera = keyframes.view(view, 1);
   const splat::Intrinsics& k = camera.intrinsics;
   const std::int64_t n = seeds.size();
-  const Tensor bytes = keyframes[view].image.reshape({-1, 3});
+  const Tensor bytes = keyframes[view].image.to(splat::active_device()).reshape({-1, 3});
   const auto there = [&bytes](const Tensor& t) { return t.to(bytes.device()); };
   const Tensor pixels = there(seeds.pixels);
   const Tensor depths = there(seeds.depths);

@@ -55,7 +55,8 @@ VisualPipeline::VisualPipeline(const RunConfig& config, const Rig& rig, std::siz
 
 void VisualPipeline::push(FrameJob job) {
   if (mode_ == RunMode::sequential) return localize(track(std::move(job), true));
-  if (!track_worker_->push(std::move(job))) finish();  // a stage has ended: throws why
+  // A stage that has ended says why.
+  if (localize_worker_->ended() || !track_worker_->push(std::move(job))) finish();
 }
 
 void VisualPipeline::finish() {

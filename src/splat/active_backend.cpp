@@ -3,7 +3,12 @@
 #include <torch/torch.h>
 #if APVI_WITH_CUDA
 #include <c10/cuda/CUDACachingAllocator.h>
+#include <cuda_runtime_api.h>
 #endif
+
+#include <algorithm>
+#include <array>
+#include <string_view>
 
 #include "apvi/core/log.hpp"
 #include "apvi/splat/adam_backend.hpp"
@@ -60,8 +65,13 @@ std::optional<DeviceMemory> device_memory() {
   if (!active_device().is_cuda()) return std::nullopt;
   const auto bytes = c10::cuda::CUDACachingAllocator::getDeviceStats(0).allocated_bytes[0];
   constexpr double kMib = 1024.0 * 1024.0;
-  return DeviceMemory{static_cast<double>(bytes.current) / kMib,
-                      static_cast<double>(bytes.peak) / kMib};
+  std::size_t free = 0;
+  std::size_t total = 0;
+  if (cudaMemGetInfo(&free, &total) != cudaSuccess) free = total = 0;
+  return DeviceMemory{.now_mib = static_cast<double>(bytes.current) / kMib,
+                      .peak_mib = static_cast<double>(bytes.peak) / kMib,
+                      .free_mib = static_cast<double>(free) / kMib,
+                      .total_mib = static_cast<double>(total) / kMib};
 }
 
 void forget_peak_memory() {
@@ -78,5 +88,15 @@ std::optional<DeviceMemory> device_memory() {
 
 void forget_peak_memory() {}
 #endif
+
+bool is_out_of_memory(const c10::Error& error) {
+  if (dynamic_cast<const c10::OutOfMemoryError*>(&error) != nullptr) return true;
+  const std::string_view said = error.what_without_backtrace();
+  constexpr std::array<std::string_view, 3> kWays = {"out of memory", "not enough memory",
+                                                     "ALLOC_FAILED"};
+  return std::any_of(kWays.begin(), kWays.end(), [said](std::string_view way) {
+    return said.find(way) != std::string_view::npos;
+  });
+}
 
 }  // namespace apvi::splat

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "apvi/splat/device.hpp"
+
 namespace apvi::splat {
 namespace {
 
@@ -52,6 +54,24 @@ Gaussians grown(const Gaussians& buffers, std::int64_t size, std::int64_t capaci
   });
 }
 
+/// A copy in the computer's own memory, whatever a device has left.
+Tensor on_host(const Tensor& values) {
+  return values.to(torch::kCPU, values.scalar_type(), /*non_blocking=*/false, /*copy=*/true);
+}
+
+/// Those rows, from where they are on; through the host when the device has no room for a copy.
+void compact(Tensor& buffer, const Tensor& rows) {
+  Tensor first = buffer.narrow(0, 0, rows.size(0));
+  Tensor chosen;
+  try {
+    chosen = buffer.index_select(0, rows);
+  } catch (const c10::Error& error) {
+    if (!is_out_of_memory(error)) throw;
+    chosen = on_host(buffer).index_select(0, on_host(rows));
+  }
+  first.copy_(chosen);
+}
+
 void check_mask(const Tensor& mask, const char* name, std::int64_t size) {
   TORCH_CHECK(mask.defined() && mask.scalar_type() == torch::kBool && mask.dim() == 1 &&
                   mask.size(0) == size,
@@ -61,17 +81,16 @@ void check_mask(const Tensor& mask, const char* name, std::int64_t size) {
 void write(torch::serialize::OutputArchive& archive, const std::string& prefix,
            const Gaussians& gaussians) {
   for (std::size_t k = 0; k < kNames.size(); ++k) {
-    archive.write(prefix + kNames[k], gaussians.tensors()[k]->contiguous().clone());
+    archive.write(prefix + kNames[k], on_host(*gaussians.tensors()[k]));
   }
 }
 
-Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefix,
-               const torch::Device& device) {
+Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefix) {
   Gaussians gaussians;
   for (std::size_t k = 0; k < kNames.size(); ++k) {
     Tensor& tensor = *gaussians.tensors()[k];
     archive.read(prefix + kNames[k], tensor);
-    tensor = tensor.detach().to(device).contiguous();
+    tensor = tensor.detach().to(torch::kCPU).contiguous();
   }
   check(gaussians);
   return gaussians;
@@ -81,8 +100,7 @@ Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefi
 Gaussians read_moments(torch::serialize::InputArchive& archive, const std::string& prefix,
                        const Gaussians& parameters) {
   const torch::ScalarType type = moment_type(parameters.means);
-  return map(read(archive, prefix, parameters.means.device()),
-             [&](const Tensor& t) { return t.to(type); });
+  return map(read(archive, prefix), [&](const Tensor& t) { return t.to(type); });
 }
 
 bool same_shapes(const Gaussians& a, const Gaussians& b) {
@@ -111,12 +129,13 @@ const Gaussians& GaussianStore::view() const {
   return view_;
 }
 
+// The anchors last: what memory ended before counts as not grown.
 void GaussianStore::reserve(std::int64_t count) {
   if (count <= capacity()) return;
   const auto larger = static_cast<std::int64_t>(kGrowth * static_cast<double>(capacity()));
   const std::int64_t rows = std::max(count, larger);
   for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
-    *buffers = grown(*buffers, size_, rows);
+    if (buffers->size() < rows) *buffers = grown(*buffers, size_, rows);
   }
   anchors_ = torch::cat({anchors_, nobodys(rows - anchors_.size(0), anchors_.device())});
 }
@@ -161,15 +180,28 @@ void GaussianStore::reorder(const Tensor& order) {
 void GaussianStore::take(const Tensor& rows) {
   const torch::NoGradGuard no_grad;
   const Tensor keep = rows.to(parameters_.means.device());
-  const std::int64_t count = keep.size(0);
   for (Gaussians* buffers : {&parameters_, &first_, &second_}) {
-    for (Tensor* tensor : buffers->tensors()) {
-      tensor->narrow(0, 0, count).copy_(tensor->index_select(0, keep));
-    }
+    for (Tensor* tensor : buffers->tensors()) compact(*tensor, keep);
   }
-  anchors_.narrow(0, 0, count).copy_(anchors_.index_select(0, keep));
-  size_ = count;
+  compact(anchors_, keep);
+  size_ = keep.size(0);
   view_ = {};
+}
+
+// Each by the way of the host, so that what it held before is free when it comes.
+void GaussianStore::to(const torch::Device& device) {
+  const torch::NoGradGuard no_grad;
+  view_ = {};
+  const auto move = [&](Tensor& buffer, torch::ScalarType type) {
+    buffer = on_host(buffer.narrow(0, 0, size_));
+    buffer = buffer.to(device, type);
+  };
+  for (Tensor* tensor : parameters_.tensors()) move(*tensor, tensor->scalar_type());
+  move(anchors_, torch::kInt64);
+  const torch::ScalarType type = moment_type(parameters_.means);
+  for (Gaussians* moments : {&first_, &second_}) {
+    for (Tensor* tensor : moments->tensors()) move(*tensor, type);
+  }
 }
 
 std::vector<AdamGroup> GaussianStore::groups(const GaussianRates& rates) const {
@@ -243,12 +275,11 @@ void GaussianStore::save(torch::serialize::OutputArchive& archive) const {
   archive.write("anchors", anchors().clone());
 }
 
-GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
-                                  const torch::Device& device) {
+GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive) {
   c10::IValue steps;
   archive.read("steps", steps);
   TORCH_CHECK(steps.isInt() && steps.toInt() >= 0, "gaussian store: the archive's steps are none");
-  GaussianStore store(read(archive, "", device));
+  GaussianStore store(read(archive, ""));
   store.first_ = read_moments(archive, "first.", store.parameters_);
   store.second_ = read_moments(archive, "second.", store.parameters_);
   TORCH_CHECK(
@@ -259,7 +290,7 @@ GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive,
   TORCH_CHECK(
       owners.sizes() == at::IntArrayRef({store.size_}) && owners.scalar_type() == torch::kInt64,
       "gaussian store: the archive's anchors do not fit its Gaussians");
-  store.anchors_ = owners.to(device);
+  store.anchors_ = owners.to(torch::kCPU);
   store.steps_ = steps.toInt();
   return store;
 }

@@ -4,6 +4,6 @@ apvi_add_torch_test(depth
           surfaces_test.cpp
   DEPENDS apvi::mapping)
 if(APVI_BACKEND STREQUAL "cuda")
-  apvi_add_torch_test(depth_cuda SOURCES cuda_depth_test.cpp step_backend_test.cpp DEPENDS apvi::mapping LABELS cuda)
+  apvi_add_torch_test(depth_cuda SOURCES cuda_depth_test.cpp cuda_memory_test.cpp step_backend_test.cpp DEPENDS apvi::mapping LABELS cuda)
   target_include_directories(apvi_depth_cuda_test PRIVATE ${PROJECT_SOURCE_DIR}/src)
 endif()

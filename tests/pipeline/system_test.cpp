@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <opencv2/core.hpp>
 #include <thread>
 #include <vector>
@@ -156,6 +157,18 @@ TEST_F(Frames, AnErrorOnAStagesThreadComesOutAndEndsNothingElse) {
   feed(system, 60, 70);
   system.finish();
   EXPECT_GE(frames_, 8);
+}
+
+TEST_F(Frames, AnErrorOfTheLastStageComesOutBeforeTheRecordingEnds) {
+  throw_at_ = 5;
+  System system = make_system();
+  const auto all = [&] {
+    for (int k = 0; k < 120; ++k) {
+      feed(system, k, k + 1);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  };
+  EXPECT_THROW(all(), RunError);
 }
 
 TEST_F(Frames, AHardStopAbandonsWhatWaits) {

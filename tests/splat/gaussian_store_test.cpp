@@ -7,6 +7,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "support/ending_memory.hpp"
 #include "support/torch_reference.hpp"
 
 namespace apvi::splat {
@@ -65,6 +66,63 @@ GaussianStore through_an_archive(const GaussianStore& store) {
   torch::serialize::InputArchive in;
   in.load_from(stream);
   return GaussianStore::load(in);
+}
+
+TEST(GaussianStore, MemoryThatEndsOnTheWaySpoilsNothing) {
+  const Gaussians start = make_gaussians(3000);
+  const Gaussians more = make_gaussians(3000, 1, 8);
+  const Tensor remove = torch::arange(3000) % 3 == 0;
+  const auto kept = [&](const GaussianStore& store, bool pruned) {
+    return rows(store.view(), torch::arange(store.size()) < (pruned ? 2000 : 3000));
+  };
+  for (int at = 0; at < 60; ++at) {
+    SCOPED_TRACE("request " + std::to_string(at));
+    GaussianStore store(start);
+    bool pruned = true;
+    {
+      test::EndingMemory memory;
+      memory.end(at);
+      try {
+        store.prune(remove);
+      } catch (const c10::OutOfMemoryError&) {
+        pruned = false;
+      }
+    }
+    ASSERT_EQ(store.size(), pruned ? 2000 : 3000);
+    expect_equal(kept(store, pruned), pruned ? rows(start, ~remove) : start);
+    {
+      test::EndingMemory memory;
+      memory.end(at);
+      try {
+        store.insert(more);
+      } catch (const c10::OutOfMemoryError&) {
+        expect_equal(kept(store, pruned), pruned ? rows(start, ~remove) : start);
+        store.insert(more);
+      }
+    }
+    ASSERT_EQ(store.size(), pruned ? 5000 : 6000);
+    expect_equal(rows(store.view(), torch::arange(store.size()) >= store.size() - 3000), more);
+    give_gradients(store.view());
+    store.step({});
+  }
+}
+
+TEST(GaussianStore, AMoveTakesEverythingAlongAndNoRoomToSpare) {
+  GaussianStore store(make_gaussians(10));
+  give_gradients(store.view());
+  store.step({});
+  store.prune(torch::arange(10) < 4);
+  const std::vector<Tensor> before = copies(store.view());
+  GaussianStore moved = store;
+  moved.to(torch::kCPU);
+  EXPECT_EQ(moved.size(), 6);
+  EXPECT_EQ(moved.capacity(), 6);
+  for (GaussianStore* one : {&store, &moved}) {  // momentum too
+    give_gradients(one->view());
+    one->step({});
+  }
+  expect_equal(store.view(), moved.view());
+  EXPECT_FALSE(torch::equal(moved.view().means.detach(), before[0]));
 }
 
 TEST(GaussianStore, GivesBackWhatWasPutIn) {

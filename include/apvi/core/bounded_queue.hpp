@@ -62,6 +62,10 @@ class BoundedQueue {
     not_full_.notify_all();
   }
 
+  bool closed() const {
+    const std::scoped_lock lock(mutex_);
+    return closed_;
+  }
   std::size_t size() const {
     const std::scoped_lock lock(mutex_);
     return items_.size();

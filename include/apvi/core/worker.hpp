@@ -41,6 +41,8 @@ class Worker {
     if (thread_.joinable()) thread_.join();
   }
 
+  /// Whether it takes nothing more; `wait` says why, when its function has thrown.
+  bool ended() const { return queue_.closed(); }
   std::size_t dropped() const { return queue_.dropped(); }
   /// Elements in the queue.
   std::size_t waiting() const { return queue_.size(); }

@@ -22,6 +22,9 @@ class DensityStatistics {
   explicit DensityStatistics(std::int64_t count, const torch::Device& device = torch::kCPU);
 
   std::int64_t size() const { return gradient_sum_.size(0); }
+  /// False of other than `count` Gaussians, and where memory ended in the middle of a change.
+  bool is_of(std::int64_t count) const;
+  void to(const torch::Device& device);
   /// From now on what views say counts for the next round; what they said goes into importance.
   void begin_round();
   /// Takes in a view's statistics, after its backward pass.

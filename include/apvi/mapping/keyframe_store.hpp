@@ -40,6 +40,9 @@ class KeyframeStore {
   void set_pose(std::size_t i, const torch::Tensor& T_camera_world);
   /// Forgets the picture: nothing is learnt from this keyframe any more, and it is not evaluated.
   void drop_image(std::size_t i);
+  /// Keeps all pictures elsewhere, those that come too.
+  void move_images(const torch::Device& device);
+  const torch::Device& device() const { return device_; }
   /// Of all pictures together.
   std::size_t image_bytes() const { return image_bytes_; }
 

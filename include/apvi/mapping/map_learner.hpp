@@ -56,6 +56,9 @@ class MapLearner {
   void insert(const splat::Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Takes out those where `remove` [size()] (bool) is set.
   void remove(const torch::Tensor& remove);
+  /// Only so many stay, those of most importance, and no memory to spare. Needs none of the device,
+  /// and mends what is left of a call that memory ended in.
+  void keep_best(std::int64_t count);
   /// Puts Gaussians next to each other in memory that are neighbours in space (see
   /// splat::morton_order), which is drawn faster on a GPU. `densify` does so now and then.
   void reorder();
@@ -91,10 +94,12 @@ class MapLearner {
   const ViewCorrections& corrections() const { return corrections_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
-  /// Throws c10::Error when the archive does not fit.
+  /// As many Gaussians as the options' `max_gaussians`, those of most importance. Throws c10::Error
+  /// when the archive does not fit.
   void load(torch::serialize::InputArchive& archive);
 
  private:
+  void drop_least(std::int64_t most);
   const splat::MediumView& water_before(const splat::Intrinsics& camera);
   bool learns_water() const;
   bool matches_gain(const StepSettings& settings) const;

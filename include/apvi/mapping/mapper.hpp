@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string_view>
@@ -81,6 +82,10 @@ std::string_view to_string(Intake intake);
 /// and makes Gaussians where the map has none, `step` is one iteration. The same calls give the
 /// same map to the bit.
 ///
+/// Where the device's memory ends pictures go to the host, and when that has been done the least
+/// important Gaussians go, and the map grows no larger than what stays (`most_gaussians`). Where
+/// that is not enough, c10::Error.
+///
 /// A Gaussian belongs to the keyframe that made it, and moves with it. What is said of poses is in
 /// odometry's world; the map's is the same until odometry has drifted (see Drift).
 class Mapper {
@@ -107,12 +112,16 @@ class Mapper {
   /// Of the final refinement, 0 to 1; 0 before it.
   double progress() const;
 
-  /// The map as it is now, of its own memory; empty before the first Gaussian.
+  /// The map as it is now, empty before the first Gaussian; shares memory with the mapper's.
+  Map map() const;
+  /// The same of its own memory.
   Map snapshot() const;
   const KeyframeStore& keyframes() const { return keyframes_; }
   /// Pose of a keyframe with what was learnt about it.
   torch::Tensor pose(std::size_t i) const;
   std::int64_t size() const { return learner_ ? learner_->size() : 0; }
+  /// That the map may have: what the options say, or less since memory ended.
+  std::int64_t most_gaussians() const { return options_.trainer.densify.max_gaussians; }
   std::int64_t iteration() const { return iteration_; }
   /// Where its time went so far: poses, gains, alignment, insertion, depth, filling (what depth is
   /// used for), water, growth, steps. On a GPU work counts where it is waited for.
@@ -124,10 +133,13 @@ class Mapper {
 
   /// Everything, pictures too. Throws RunError when it cannot be written.
   void save(const std::filesystem::path& checkpoint) const;
-  /// Goes on from what `save` left, with the same options. Throws InputError when it is damaged.
+  /// Goes on from what `save` left, with the same options, or with fewer `max_gaussians`. Throws
+  /// InputError when it is damaged.
   void resume(const std::filesystem::path& checkpoint);
 
  private:
+  void within_memory(const std::function<void()>& work);
+  void economise();
   Intake judge(const MapperInput& input) const;
   void move(const std::vector<MovedKeyframe>& moved);
   torch::Tensor place(std::size_t i, const torch::Tensor& T_camera_odometry);

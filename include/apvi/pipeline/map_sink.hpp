@@ -38,14 +38,16 @@ struct MapFrame {
 };
 
 /// Whoever makes the map. `take` is called in order of time from the last stage's thread.
+/// Localization goes on whatever becomes of the map, so that neither `take` nor `finish` throws:
+/// what goes wrong is for the sink to keep and for its owner to ask.
 class MapSink {
  public:
   virtual ~MapSink() = default;
   /// Before the first frame.
   virtual void begin(const Rig& rig) = 0;
-  /// May wait, but in real time. Throws what a thread behind it has thrown.
+  /// May wait, but in real time.
   virtual void take(MapFrame frame) = 0;
-  /// After the last frame: everything taken is worked in. Throws as `take`.
+  /// After the last frame: everything taken is worked in.
   virtual void finish() = 0;
   /// For the progress line; from any thread.
   virtual std::string status() const = 0;

@@ -36,6 +36,7 @@ struct GaussianRates {
 
 /// A map that is being learnt: the Gaussians with Adam's memory of each, in buffers that are larger
 /// than needed, so that a map may grow and shrink all the time without being copied every time.
+/// Where a device's memory ends, c10::Error is thrown and the map is as it was.
 class GaussianStore {
  public:
   static constexpr std::int64_t kNobody = -1;
@@ -44,7 +45,7 @@ class GaussianStore {
   explicit GaussianStore(const Gaussians& gaussians);
 
   std::int64_t size() const { return size_; }
-  std::int64_t capacity() const { return parameters_.size(); }
+  std::int64_t capacity() const { return anchors_.defined() ? anchors_.size(0) : 0; }
   /// Steps of Adam made so far.
   std::int64_t steps() const { return steps_; }
 
@@ -66,6 +67,10 @@ class GaussianStore {
   /// `order` [size()] (int64) does not fit.
   void reorder(const torch::Tensor& order);
 
+  /// Moves everything to a device, without room to spare. Where its memory ends the rest stays
+  /// where it was, and can be saved.
+  void to(const torch::Device& device);
+
   /// One step of Adam with the gradients that a backward pass left in `view()`; takes them away.
   /// `visible` as in `adam_step`.
   void step(const GaussianRates& rates, const AdamOptions& options = {},
@@ -85,9 +90,9 @@ class GaussianStore {
 
   /// Everything, to the bit.
   void save(torch::serialize::OutputArchive& archive) const;
-  /// Throws c10::Error when the archive holds no map, or one whose tensors do not fit together.
-  static GaussianStore load(torch::serialize::InputArchive& archive,
-                            const torch::Device& device = torch::kCPU);
+  /// In the computer's own memory. Throws c10::Error when the archive holds no map, or one whose
+  /// tensors do not fit together.
+  static GaussianStore load(torch::serialize::InputArchive& archive);
 
  private:
   void reserve(std::int64_t count);

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <c10/core/CPUAllocator.h>
+#include <torch/torch.h>
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+namespace apvi::test {
+
+/// While this lives, LibTorch's memory on the host may end as a device's does: of what it is asked
+/// for at a time, at least `kLarge` bytes, some is refused with c10::OutOfMemoryError.
+class EndingMemory : public c10::Allocator {
+ public:
+  static constexpr std::size_t kLarge = 4096;
+
+  EndingMemory() : real_(c10::GetDefaultCPUAllocator()) { c10::SetCPUAllocator(this, kPriority); }
+  ~EndingMemory() override { c10::SetCPUAllocator(real_, kPriority); }
+  EndingMemory(const EndingMemory&) = delete;
+  EndingMemory& operator=(const EndingMemory&) = delete;
+
+  /// How often it was asked so far.
+  int asked() const { return asked_; }
+  /// From now on `after` requests are granted, then `count` refused.
+  void end(int after, int count = 1) {
+    asked_ = 0;
+    first_ = after;
+    last_ = after + count;
+  }
+
+  // Which of these LibTorch asks for, and whether it asks to copy, differs by its version: hence no
+  // `override`.
+  c10::DataPtr allocate(std::size_t bytes) { return granted(bytes); }
+  c10::DataPtr allocate(std::size_t bytes) const { return granted(bytes); }
+  void copy_data(void* to, const void* from, std::size_t bytes) const {
+    std::memcpy(to, from, bytes);
+  }
+  c10::DeleterFnPtr raw_deleter() const override { return real_->raw_deleter(); }
+
+ private:
+  c10::DataPtr granted(std::size_t bytes) const {
+    if (bytes >= kLarge) {
+      const int number = asked_++;
+      TORCH_CHECK_WITH(OutOfMemoryError, number < first_ || number >= last_, "no memory left");
+    }
+    return real_->allocate(bytes);
+  }
+
+  static constexpr std::uint8_t kPriority = 255;
+
+  c10::Allocator* real_;
+  mutable std::atomic<int> asked_ = 0;
+  std::atomic<int> first_ = std::numeric_limits<int>::max();
+  std::atomic<int> last_ = std::numeric_limits<int>::max();
+};
+
+}  // namespace apvi::test
