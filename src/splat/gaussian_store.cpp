@@ -272,7 +272,7 @@ void GaussianStore::save(torch::serialize::OutputArchive& archive) const {
   write(archive, "", live_part(parameters_, size_));
   write(archive, "first.", live_part(first_, size_));
   write(archive, "second.", live_part(second_, size_));
-  archive.write("anchors", anchors().clone());
+  archive.write("anchors", on_host(anchors()));
 }
 
 GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive) {

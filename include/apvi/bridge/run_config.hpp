@@ -192,7 +192,8 @@ struct MappingConfig {
     v("lamp", lamp,
       "whether with the water the light of the rig's lamp0 is estimated, if it has one");
     v("max_gaussians", densify.max_gaussians, Range{0, 100000000},
-      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 600,000 on a GPU");
+      "the map grows no larger; 0: as suits the device, 100,000 on a CPU and 600,000 on a GPU; "
+      "where a GPU's memory ends, less");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimisation steps, given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "more of them at the end, without growth and at falling rates");
