@@ -131,11 +131,10 @@ void DensityStatistics::save(torch::serialize::OutputArchive& archive) const {
 }
 
 void DensityStatistics::load(torch::serialize::InputArchive& archive) {
-  const torch::Device device = views_.device();
   const auto read = [&](const char* name) {
     Tensor values;
     archive.read(name, values, true);
-    return values.to(device);
+    return values.to(torch::kCPU);
   };
   gradient_sum_ = read("gradient_sum");
   views_ = read("views");

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "apvi/mapping/open_water.hpp"
@@ -206,27 +207,26 @@ void MapLearner::remove(const Tensor& remove) {
   statistics_.keep(remove.logical_not());
 }
 
-void MapLearner::keep_best(std::int64_t count) {
-  const torch::NoGradGuard no_grad;
-  const torch::Device device = splat::active_device();
-  store_.to(torch::kCPU);
-  if (statistics_.is_of(size())) {
-    statistics_.to(torch::kCPU);
-  } else {
-    statistics_ = DensityStatistics(size());
-  }
-  drop_least(count);
-  store_.to(device);
-  statistics_.to(device);
+void MapLearner::drop_least(std::int64_t count, const Tensor& among) {
+  if (count <= 0) return;
+  Tensor order = statistics_.importance();
+  if (among.defined()) order = order.masked_fill(~among, std::numeric_limits<float>::infinity());
+  Tensor gone = torch::zeros_like(order, order.options().dtype(torch::kBool));
+  gone.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
+  remove(gone);
 }
 
-void MapLearner::drop_least(std::int64_t most) {
-  if (size() <= most) return;
-  Tensor gone =
-      torch::zeros({size()}, torch::dtype(torch::kBool).device(store_.anchors().device()));
-  const Tensor importance = statistics_.importance();
-  gone.index_fill_(0, std::get<1>(importance.topk(size() - most, 0, /*largest=*/false)), true);
-  remove(gone);
+void MapLearner::keep_best(std::int64_t most) {
+  const torch::NoGradGuard no_grad;
+  if (!statistics_.is_of(size())) statistics_ = DensityStatistics(size());
+  move_to(torch::kCPU);
+  drop_least(size() - most);
+  move_to(splat::active_device());
+}
+
+void MapLearner::move_to(const torch::Device& device) {
+  store_.to(device);
+  statistics_.to(device);
 }
 
 void MapLearner::move(const std::map<std::int64_t, Tensor>& motions) {
@@ -376,12 +376,10 @@ void MapLearner::load(torch::serialize::InputArchive& archive) {
   archive.read("map", part);
   store_ = splat::GaussianStore::load(part);
   archive.read("statistics", part);
-  statistics_ = DensityStatistics(0);
   statistics_.load(part);
   TORCH_CHECK(statistics_.is_of(size()), "the archive's statistics do not fit its Gaussians");
-  drop_least(options_.densify.max_gaussians);
-  store_.to(splat::active_device());
-  statistics_.to(splat::active_device());
+  drop_least(size() - options_.densify.max_gaussians);
+  move_to(splat::active_device());
   archive.read("corrections", part);
   corrections_.load(part);
   archive.read("gains", part);

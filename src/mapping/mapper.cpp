@@ -31,11 +31,11 @@ constexpr std::int64_t kClearing_ns = 700'000'000;
 constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr std::int64_t kOutage_ns = 2'000'000'000;
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
+constexpr double kAlike = 1e3;          // a patch sigma that leaves no pixel out
 // Where memory ends.
 constexpr double kEconomy = 0.8;   // of the Gaussians stay
 constexpr int kMostEconomies = 4;  // for one thing to do: half a map fits where any does
 constexpr std::int64_t kFewestGaussians = 1000;  // with fewer the map is not what takes it
-constexpr double kAlike = 1e3;                   // a patch sigma that leaves no pixel out
 
 /// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
 /// a matter of chance, and choosing costs new Gaussians more than what is seen behind edges brings.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <vector>
 
@@ -201,13 +200,7 @@ std::int64_t Mapper::make_room(std::int64_t wanted) {
   const auto oldest_recent = static_cast<std::int64_t>(views[views.size() - recent]);
   const Tensor old = learner_->anchors() < oldest_recent;
   const std::int64_t count = std::min(granted - free, old.sum().item<std::int64_t>());
-  if (count > 0) {
-    const Tensor order =
-        learner_->importance().masked_fill(~old, std::numeric_limits<float>::infinity());
-    Tensor remove = torch::zeros_like(old);
-    remove.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
-    learner_->remove(remove);
-  }
+  learner_->drop_least(count, old);
   return std::min(most - size(), granted);
 }
 

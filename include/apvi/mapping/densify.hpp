@@ -46,6 +46,7 @@ class DensityStatistics {
   torch::Tensor importance() const;
 
   void save(torch::serialize::OutputArchive& archive) const;
+  /// In the computer's own memory.
   void load(torch::serialize::InputArchive& archive);
 
  private:

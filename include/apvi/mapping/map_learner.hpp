@@ -56,9 +56,12 @@ class MapLearner {
   void insert(const splat::Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Takes out those where `remove` [size()] (bool) is set.
   void remove(const torch::Tensor& remove);
+  /// Takes out so many of least importance, of those where `among` [size()] (bool) is set;
+  /// undefined: of all.
+  void drop_least(std::int64_t count, const torch::Tensor& among = {});
   /// Only so many stay, those of most importance, and no memory to spare. Needs none of the device,
   /// and mends what is left of a call that memory ended in.
-  void keep_best(std::int64_t count);
+  void keep_best(std::int64_t most);
   /// Puts Gaussians next to each other in memory that are neighbours in space (see
   /// splat::morton_order), which is drawn faster on a GPU. `densify` does so now and then.
   void reorder();
@@ -99,7 +102,7 @@ class MapLearner {
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  void drop_least(std::int64_t most);
+  void move_to(const torch::Device& device);
   const splat::MediumView& water_before(const splat::Intrinsics& camera);
   bool learns_water() const;
   bool matches_gain(const StepSettings& settings) const;
