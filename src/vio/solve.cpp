@@ -2,6 +2,12 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include <algorithm>
+#include <memory>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
 #include "graph.hpp"
 
 namespace apvi::vio {
@@ -16,26 +22,70 @@ ceres::Problem::Options problem_options() {
   return options;
 }
 
-void add_states(ceres::Problem& problem, Window& window, const Config& config,
+// What Ceres works on: copies of the window's numbers, one behind the other in the window's order.
+// Of equals Ceres takes those first whose address is lower, and sums have other last bits in
+// another order: with the window's own addresses, which the heap chooses, runs would differ from
+// each other.
+class Copies {
+ public:
+  explicit Copies(Window& window) {
+    std::size_t size = window.landmarks.size() + 2;
+    size += window.frames.size() * (kPoseSize + kMotionSize);
+    size += window.T_body_camera.size() * kPoseSize;
+    numbers_.reserve(size);
+    for (const auto& frame : window.frames) {
+      add(frame->state.pose.data(), kPoseSize);
+      add(frame->state.motion.data(), kMotionSize);
+    }
+    for (PoseBlock& extrinsics : window.T_body_camera) add(extrinsics.data(), kPoseSize);
+    if (window.depth_zero_m) add(&*window.depth_zero_m, 1);
+    add(&window.time_offset_s, 1);
+    for (auto& [id, landmark] : window.landmarks) add(&landmark.inverse_depth, 1);
+  }
+
+  double* of(const double* original) { return numbers_.data() + at_.at(original); }
+
+  void write_back() const {
+    for (const auto& [block, at] : blocks_) {
+      std::copy_n(numbers_.begin() + static_cast<std::ptrdiff_t>(at), block.size, block.data);
+    }
+  }
+
+ private:
+  void add(double* data, int size) {
+    at_.emplace(data, numbers_.size());
+    blocks_.push_back({{data, size}, numbers_.size()});
+    numbers_.insert(numbers_.end(), data, data + size);
+  }
+
+  std::vector<double> numbers_;
+  std::unordered_map<const double*, std::size_t> at_;
+  std::vector<std::pair<Block, std::size_t>> blocks_;
+};
+
+void add_states(ceres::Problem& problem, Window& window, const Config& config, Copies& copies,
                 PoseManifold& manifold) {
   for (const auto& frame : window.frames) {
-    problem.AddParameterBlock(frame->state.pose.data(), kPoseSize, &manifold);
-    problem.AddParameterBlock(frame->state.motion.data(), kMotionSize);
+    double* pose = copies.of(frame->state.pose.data());
+    double* motion = copies.of(frame->state.motion.data());
+    problem.AddParameterBlock(pose, kPoseSize, &manifold);
+    problem.AddParameterBlock(motion, kMotionSize);
     if (!frame->frozen) continue;
-    problem.SetParameterBlockConstant(frame->state.pose.data());
-    problem.SetParameterBlockConstant(frame->state.motion.data());
+    problem.SetParameterBlockConstant(pose);
+    problem.SetParameterBlockConstant(motion);
   }
-  for (PoseBlock& extrinsics : window.T_body_camera) {
-    problem.AddParameterBlock(extrinsics.data(), kPoseSize, &manifold);
-    if (!config.vision.estimate_extrinsics) problem.SetParameterBlockConstant(extrinsics.data());
+  for (const PoseBlock& extrinsics : window.T_body_camera) {
+    double* camera = copies.of(extrinsics.data());
+    problem.AddParameterBlock(camera, kPoseSize, &manifold);
+    if (!config.vision.estimate_extrinsics) problem.SetParameterBlockConstant(camera);
   }
-  if (window.depth_zero_m) problem.AddParameterBlock(&*window.depth_zero_m, 1);
-  problem.AddParameterBlock(&window.time_offset_s, 1);
-  if (!config.vision.estimate_time_offset) problem.SetParameterBlockConstant(&window.time_offset_s);
+  if (window.depth_zero_m) problem.AddParameterBlock(copies.of(&*window.depth_zero_m), 1);
+  double* time_offset = copies.of(&window.time_offset_s);
+  problem.AddParameterBlock(time_offset, 1);
+  if (!config.vision.estimate_time_offset) problem.SetParameterBlockConstant(time_offset);
 }
 
-// Landmarks are eliminated first, everything else is one dense system.
-ceres::Solver::Options solver_options(const Config& config, const Window& window) {
+ceres::Solver::Options solver_options(const Config& config) {
   ceres::Solver::Options options;
   options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   options.linear_solver_type = ceres::DENSE_SCHUR;
@@ -43,44 +93,39 @@ ceres::Solver::Options solver_options(const Config& config, const Window& window
   options.function_tolerance = 1e-3;
   options.num_threads = 1;  // the other core belongs to the front end
   options.logging_type = ceres::SILENT;
-  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (const auto& frame : window.frames) {
-    ordering->AddElementToGroup(const_cast<double*>(frame->state.pose.data()), 1);
-    ordering->AddElementToGroup(const_cast<double*>(frame->state.motion.data()), 1);
-  }
-  for (const PoseBlock& extrinsics : window.T_body_camera) {
-    ordering->AddElementToGroup(const_cast<double*>(extrinsics.data()), 1);
-  }
-  ordering->AddElementToGroup(const_cast<double*>(&window.time_offset_s), 1);
-  if (window.depth_zero_m) {
-    ordering->AddElementToGroup(const_cast<double*>(&*window.depth_zero_m), 1);
-  }
-  options.linear_solver_ordering = ordering;
   return options;
 }
 
 }  // namespace
 
 void solve(const Graph& graph, Window& window, const Config& config, int iterations) {
+  Copies copies(window);
   PoseManifold manifold;
   ceres::Problem problem(problem_options());
-  add_states(problem, window, config, manifold);
-  ceres::Solver::Options options = solver_options(config, window);
-  options.max_num_iterations = iterations;
+  add_states(problem, window, config, copies, manifold);
+  // Landmarks are eliminated first, everything else is one dense system.
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  for (double* block : blocks) ordering->AddElementToGroup(block, 1);
   for (const Term& term : graph.terms()) {
     blocks.clear();
-    for (const Block& block : term.blocks) blocks.push_back(block.data);
+    for (const Block& block : term.blocks) blocks.push_back(copies.of(block.data));
     problem.AddResidualBlock(const_cast<ceres::CostFunction*>(term.cost),
                              const_cast<ceres::LossFunction*>(term.loss), blocks);
   }
-  for (auto& [id, landmark] : window.landmarks) {
-    if (!problem.HasParameterBlock(&landmark.inverse_depth)) continue;
-    options.linear_solver_ordering->AddElementToGroup(&landmark.inverse_depth, 0);
-    if (landmark.frozen) problem.SetParameterBlockConstant(&landmark.inverse_depth);
+  for (const auto& [id, landmark] : window.landmarks) {
+    double* inverse_depth = copies.of(&landmark.inverse_depth);
+    if (!problem.HasParameterBlock(inverse_depth)) continue;
+    ordering->AddElementToGroup(inverse_depth, 0);
+    if (landmark.frozen) problem.SetParameterBlockConstant(inverse_depth);
   }
+  ceres::Solver::Options options = solver_options(config);
+  options.max_num_iterations = iterations;
+  options.linear_solver_ordering = std::move(ordering);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
+  copies.write_back();
 }
 
 }  // namespace apvi::vio

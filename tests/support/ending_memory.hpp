@@ -34,11 +34,13 @@ class EndingMemory : public c10::Allocator {
 
   // Which of these LibTorch asks for, and whether it asks to copy, differs by its version: hence no
   // `override`.
+  // NOLINTBEGIN(modernize-use-override)
   c10::DataPtr allocate(std::size_t bytes) { return granted(bytes); }
   c10::DataPtr allocate(std::size_t bytes) const { return granted(bytes); }
   void copy_data(void* to, const void* from, std::size_t bytes) const {
     std::memcpy(to, from, bytes);
   }
+  // NOLINTEND(modernize-use-override)
   c10::DeleterFnPtr raw_deleter() const override { return real_->raw_deleter(); }
 
  private:
