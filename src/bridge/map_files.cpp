@@ -77,6 +77,10 @@ void fail_memory(const RunConfig& config, const std::filesystem::path& folder) {
       folder.string(), free, saved, most_gaussians(config));
 }
 
+std::optional<std::int64_t> set_by_memory(std::int64_t most, const RunConfig& config) {
+  return most < most_gaussians(config) ? std::optional(most) : std::nullopt;
+}
+
 void rescue(const std::function<void()>& save) {
   try {
     save();

@@ -67,11 +67,14 @@ class MapCurve {
   std::ofstream out_;
 };
 
+/// What `most_gaussians` of a mapper or trainer is, where memory has made it less than configured.
+std::optional<std::int64_t> set_by_memory(std::int64_t most, const RunConfig& config);
+
 /// What a run with a map says of it in metrics.json.
 struct MapFigures {
   eval::Json held_out;  ///< from report_held_out
   std::int64_t gaussians = 0;
-  std::optional<std::int64_t> most_gaussians = std::nullopt;  ///< where memory set a limit
+  std::optional<std::int64_t> most_gaussians = std::nullopt;  ///< see set_by_memory
   std::int64_t iterations = 0;
   double training_s = 0.0;  ///< in optimisation steps
   double wall_s = 0.0;

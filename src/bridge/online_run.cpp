@@ -86,9 +86,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = mapper.size(),
-                     .most_gaussians = mapper.most_gaussians() < most_gaussians(config)
-                                           ? std::optional(mapper.most_gaussians())
-                                           : std::nullopt,
+                     .most_gaussians = set_by_memory(mapper.most_gaussians(), config),
                      .iterations = mapper.iteration(),
                      .training_s = map.training_s(),
                      .wall_s = wall_s,

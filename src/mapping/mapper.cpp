@@ -14,8 +14,8 @@
 #include "apvi/core/stopwatch.hpp"
 #include "apvi/mapping/picture_content.hpp"
 #include "apvi/mapping/water_survey.hpp"
-#include "apvi/splat/device.hpp"
 #include "apvi/splat/medium_estimate.hpp"
+#include "memory_economy.hpp"
 #include "seed_stream.hpp"
 
 namespace apvi::mapping {
@@ -32,10 +32,6 @@ constexpr std::size_t kFewestKeyframes = 2;  // that are left to learn from
 constexpr std::int64_t kOutage_ns = 2'000'000'000;
 constexpr double kSurveySpacing = 0.1;  // of the extent, between keyframes that are compared
 constexpr double kAlike = 1e3;          // a patch sigma that leaves no pixel out
-// Where memory ends.
-constexpr double kEconomy = 0.8;   // of the Gaussians stay
-constexpr int kMostEconomies = 4;  // for one thing to do: half a map fits where any does
-constexpr std::int64_t kFewestGaussians = 1000;  // with fewer the map is not what takes it
 
 /// Lamplit pictures are noisy: which views fit best and which pixels look like their middle is then
 /// a matter of chance, and choosing costs new Gaussians more than what is seen behind edges brings.
@@ -364,33 +360,19 @@ double Mapper::progress() const {
   return std::min(1.0, std::max(by_count, budget > 0.0 ? final_seconds_ / budget : 0.0));
 }
 
-// First what costs time only. Then large steps, because what is free in pieces is of no use to the
-// next large tensor.
-void Mapper::economise() {
-  if (!keyframes_.device().is_cpu()) {
-    log::warning("no memory left on the device: pictures are kept on the host from now on");
-    return keyframes_.move_images(torch::kCPU);
+// First what costs time only.
+bool Mapper::economise() {
+  if (size() < kFewestToShrink) return false;
+  if (keyframes_.device().is_cpu()) {
+    return shrink(*learner_, options_.trainer.densify.max_gaussians);
   }
-  const auto most = static_cast<std::int64_t>(kEconomy * static_cast<double>(size()));
-  log::warning(
-      "no memory left on the device: the map goes on with {} Gaussians at most, those that count "
-      "most, instead of {}",
-      most, options_.trainer.densify.max_gaussians);
-  options_.trainer.densify.max_gaussians = static_cast<int>(most);
-  learner_->keep_best(most);
+  log::warning("no memory left on the device: pictures are kept on the host from now on");
+  keyframes_.move_images(torch::kCPU);
+  return true;
 }
 
-// What memory ended in is done again from its beginning.
 void Mapper::within_memory(const std::function<void()>& work) {
-  for (int economies = 0;; ++economies) {
-    try {
-      return work();
-    } catch (const c10::Error& error) {
-      const bool helps = economies < kMostEconomies && size() >= kFewestGaussians;
-      if (!helps || !splat::is_out_of_memory(error)) throw;
-    }
-    economise();
-  }
+  mapping::within_memory(work, [this] { return economise(); });
 }
 
 Map Mapper::map() const {

@@ -14,6 +14,7 @@
 #include "apvi/mapping/random_insertion.hpp"
 #include "apvi/splat/medium_estimate.hpp"
 #include "archive.hpp"
+#include "memory_economy.hpp"
 #include "seed_stream.hpp"
 
 namespace apvi::mapping {
@@ -47,6 +48,16 @@ bool Trainer::done() const {
   return iteration_ >= options_.iterations + options_.final_iterations;
 }
 
+bool Trainer::economise() {
+  if (!shrink(learner_, options_.densify.max_gaussians)) return false;
+  initial_size_ = std::min(initial_size_, most_gaussians());
+  return true;
+}
+
+void Trainer::within_memory(const std::function<void()>& work) {
+  mapping::within_memory(work, [this] { return economise(); });
+}
+
 // Every keyframe once, in an order that is drawn anew each time round.
 std::size_t Trainer::choose_view() const {
   const auto& training = keyframes_.training();
@@ -72,12 +83,12 @@ double Trainer::step() {
   const Stopwatch watch;
   const auto degree = static_cast<int>(iteration_ / options_.sh_interval);
   const std::size_t view = choose_view();
-  losses_.add(view, learner_.step(keyframes_, view,
-                                  {.reduction = reduction(),
-                                   .sh_degree = std::min(options_.sh_degree, degree),
-                                   .correct_pose = progress() >= options_.poses.begin,
-                                   .match_gain = progress() >= kGainsFrom,
-                                   .rates = rates_at(options_.rates, extent_, progress())}));
+  const StepSettings settings{.reduction = reduction(),
+                              .sh_degree = std::min(options_.sh_degree, degree),
+                              .correct_pose = progress() >= options_.poses.begin,
+                              .match_gain = progress() >= kGainsFrom,
+                              .rates = rates_at(options_.rates, extent_, progress())};
+  within_memory([&] { losses_.add(view, learner_.step(keyframes_, view, settings)); });
   losses_.take();
   ++iteration_;
   maybe_densify();
@@ -91,11 +102,12 @@ void Trainer::maybe_survey_water() {
   if (!medium() || surveys_ >= kSurveys.size() || progress() < kSurveys[surveys_]) return;
   ++surveys_;
   const torch::NoGradGuard no_grad;
-  const Map seen = whole_map();
-  const auto survey =
-      survey_water(seen, keyframes_, kSurveySpacing * extent_, usual_prior(options_.lamp),
-                   seed_of(options_.seed, Stream::survey, iteration_));
-  if (survey) learner_.adopt(*survey, keyframes_);
+  within_memory([&] {
+    const auto survey =
+        survey_water(whole_map(), keyframes_, kSurveySpacing * extent_, usual_prior(options_.lamp),
+                     seed_of(options_.seed, Stream::survey, iteration_));
+    if (survey) learner_.adopt(*survey, keyframes_);
+  });
 }
 
 void Trainer::maybe_densify() {
@@ -104,12 +116,15 @@ void Trainer::maybe_densify() {
   const double p = progress();
   if (p < d.begin || p > d.end || iteration_ > options_.iterations) return;
   const double part = (p - d.begin) / std::max(1e-9, d.end - d.begin);
-  const std::int64_t growth = std::max<std::int64_t>(0, d.max_gaussians - initial_size_);
-  const std::int64_t limit =
-      initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
-  if (d.kind != Densification::gradient) insert_random();
-  const DensifyResult result = learner_.densify(
-      extent_, limit, seed_of(options_.seed, Stream::split, iteration_), d.interval);
+  if (d.kind != Densification::gradient) within_memory([&] { insert_random(); });
+  DensifyResult result;
+  within_memory([&] {
+    const std::int64_t growth = std::max<std::int64_t>(0, d.max_gaussians - initial_size_);
+    const std::int64_t limit =
+        initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
+    result = learner_.densify(extent_, limit, seed_of(options_.seed, Stream::split, iteration_),
+                              d.interval);
+  });
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());
 }
@@ -140,7 +155,7 @@ void Trainer::resume(const std::filesystem::path& checkpoint) {
     iteration_ = read_int(archive, "iteration");
     seconds_ = read_double(archive, "seconds");
     surveys_ = static_cast<std::size_t>(read_int(archive, "surveys"));
-    initial_size_ = read_int(archive, "initial_size");
+    initial_size_ = std::min(read_int(archive, "initial_size"), most_gaussians());
   });
 }
 

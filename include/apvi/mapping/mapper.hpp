@@ -139,7 +139,7 @@ class Mapper {
 
  private:
   void within_memory(const std::function<void()>& work);
-  void economise();
+  bool economise();
   Intake judge(const MapperInput& input) const;
   void move(const std::vector<MovedKeyframe>& moved);
   torch::Tensor place(std::size_t i, const torch::Tensor& T_camera_odometry);

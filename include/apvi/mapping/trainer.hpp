@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 
 #include "apvi/mapping/keyframe_store.hpp"
@@ -16,6 +17,9 @@ namespace apvi::mapping {
 /// Makes a map of keyframes that are all there from the start. One thread; every call of `step` is
 /// one iteration, so the caller decides when to look, save or stop. Without a time budget the same
 /// map comes out of the same options to the bit, also through `save` and `resume`.
+///
+/// Where the device's memory ends the least important Gaussians go, and the map grows no larger
+/// than what stays (`most_gaussians`). Where that is not enough, c10::Error.
 class Trainer {
  public:
   /// `keyframes` must outlive the trainer. With `medium`, the map is seen through water that is
@@ -23,8 +27,8 @@ class Trainer {
   Trainer(const KeyframeStore& keyframes, const splat::Gaussians& initial,
           const TrainerOptions& options, const std::optional<splat::Medium>& medium = std::nullopt);
 
-  /// Goes on from what `save` left, with the same keyframes and options. Throws InputError when the
-  /// file is damaged, or of other keyframes.
+  /// Goes on from what `save` left, with the same keyframes and options, or with fewer
+  /// `max_gaussians`. Throws InputError when the file is damaged, or of other keyframes.
   void resume(const std::filesystem::path& checkpoint);
   /// Everything that `resume` needs, in one step. Throws RunError when it cannot be written.
   void save(const std::filesystem::path& checkpoint) const;
@@ -43,10 +47,14 @@ class Trainer {
   /// The same with water and camera.
   Map whole_map() const { return learner_.whole_map(); }
   std::int64_t size() const { return learner_.size(); }
+  /// That the map may have: what the options say, or less since memory ended.
+  std::int64_t most_gaussians() const { return options_.densify.max_gaussians; }
   std::optional<splat::Medium> medium() const { return learner_.medium(); }
   const ViewCorrections& corrections() const { return learner_.corrections(); }
 
  private:
+  bool economise();
+  void within_memory(const std::function<void()>& work);
   std::size_t choose_view() const;
   int reduction() const;
   void maybe_densify();
