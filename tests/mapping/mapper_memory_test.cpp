@@ -5,7 +5,6 @@
 
 #include "apvi/mapping/evaluation.hpp"
 #include "apvi/mapping/mapper.hpp"
-#include "apvi/splat/device.hpp"
 #include "mapper_scene.hpp"
 #include "support/ending_memory.hpp"
 #include "support/posed_scene.hpp"
@@ -21,14 +20,8 @@ using torch::Tensor;
 
 constexpr int kKeyframes = 4;
 
-class MapperMemory : public testing::Test {
+class MapperMemory : public test::EndingMemoryTest {
  protected:
-  void SetUp() override {
-    if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
-    torch::set_num_threads(1);  // the same requests every time
-  }
-  void TearDown() override { torch::set_num_threads(threads_); }
-
   static MapperOptions options() {
     MapperOptions options = small_map_options();
     options.trainer.densify.kind = Densification::gradient;
@@ -62,7 +55,6 @@ class MapperMemory : public testing::Test {
     ASSERT_LE(mapper.size(), mapper.most_gaussians());
   }
 
-  int threads_ = torch::get_num_threads();
   splat::Gaussians world_ = wall_of_gaussians(600);
 };
 

@@ -9,7 +9,6 @@
 #include "apvi/mapping/evaluation.hpp"
 #include "apvi/mapping/initial_map.hpp"
 #include "apvi/mapping/trainer.hpp"
-#include "apvi/splat/device.hpp"
 #include "support/ending_memory.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
@@ -22,14 +21,8 @@ using test::wall_of_gaussians;
 
 constexpr int kMost = 2500;
 
-class TrainerMemory : public testing::Test {
+class TrainerMemory : public test::EndingMemoryTest {
  protected:
-  void SetUp() override {
-    if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
-    torch::set_num_threads(1);  // the same requests every time
-  }
-  void TearDown() override { torch::set_num_threads(threads_); }
-
   static TrainerOptions options() {
     TrainerOptions options;
     options.iterations = 120;
@@ -58,7 +51,6 @@ class TrainerMemory : public testing::Test {
     return mean_psnr(trainer.whole_map(), keyframes_, keyframes_.training()).value();
   }
 
-  int threads_ = torch::get_num_threads();
   splat::Gaussians world_ = wall_of_gaussians(1500);
   KeyframeStore keyframes_ = test::photographs(world_);
 };

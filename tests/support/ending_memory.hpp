@@ -2,6 +2,7 @@
 #pragma once
 
 #include <c10/core/CPUAllocator.h>
+#include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <atomic>
@@ -9,6 +10,8 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+
+#include "apvi/splat/device.hpp"
 
 namespace apvi::test {
 
@@ -58,6 +61,19 @@ class EndingMemory : public c10::Allocator {
   mutable std::atomic<int> asked_ = 0;
   std::atomic<int> first_ = std::numeric_limits<int>::max();
   std::atomic<int> last_ = std::numeric_limits<int>::max();
+};
+
+/// For tests in which it ends: one thread, so that the same is asked for every time.
+class EndingMemoryTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+    torch::set_num_threads(1);
+  }
+  void TearDown() override { torch::set_num_threads(threads_); }
+
+ private:
+  int threads_ = torch::get_num_threads();
 };
 
 }  // namespace apvi::test
