@@ -2,14 +2,18 @@
 // A long survey for the mapper alone: do memory and the time for a keyframe stay where they are?
 // The pictures are of a sea floor without end, ray by ray, through water; poses are exact.
 //
-//   map_soak [MINUTES] [KEYFRAMES_PER_S] [WIDTH]     prints a line every minute of the dive
+//   map_soak [MINUTES] [KEYFRAMES_PER_S] [WIDTH] [KEY=VALUE]...
 //
-// The mapper has its defaults, quadtree and water; as many steps follow each keyframe as `run.mode:
+// prints a line every minute of the dive. The mapper has its defaults, quadtree and water, and what
+// is said besides (mapping.online.memory_mib=100); as many steps follow each keyframe as `run.mode:
 // replay` gives it.
 #include <fmt/format.h>
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <exception>
 #include <string>
 #include <vector>
 
@@ -109,8 +113,11 @@ Tensor pose_at(double t) {
 
 class MapSoak {
  public:
-  MapSoak(double minutes, double keyframe_hz, int width)
-      : minutes_(minutes), keyframe_hz_(keyframe_hz), mapper_(options()) {
+  MapSoak(double minutes, double keyframe_hz, int width, const bridge::RunConfig& config)
+      : minutes_(minutes),
+        keyframe_hz_(keyframe_hz),
+        steps_(config.mapping.online.steps_per_keyframe),
+        mapper_(bridge::mapper_options(config)) {
     const int height = 3 * width / 4;
     const double f = 0.66 * width;
     camera_ = {f, f, 0.5 * width, 0.5 * height, width, height};
@@ -137,13 +144,6 @@ class MapSoak {
   }
 
  private:
-  static bridge::RunConfig config() {
-    return bridge::load_run_config(
-        APVI_SOURCE_DIR "/configs/default.yaml",
-        {"mapping.enabled=true", "mapping.densification=quadtree", "mapping.medium=true"});
-  }
-  static mapping::MapperOptions options() { return bridge::mapper_options(config()); }
-
   void feed(double t) {
     const Tensor T_world_camera = pose_at(t);
     mapping::MapperInput input;
@@ -169,18 +169,31 @@ class MapSoak {
 
   double minutes_;
   double keyframe_hz_;
-  int steps_ = config().mapping.online.steps_per_keyframe;
+  int steps_;
   mapping::Mapper mapper_;
   splat::Intrinsics camera_;
 };
+
+bridge::RunConfig config(const std::vector<std::string>& overrides) {
+  std::vector<std::string> all{"mapping.enabled=true", "mapping.densification=quadtree",
+                               "mapping.medium=true"};
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  return bridge::load_run_config(APVI_SOURCE_DIR "/configs/default.yaml", all);
+}
 
 }  // namespace
 }  // namespace apvi::bench
 
 int main(int argc, char** argv) {
-  const double minutes = argc > 1 ? std::stod(argv[1]) : 60.0;
-  const double keyframe_hz = argc > 2 ? std::stod(argv[2]) : 1.0;
-  const int width = argc > 3 ? std::stoi(argv[3]) : 320;
-  apvi::bench::MapSoak(minutes, keyframe_hz, width).run();
-  return 0;
+  try {
+    const double minutes = argc > 1 ? std::stod(argv[1]) : 60.0;
+    const double keyframe_hz = argc > 2 ? std::stod(argv[2]) : 1.0;
+    const int width = argc > 3 ? std::stoi(argv[3]) : 320;
+    const std::vector<std::string> overrides(argv + std::min(argc, 4), argv + argc);
+    apvi::bench::MapSoak(minutes, keyframe_hz, width, apvi::bench::config(overrides)).run();
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "map_soak: %s\n", error.what());
+    return 2;
+  }
 }

@@ -17,7 +17,9 @@
 #include "apvi/core/error.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
+#include "support/ending_memory.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -87,6 +89,21 @@ TEST_F(MappingRunTest, LeavesEverythingThatARunFolderHolds) {
   }
   EXPECT_FALSE(fs::exists(run_folder() / "medium.json"));
   EXPECT_EQ(splat::read_ply(run_folder() / "map.ply").size(), result.gaussians);
+}
+
+TEST_F(MappingRunTest, AMapThatMemoryMadeSmallerSaysSoInItsFigures) {
+  if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+  splat::write_ply(data_.path() / "points.ply", test::wall_of_gaussians(1500));
+  test::EndingMemory memory;
+  MappingRunOptions ends = options();
+  ends.interrupted = [&memory, steps = 0]() mutable {
+    if (++steps == 20) memory.end(0);
+    return false;
+  };
+  const MappingRunResult result = run_mapping(config(60), ends);
+  EXPECT_EQ(result.iterations, 60);
+  EXPECT_EQ(result.gaussians, 1200);
+  EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["most_gaussians"], 1200);
 }
 
 TEST_F(MappingRunTest, ResumesAfterAnInterruptToTheSameMap) {
