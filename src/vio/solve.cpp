@@ -3,6 +3,7 @@
 #include <ceres/solver.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <unordered_map>
 #include <utility>
@@ -29,10 +30,6 @@ ceres::Problem::Options problem_options() {
 class Copies {
  public:
   explicit Copies(Window& window) {
-    std::size_t size = window.landmarks.size() + 2;
-    size += window.frames.size() * (kPoseSize + kMotionSize);
-    size += window.T_body_camera.size() * kPoseSize;
-    numbers_.reserve(size);
     for (const auto& frame : window.frames) {
       add(frame->state.pose.data(), kPoseSize);
       add(frame->state.motion.data(), kMotionSize);
@@ -46,21 +43,23 @@ class Copies {
   double* of(const double* original) { return numbers_.data() + at_.at(original); }
 
   void write_back() const {
-    for (const auto& [block, at] : blocks_) {
-      std::copy_n(numbers_.begin() + static_cast<std::ptrdiff_t>(at), block.size, block.data);
+    const double* from = numbers_.data();
+    for (const Block& block : blocks_) {
+      std::copy_n(from, block.size, block.data);
+      from += block.size;
     }
   }
 
  private:
   void add(double* data, int size) {
     at_.emplace(data, numbers_.size());
-    blocks_.push_back({{data, size}, numbers_.size()});
+    blocks_.push_back({data, size});
     numbers_.insert(numbers_.end(), data, data + size);
   }
 
-  std::vector<double> numbers_;
+  std::vector<Block> blocks_;
+  std::vector<double> numbers_;  // of the blocks, one behind the other
   std::unordered_map<const double*, std::size_t> at_;
-  std::vector<std::pair<Block, std::size_t>> blocks_;
 };
 
 void add_states(ceres::Problem& problem, Window& window, const Config& config, Copies& copies,
