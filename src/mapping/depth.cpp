@@ -44,6 +44,24 @@ Tensor centers_of(const std::vector<Block>& blocks) {
   return points;
 }
 
+/// Centres [N,2] of squares that cover the image, row by row; those at its edge are cut off.
+Tensor grid_centers(int width, int height, int side) {
+  const int columns = (width + side - 1) / side;
+  const int rows = (height + side - 1) / side;
+  Tensor points = torch::empty({std::int64_t{rows} * columns, 2}, torch::kFloat32);
+  auto* p = points.data_ptr<float>();
+  const auto middle = [side](int begin, int end) {
+    return static_cast<float>(begin) + 0.5F * static_cast<float>(std::min(side, end - begin));
+  };
+  for (int y = 0; y < height; y += side) {
+    for (int x = 0; x < width; x += side) {
+      *p++ = middle(x, width);
+      *p++ = middle(y, height);
+    }
+  }
+  return points;
+}
+
 /// A block of 4 px is compared in the whole picture, one of 8 in its half, and so on.
 Tensor levels_of(const std::vector<Block>& blocks) {
   Tensor levels = torch::empty({static_cast<std::int64_t>(blocks.size())}, torch::kInt32);
@@ -77,11 +95,9 @@ Tensor pick(const Tensor& values, const Tensor& index) {
 
 class Estimator {
  public:
-  /// `grey` is the reference's picture on the CPU.
-  Estimator(std::vector<DepthView> views, const Tensor& grey, const SweepGeometry& geometry,
+  Estimator(std::vector<DepthView> views, const SweepGeometry& geometry,
             const DepthRequest& request, const DepthOptions& options)
       : views_(std::move(views)),
-        grey_(grey),
         device_(views_.front().grey.device()),
         options_(options),
         backend_(depth_backend(device_)),
@@ -142,10 +158,7 @@ class Estimator {
   std::pair<double, double> range() const {
     const std::pair<double, double> all = {options_.near_m, options_.far_m};
     if (!options_.adapt_range) return all;
-    QuadtreeOptions grid = options_.quadtree;
-    grid.smallest_px = grid.largest_px;
-    const std::vector<Block> blocks = divide(grey_, grid);
-    const Tensor points = centers_of(blocks).to(device_);
+    const Tensor points = grid_centers(width(), height(), options_.quadtree.largest_px).to(device_);
     const Tensor levels =
         torch::full({points.size(0)}, kRangeLevel, torch::dtype(torch::kInt32).device(device_));
     const Tensor w = hypotheses(all.first, all.second, options_).to(device_);
@@ -320,7 +333,6 @@ class Estimator {
   }
 
   std::vector<DepthView> views_;
-  Tensor grey_;
   torch::Device device_;
   DepthOptions options_;
   const DepthBackend& backend_;
@@ -348,11 +360,8 @@ DepthVerdict first_look(const SweepGeometry& geometry, const Tensor& grey) {
   return DepthVerdict::estimated;
 }
 
-/// An estimate that knows its blocks and nothing else.
-DepthEstimate nothing_known(const Tensor& grey, const DepthOptions& options) {
-  DepthEstimate out;
-  out.blocks = divide(grey, options.quadtree);
-  out.points = centers_of(out.blocks);
+/// Says of each block that nothing is known.
+void know_nothing(DepthEstimate& out, const Tensor& grey) {
   const Tensor none = torch::zeros({out.points.size(0)}, torch::kFloat32);
   out.depth = none.clone();
   out.sigma = none.clone();
@@ -360,7 +369,6 @@ DepthEstimate nothing_known(const Tensor& grey, const DepthOptions& options) {
   out.confident = none > 0.5;
   out.slope = torch::zeros_like(out.points);
   out.dense = torch::zeros_like(grey);
-  return out;
 }
 
 }  // namespace
@@ -374,12 +382,17 @@ DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& op
                                request.views.begin() + static_cast<std::ptrdiff_t>(used));
   const Tensor grey = views.front().grey.to(torch::kCPU);
   const SweepGeometry geometry = sweep_geometry(views);
-  DepthEstimate out = nothing_known(grey, options);
+  DepthEstimate out;
   out.verdict = first_look(geometry, grey);
   out.near_m = options.near_m;
   out.far_m = options.far_m;
-  if (out.verdict != DepthVerdict::estimated) return out;
-  Estimator(std::move(views), grey, geometry, request, options).estimate(out);
+  out.blocks = divide(grey, options.quadtree);
+  out.points = centers_of(out.blocks);
+  if (out.verdict == DepthVerdict::estimated) {
+    Estimator(std::move(views), geometry, request, options).estimate(out);
+  } else {
+    know_nothing(out, grey);
+  }
   return out;
 }
 

@@ -1,15 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/mapping/quadtree.hpp"
 
+#include <ATen/Parallel.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <iterator>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 namespace apvi::mapping {
 namespace {
+
+constexpr std::size_t kUsualNeighbors = 6;  // of a block; it is no limit
 
 bool is_power_of_two(int n) {
   return n > 0 && (n & (n - 1)) == 0;
@@ -42,10 +48,12 @@ class Divider {
         height_(static_cast<int>(grey.size(0))),
         options_(options) {}
 
-  std::vector<Block> divide() {
-    for (int y = 0; y < height_; y += options_.largest_px) {
-      for (int x = 0; x < width_; x += options_.largest_px) add(x, y, options_.largest_px);
-    }
+  /// The largest blocks that begin in row `y`, or their parts.
+  std::vector<Block> divide(int y) {
+    const int columns = (width_ + options_.smallest_px - 1) / options_.smallest_px;
+    blocks_.reserve(
+        static_cast<std::size_t>(columns * (options_.largest_px / options_.smallest_px)));
+    for (int x = 0; x < width_; x += options_.largest_px) add(x, y, options_.largest_px);
     return std::move(blocks_);
   }
 
@@ -115,7 +123,9 @@ class Divider {
 class Owners {
  public:
   Owners(const std::vector<Block>& blocks, int width, int height)
-      : side_(smallest(blocks)), columns_((width + side_ - 1) / side_) {
+      : side_(smallest(blocks)),
+        shift_(std::countr_zero(static_cast<unsigned>(side_))),
+        columns_((width + side_ - 1) / side_) {
     const int rows = (height + side_ - 1) / side_;
     owner_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows));
     for (std::size_t i = 0; i < blocks.size(); ++i) {
@@ -132,8 +142,8 @@ class Owners {
 
  private:
   std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y / side_) * static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(x / side_);
+    return static_cast<std::size_t>(y >> shift_) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(x >> shift_);
   }
 
   static int smallest(const std::vector<Block>& blocks) {
@@ -143,22 +153,18 @@ class Owners {
   }
 
   int side_;
+  int shift_;  ///< instead of divisions by a side, which is a power of two
   int columns_;
   std::vector<std::int32_t> owner_;
 };
 
-/// The same edge seen from its other end.
+/// The same edge seen from its other end. Neighbours are in ascending order, and so are the blocks
+/// that come by here: each meets the next edge of its neighbour's.
 std::vector<std::int32_t> reverse_edges(const BlockGraph& graph) {
   std::vector<std::int32_t> reverse(graph.neighbors.size());
-  for (std::size_t i = 0; i + 1 < graph.offsets.size(); ++i) {
-    for (auto e = graph.offsets[i]; e < graph.offsets[i + 1]; ++e) {
-      const auto other = static_cast<std::size_t>(graph.neighbors[static_cast<std::size_t>(e)]);
-      const auto begin = graph.neighbors.begin() + graph.offsets[other];
-      const auto end = graph.neighbors.begin() + graph.offsets[other + 1];
-      const auto back = std::lower_bound(begin, end, static_cast<std::int32_t>(i));
-      reverse[static_cast<std::size_t>(e)] =
-          static_cast<std::int32_t>(back - graph.neighbors.begin());
-    }
+  std::vector<std::int32_t> next(graph.offsets.begin(), graph.offsets.end() - 1);
+  for (std::size_t e = 0; e < reverse.size(); ++e) {
+    reverse[e] = next[static_cast<std::size_t>(graph.neighbors[e])]++;
   }
   return reverse;
 }
@@ -173,7 +179,20 @@ std::vector<Block> divide(const torch::Tensor& grey, const QuadtreeOptions& opti
                   options.smallest_px <= options.largest_px,
               "quadtree: block sizes must be powers of two, not ", options.smallest_px, " to ",
               options.largest_px);
-  return Divider(grey, options).divide();
+  const std::int64_t side = options.largest_px;
+  std::vector<std::vector<Block>> strips(
+      static_cast<std::size_t>((grey.size(0) + side - 1) / side));
+  at::parallel_for(0, std::ssize(strips), 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      strips[static_cast<std::size_t>(i)] =
+          Divider(grey, options).divide(static_cast<int>(i * side));
+    }
+  });
+  std::vector<Block> blocks;
+  blocks.reserve(std::accumulate(strips.begin(), strips.end(), std::size_t{0},
+                                 [](std::size_t n, const auto& s) { return n + s.size(); }));
+  for (const auto& strip : strips) blocks.insert(blocks.end(), strip.begin(), strip.end());
+  return blocks;
 }
 
 BlockGraph neighbor_graph(const std::vector<Block>& blocks, int width, int height) {
@@ -183,6 +202,7 @@ BlockGraph neighbor_graph(const std::vector<Block>& blocks, int width, int heigh
   const Owners owners(blocks, width, height);
   graph.offsets.reserve(blocks.size() + 1);
   std::vector<std::int32_t>& all = graph.neighbors;
+  all.reserve(kUsualNeighbors * blocks.size());
   for (const Block& b : blocks) {  // from one neighbour along each side to the next
     const auto first = static_cast<std::ptrdiff_t>(all.size());
     for (const int x : {b.x - 1, b.x + b.width}) {
