@@ -6,8 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -50,9 +48,9 @@ class Divider {
 
   /// The largest blocks that begin in row `y`, or their parts.
   std::vector<Block> divide(int y) {
-    const int columns = (width_ + options_.smallest_px - 1) / options_.smallest_px;
-    blocks_.reserve(
-        static_cast<std::size_t>(columns * (options_.largest_px / options_.smallest_px)));
+    const int most = (width_ + options_.smallest_px - 1) / options_.smallest_px *
+                     (options_.largest_px / options_.smallest_px);
+    blocks_.reserve(static_cast<std::size_t>(most));
     for (int x = 0; x < width_; x += options_.largest_px) add(x, y, options_.largest_px);
     return std::move(blocks_);
   }
@@ -123,9 +121,7 @@ class Divider {
 class Owners {
  public:
   Owners(const std::vector<Block>& blocks, int width, int height)
-      : side_(smallest(blocks)),
-        shift_(std::countr_zero(static_cast<unsigned>(side_))),
-        columns_((width + side_ - 1) / side_) {
+      : side_(smallest(blocks)), shift_(halvings_of(side_)), columns_((width + side_ - 1) / side_) {
     const int rows = (height + side_ - 1) / side_;
     owner_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows));
     for (std::size_t i = 0; i < blocks.size(); ++i) {
@@ -144,6 +140,12 @@ class Owners {
   std::size_t index(int x, int y) const {
     return static_cast<std::size_t>(y >> shift_) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(x >> shift_);
+  }
+
+  static int halvings_of(int power_of_two) {
+    int halvings = 0;
+    while (1 << halvings < power_of_two) ++halvings;
+    return halvings;
   }
 
   static int smallest(const std::vector<Block>& blocks) {
@@ -180,9 +182,9 @@ std::vector<Block> divide(const torch::Tensor& grey, const QuadtreeOptions& opti
               "quadtree: block sizes must be powers of two, not ", options.smallest_px, " to ",
               options.largest_px);
   const std::int64_t side = options.largest_px;
-  std::vector<std::vector<Block>> strips(
-      static_cast<std::size_t>((grey.size(0) + side - 1) / side));
-  at::parallel_for(0, std::ssize(strips), 1, [&](std::int64_t begin, std::int64_t end) {
+  const std::int64_t count = (grey.size(0) + side - 1) / side;
+  std::vector<std::vector<Block>> strips(static_cast<std::size_t>(count));
+  at::parallel_for(0, count, 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
       strips[static_cast<std::size_t>(i)] =
           Divider(grey, options).divide(static_cast<int>(i * side));
