@@ -44,22 +44,19 @@ Tensor centers_of(const std::vector<Block>& blocks) {
   return points;
 }
 
-/// Centres [N,2] of squares that cover the image, row by row; those at its edge are cut off.
-Tensor grid_centers(int width, int height, int side) {
-  const int columns = (width + side - 1) / side;
-  const int rows = (height + side - 1) / side;
-  Tensor points = torch::empty({std::int64_t{rows} * columns, 2}, torch::kFloat32);
-  auto* p = points.data_ptr<float>();
-  const auto middle = [side](int begin, int end) {
-    return static_cast<float>(begin) + 0.5F * static_cast<float>(std::min(side, end - begin));
-  };
+/// Squares that cover the image, row by row, without what is in them; cut off at its edge.
+std::vector<Block> grid_of(int width, int height, int side) {
+  std::vector<Block> blocks;
   for (int y = 0; y < height; y += side) {
     for (int x = 0; x < width; x += side) {
-      *p++ = middle(x, width);
-      *p++ = middle(y, height);
+      blocks.push_back({.x = x,
+                        .y = y,
+                        .size = side,
+                        .width = std::min(side, width - x),
+                        .height = std::min(side, height - y)});
     }
   }
-  return points;
+  return blocks;
 }
 
 /// A block of 4 px is compared in the whole picture, one of 8 in its half, and so on.
@@ -158,7 +155,8 @@ class Estimator {
   std::pair<double, double> range() const {
     const std::pair<double, double> all = {options_.near_m, options_.far_m};
     if (!options_.adapt_range) return all;
-    const Tensor points = grid_centers(width(), height(), options_.quadtree.largest_px).to(device_);
+    const Tensor points =
+        centers_of(grid_of(width(), height(), options_.quadtree.largest_px)).to(device_);
     const Tensor levels =
         torch::full({points.size(0)}, kRangeLevel, torch::dtype(torch::kInt32).device(device_));
     const Tensor w = hypotheses(all.first, all.second, options_).to(device_);

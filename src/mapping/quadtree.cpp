@@ -121,13 +121,14 @@ class Divider {
 class Owners {
  public:
   Owners(const std::vector<Block>& blocks, int width, int height)
-      : side_(smallest(blocks)), shift_(halvings_of(side_)), columns_((width + side_ - 1) / side_) {
-    const int rows = (height + side_ - 1) / side_;
+      : shift_(shift_of(blocks)), columns_(((width - 1) >> shift_) + 1) {
+    const int rows = ((height - 1) >> shift_) + 1;
     owner_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows));
+    const int side = 1 << shift_;
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       const Block& b = blocks[i];
-      for (int y = b.y; y < b.y + b.height; y += side_) {
-        for (int x = b.x; x < b.x + b.width; x += side_) {
+      for (int y = b.y; y < b.y + b.height; y += side) {
+        for (int x = b.x; x < b.x + b.width; x += side) {
           owner_[index(x, y)] = static_cast<std::int32_t>(i);
         }
       }
@@ -142,20 +143,17 @@ class Owners {
            static_cast<std::size_t>(x >> shift_);
   }
 
-  static int halvings_of(int power_of_two) {
-    int halvings = 0;
-    while (1 << halvings < power_of_two) ++halvings;
-    return halvings;
+  /// Sides are powers of two: of the smallest, which.
+  static int shift_of(const std::vector<Block>& blocks) {
+    const auto smallest =
+        std::min_element(blocks.begin(), blocks.end(),
+                         [](const Block& a, const Block& b) { return a.size < b.size; });
+    int shift = 0;
+    while (1 << shift < smallest->size) ++shift;
+    return shift;
   }
 
-  static int smallest(const std::vector<Block>& blocks) {
-    int side = std::numeric_limits<int>::max();
-    for (const Block& b : blocks) side = std::min(side, b.size);
-    return side;
-  }
-
-  int side_;
-  int shift_;  ///< instead of divisions by a side, which is a power of two
+  int shift_;  ///< shifting by it takes less time than dividing by the side
   int columns_;
   std::vector<std::int32_t> owner_;
 };

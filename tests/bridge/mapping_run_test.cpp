@@ -17,7 +17,6 @@
 #include "apvi/core/error.hpp"
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
 #include "support/ending_memory.hpp"
 #include "support/posed_scene.hpp"
@@ -92,7 +91,7 @@ TEST_F(MappingRunTest, LeavesEverythingThatARunFolderHolds) {
 }
 
 TEST_F(MappingRunTest, AMapThatMemoryMadeSmallerSaysSoInItsFigures) {
-  if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+  APVI_NEEDS_MAPS_IN_HOST_MEMORY();
   splat::write_ply(data_.path() / "points.ply", test::wall_of_gaussians(1500));
   test::EndingMemory memory;
   MappingRunOptions ends = options();

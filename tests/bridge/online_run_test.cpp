@@ -20,7 +20,6 @@
 #include "apvi/eval/metrics_file.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/sim/simulate.hpp"
-#include "apvi/splat/device.hpp"
 #include "apvi/splat/ply.hpp"
 #include "support/ending_memory.hpp"
 #include "support/source_dir.hpp"
@@ -148,7 +147,7 @@ std::function<bool()> ends_in_a_step(test::EndingMemory& memory, int refused) {
 }
 
 TEST_F(OnlineRunTest, ADeviceWithoutMemoryLeavesMapAndTrajectoryAndSaysWhatToLower) {
-  if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+  APVI_NEEDS_MAPS_IN_HOST_MEMORY();
   const auto whole =
       run_online(config({"mapping.final_iterations=0"}), {.folder = folder("whole")});
   try {
@@ -170,7 +169,7 @@ TEST_F(OnlineRunTest, ADeviceWithoutMemoryLeavesMapAndTrajectoryAndSaysWhatToLow
 }
 
 TEST_F(OnlineRunTest, AMapThatMemoryMadeSmallerSaysSoInItsFigures) {
-  if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+  APVI_NEEDS_MAPS_IN_HOST_MEMORY();
   {
     test::EndingMemory memory;
     run_online(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 1)});

@@ -13,6 +13,10 @@
 
 #include "apvi/splat/device.hpp"
 
+/// Skips the test on a GPU: it is in the host's memory that tests let LibTorch's end.
+#define APVI_NEEDS_MAPS_IN_HOST_MEMORY() \
+  if (::apvi::splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there"
+
 namespace apvi::test {
 
 /// While this lives, LibTorch's memory on the host may end as a device's does: of what it is asked
@@ -67,7 +71,7 @@ class EndingMemory : public c10::Allocator {
 class EndingMemoryTest : public testing::Test {
  protected:
   void SetUp() override {
-    if (splat::active_device().is_cuda()) GTEST_SKIP() << "maps are in another memory there";
+    APVI_NEEDS_MAPS_IN_HOST_MEMORY();
     torch::set_num_threads(1);
   }
   void TearDown() override { torch::set_num_threads(threads_); }
