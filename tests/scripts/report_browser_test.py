@@ -68,7 +68,7 @@ class Browser(report_test.Case):
         self.assertEqual(wide["narrow"], 0)
         phone = self.seen(html, 390)
         self.assert_pictures(phone, count)
-        self.assertEqual(phone["narrow"], 12)
+        self.assertEqual(phone["narrow"], 13)
         self.assertLessEqual(phone["overflow"], 0)
 
     def test_the_line_between_two_pictures_follows_the_hand(self):
