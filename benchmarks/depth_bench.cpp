@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How right the depth of keyframes is, with true poses, against the true depth of a simulated data
-// set, and how long it takes:
+// Accuracy and run time of keyframe depth estimation, with ground-truth poses, against the true
+// depth of a simulated dataset:
 //   depth_bench DATASET [--spacing M] [--lag N] [--every N] [--threads T] [--images DIR]
 //               [--device cuda] [--only CASE] [--set key=value]...
-// A keyframe is taken every M metres; the depth asked for is that of every N-th frame with true
-// depth, out of the nine keyframes that end N keyframes later. One line a case:
-//   blocks        blocks a keyframe
-//   all, sure     median relative error [%] at the representatives, of all and of confident blocks
-//   wrong, off    blocks off by more than 10 % [%], of all and of confident ones
-//   share, area   confident blocks [%], and the part of the image that they cover [%]
+// A keyframe is selected every M meters (--spacing). Depth is estimated for every N-th frame
+// (--every) with true depth, from nine keyframes of which the last N (--lag) are later. One line
+// per case:
+//   blocks        blocks per keyframe
+//   all, conf     median relative error [%] at the block centers, of all and of confident blocks
+//   out, out_c    blocks with an error above 10 % [%], of all and of confident blocks
+//   conf%, area   confident blocks [%], and the fraction of the image that they cover [%]
 //   dense, mean   median and mean relative error [%] of all pixels, after upsampling
-//   ms, core ms   time a keyframe, and the processor's
+//   ms, core ms   wall time and CPU time per keyframe
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -26,15 +27,15 @@
 #include <string>
 #include <vector>
 
-#include "apvi/bridge/camera_conversion.hpp"
-#include "apvi/bridge/depth_section.hpp"
-#include "apvi/bridge/image_files.hpp"
 #include "apvi/core/error.hpp"
-#include "apvi/core/stopwatch.hpp"
+#include "apvi/depth/options.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/mapping/depth.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "core/stopwatch.hpp"
+#include "depth/depth.hpp"
+#include "runs/image_files.hpp"
+#include "slam/camera_conversion.hpp"
 
 namespace apvi {
 namespace {
@@ -42,8 +43,8 @@ namespace {
 namespace fs = std::filesystem;
 using torch::Tensor;
 
-constexpr double kLongestGap_s = 0.1;
-constexpr double kOff = 0.1;
+constexpr double kMaxGap_s = 0.1;
+constexpr double kOutlierError = 0.1;
 constexpr std::size_t kNeighbors = 9;
 
 struct Arguments {
@@ -88,34 +89,34 @@ Arguments parse(int argc, char** argv) {
   return out;
 }
 
-mapping::DepthOptions read_options(const Arguments& arguments) {
+depth::DepthOptions read_options(const Arguments& arguments) {
   config::Node root;
   for (const std::string& assignment : arguments.overrides) {
     config::apply_override(root, assignment);
   }
-  bridge::DepthSection section;
+  runs::DepthSection section;
   if (!root.is_null()) config::read(root, section);
   return section.options();
 }
 
 struct Case {
   std::string name;
-  mapping::DepthOptions options;
+  depth::DepthOptions options;
 };
 
 std::vector<Case> cases(const Arguments& arguments) {
-  const mapping::DepthOptions base = read_options(arguments);
+  const depth::DepthOptions base = read_options(arguments);
   std::vector<Case> out = {{"quadtree", base}};
   for (const int side : {4, 8, 16}) {
-    mapping::DepthOptions grid = base;
-    grid.quadtree.largest_px = side;
-    grid.quadtree.smallest_px = side;
+    depth::DepthOptions grid = base;
+    grid.quadtree.max_block_px = side;
+    grid.quadtree.min_block_px = side;
     out.push_back({"grid-" + std::to_string(side), grid});
   }
-  const std::size_t with_belief = out.size();
-  for (std::size_t i = 0; i < with_belief; ++i) {
+  const std::size_t with_propagation = out.size();
+  for (std::size_t i = 0; i < with_propagation; ++i) {
     out.push_back({out[i].name + "-alone", out[i].options});
-    out.back().options.belief.enabled = false;
+    out.back().options.belief_propagation.enabled = false;
   }
   if (!arguments.only.empty()) {
     std::erase_if(out, [&](const Case& c) { return c.name != arguments.only; });
@@ -134,7 +135,7 @@ cv::Mat read_pfm(const fs::path& path) {
   cv::Mat upside_down(height, width, CV_32F);
   in.read(upside_down.ptr<char>(), static_cast<std::streamsize>(width) * height * 4);
   if (!in || magic != "Pf" || scale > 0.0)
-    fail_input("{}: no little-endian grey PFM", path.string());
+    fail_input("{}: not a little-endian grayscale PFM file", path.string());
   cv::Mat image;
   cv::flip(upside_down, image, 0);
   return image;
@@ -142,7 +143,7 @@ cv::Mat read_pfm(const fs::path& path) {
 
 struct Job {
   std::string stamp;
-  mapping::DepthRequest request;
+  depth::DepthRequest request;
   Tensor truth;  ///< [H,W]
 };
 
@@ -152,7 +153,7 @@ io::DatasetConfig recording(const fs::path& folder) {
   return config;
 }
 
-/// Reads a data set into what is to be estimated.
+/// Builds depth estimation requests from a dataset.
 class Jobs {
  public:
   explicit Jobs(const Arguments& arguments)
@@ -168,35 +169,35 @@ class Jobs {
   std::vector<Job> read() {
     while (const auto event = reader_->next()) {
       const auto* const frame = std::get_if<ImageFrame>(&*event);
-      if (frame != nullptr && frame->camera == 0) take(*frame);
+      if (frame != nullptr && frame->camera == 0) process_frame(*frame);
     }
     return std::move(done_);
   }
 
  private:
-  void take(const ImageFrame& frame) {
-    const auto T_world_body = poses_.at(frame.stamp, Duration::from_seconds(kLongestGap_s));
+  void process_frame(const ImageFrame& frame) {
+    const auto T_world_body = poses_.at(frame.stamp, Duration::from_seconds(kMaxGap_s));
     if (!T_world_body) return;
     const SE3 T_world_camera = *T_world_body * camera_.T_body_camera;
     const std::string stamp = std::to_string(frame.stamp.ns);
     const fs::path truth = arguments_.dataset / "truth" / "depth" / (stamp + ".pfm");
-    const bool wanted = fs::exists(truth) && count_++ % arguments_.every == 0;
+    const bool is_target = fs::exists(truth) && count_++ % arguments_.every == 0;
     const bool moved =
         !last_ || (T_world_camera.translation - *last_).norm() >= arguments_.spacing_m;
-    if (!wanted && !moved) return;
-    const mapping::DepthView view = {
-        .grey = mapping::to_grey(bridge::to_tensor(undistort_(frame.decode()))),
+    if (!is_target && !moved) return;
+    const depth::DepthView view = {
+        .gray = depth::to_gray(slam::to_tensor(undistort_(frame.decode()))),
         .camera = {.intrinsics = undistort_.intrinsics(),
-                   .T_camera_world = bridge::to_tensor(T_world_camera.inverse()),
+                   .T_camera_world = slam::to_tensor(T_world_camera.inverse()),
                    .pose_delta = {}}};
     if (moved) {
       last_ = T_world_camera.translation;
       add_keyframe(view);
     }
-    if (wanted) start(stamp, view, moved, truth);
+    if (is_target) start_job(stamp, view, moved, truth);
   }
 
-  void add_keyframe(const mapping::DepthView& view) {
+  void add_keyframe(const depth::DepthView& view) {
     window_.push_front(view);
     if (window_.size() > kNeighbors + 1) window_.pop_back();
     for (auto& waiting : waiting_) {
@@ -208,12 +209,12 @@ class Jobs {
 
   struct Waiting {
     Job job;
-    std::vector<mapping::DepthView> earlier;
+    std::vector<depth::DepthView> earlier;
     std::size_t later = 0;
   };
 
-  void start(const std::string& stamp, const mapping::DepthView& view, bool is_keyframe,
-             const fs::path& truth) {
+  void start_job(const std::string& stamp, const depth::DepthView& view, bool is_keyframe,
+                 const fs::path& truth) {
     Waiting waiting = {.job = {.stamp = stamp, .request = {{view}, {}}, .truth = warp(truth)},
                        .earlier = {window_.begin() + (is_keyframe ? 1 : 0), window_.end()},
                        .later = 0};
@@ -233,13 +234,13 @@ class Jobs {
   }
 
   void make_map() {
-    const splat::Intrinsics& k = undistort_.intrinsics();
+    const gaussians::Intrinsics& k = undistort_.intrinsics();
     map_.create(k.height, k.width, CV_32FC2);
     for (int y = 0; y < k.height; ++y) {
       for (int x = 0; x < k.width; ++x) {
         const auto pixel =
             camera_.model.project({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy, 1.0});
-        if (!pixel) fail_run("the lens does not cover its pinhole");
+        if (!pixel) fail_run("cannot project all pixels of the undistorted camera");
         map_.at<cv::Vec2f>(y, x) = {static_cast<float>(pixel->x()), static_cast<float>(pixel->y())};
       }
     }
@@ -255,12 +256,12 @@ class Jobs {
   io::DatasetConfig config_;
   std::unique_ptr<io::SequenceReader> reader_;
   CameraCalibration camera_;
-  bridge::Undistorter undistort_;
+  slam::Undistorter undistort_;
   Trajectory poses_;
   cv::Mat map_;
   std::optional<Eigen::Vector3d> last_;
   std::size_t count_ = 0;
-  std::deque<mapping::DepthView> window_;
+  std::deque<depth::DepthView> window_;
   std::vector<Waiting> waiting_;
   std::vector<Job> done_;
 };
@@ -270,8 +271,8 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// What is found over all keyframes of a case.
-struct Score {
+/// Results over all keyframes of a case.
+struct CaseResult {
   std::vector<Tensor> errors;     ///< relative, at representatives
   std::vector<Tensor> confident;  ///< bool
   std::vector<Tensor> areas;
@@ -279,7 +280,7 @@ struct Score {
   std::vector<double> seconds;
   std::vector<double> core_seconds;
 
-  void add(const mapping::DepthEstimate& out, const Tensor& truth) {
+  void add(const depth::DepthEstimate& out, const Tensor& truth) {
     const Tensor at = (out.points - 0.5).round().to(torch::kInt64);
     const Tensor pixel = at.select(1, 1) * truth.size(1) + at.select(1, 0);
     const Tensor z = truth.reshape({-1}).index_select(0, pixel);
@@ -304,15 +305,15 @@ struct Score {
     std::printf(
         "%-15s %7.0f %7.2f %7.2f %7.2f %7.2f %7.1f %7.1f %7.2f %7.2f %7.0f %7.0f\n", name.c_str(),
         static_cast<double>(e.numel()) / static_cast<double>(errors.size()), percent(e.median()),
-        percent(sure.median()), percent((e > kOff).to(torch::kFloat32).mean()),
-        percent((sure > kOff).to(torch::kFloat32).mean()), percent(c.to(torch::kFloat32).mean()),
-        percent(a.masked_select(c).sum() / a.sum()), percent(d.median()), percent(d.mean()),
-        1e3 * median(seconds), 1e3 * median(core_seconds));
+        percent(sure.median()), percent((e > kOutlierError).to(torch::kFloat32).mean()),
+        percent((sure > kOutlierError).to(torch::kFloat32).mean()),
+        percent(c.to(torch::kFloat32).mean()), percent(a.masked_select(c).sum() / a.sum()),
+        percent(d.median()), percent(d.mean()), 1e3 * median(seconds), 1e3 * median(core_seconds));
     std::fflush(stdout);
   }
 };
 
-/// Blue is near, red is far, black unknown.
+/// Blue: near, red: far, black: unknown.
 Tensor colored(const Tensor& depth, double near, double far) {
   const Tensor x = ((depth - near) / (far - near)).clamp(0.0, 1.0);
   const Tensor known = (depth > 0).to(torch::kFloat32);
@@ -322,8 +323,8 @@ Tensor colored(const Tensor& depth, double near, double far) {
                       2);
 }
 
-void draw(const fs::path& folder, const std::string& name, const Job& job,
-          const mapping::DepthEstimate& out) {
+void draw_panels(const fs::path& folder, const std::string& name, const Job& job,
+                 const depth::DepthEstimate& out) {
   const Tensor sorted = std::get<0>(job.truth.reshape({-1}).sort());
   const auto near = sorted[sorted.numel() / 100].item<double>();
   const auto far = sorted[sorted.numel() * 99 / 100].item<double>();
@@ -338,20 +339,20 @@ void draw(const fs::path& folder, const std::string& name, const Job& job,
       sure.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width).fill_(depth);
     }
   }
-  const Tensor grey = job.request.views.front().grey.unsqueeze(2).expand({-1, -1, 3});
+  const Tensor gray = job.request.views.front().gray.unsqueeze(2).expand({-1, -1, 3});
   const Tensor top =
-      torch::cat({grey, colored(job.truth, near, far), colored(out.dense, near, far)}, 1);
-  const Tensor error = ((out.dense - job.truth).abs() / job.truth / kOff).clamp(0.0, 1.0);
+      torch::cat({gray, colored(job.truth, near, far), colored(out.dense, near, far)}, 1);
+  const Tensor error = ((out.dense - job.truth).abs() / job.truth / kOutlierError).clamp(0.0, 1.0);
   const Tensor below = torch::cat({error.unsqueeze(2).expand({-1, -1, 3}),
                                    colored(blocks, near, far), colored(sure, near, far)},
                                   1);
   fs::create_directories(folder);
-  bridge::write_png(folder / (job.stamp + "_" + name + ".png"),
-                    torch::cat({top, below}, 0).contiguous());
+  runs::write_png(folder / (job.stamp + "_" + name + ".png"),
+                  torch::cat({top, below}, 0).contiguous());
 }
 
-mapping::DepthRequest on_device(mapping::DepthRequest request, const torch::Device& device) {
-  for (mapping::DepthView& view : request.views) view.grey = view.grey.to(device);
+depth::DepthRequest on_device(depth::DepthRequest request, const torch::Device& device) {
+  for (depth::DepthView& view : request.views) view.gray = view.gray.to(device);
   if (device.is_cuda()) torch::cuda::synchronize();
   return request;
 }
@@ -359,24 +360,24 @@ mapping::DepthRequest on_device(mapping::DepthRequest request, const torch::Devi
 void run(const Arguments& arguments) {
   torch::set_num_threads(arguments.threads);
   const std::vector<Job> jobs = Jobs(arguments).read();
-  if (jobs.empty()) fail_input("{}: no frame with true depth", arguments.dataset.string());
+  if (jobs.empty()) fail_input("{}: no frame with true depth found", arguments.dataset.string());
   std::printf("%zu keyframes of %s\n%-15s %7s %7s %7s %7s %7s %7s %7s %7s %7s %7s %7s\n",
-              jobs.size(), arguments.dataset.filename().c_str(), "case", "blocks", "all", "sure",
-              "wrong", "off", "share", "area", "dense", "mean", "ms", "core ms");
+              jobs.size(), arguments.dataset.filename().c_str(), "case", "blocks", "all", "conf",
+              "out", "out_c", "conf%", "area", "dense", "mean", "ms", "core ms");
   for (const Case& c : cases(arguments)) {
-    Score score;
-    mapping::estimate_depth(on_device(jobs.front().request, arguments.device), c.options);  // warm
+    CaseResult result;
+    depth::estimate_depth(on_device(jobs.front().request, arguments.device), c.options);  // warm-up
     for (const Job& job : jobs) {
-      const mapping::DepthRequest request = on_device(job.request, arguments.device);
+      const depth::DepthRequest request = on_device(job.request, arguments.device);
       const Stopwatch watch;
       const std::clock_t clock = std::clock();
-      const mapping::DepthEstimate out = mapping::estimate_depth(request, c.options);
-      score.seconds.push_back(watch.seconds());
-      score.core_seconds.push_back(static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC);
-      score.add(out, job.truth);
-      if (!arguments.images.empty()) draw(arguments.images, c.name, job, out);
+      const depth::DepthEstimate out = depth::estimate_depth(request, c.options);
+      result.seconds.push_back(watch.seconds());
+      result.core_seconds.push_back(static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC);
+      result.add(out, job.truth);
+      if (!arguments.images.empty()) draw_panels(arguments.images, c.name, job, out);
     }
-    score.print(c.name);
+    result.print(c.name);
   }
 }
 

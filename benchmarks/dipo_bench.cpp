@@ -1,44 +1,44 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How fast localization without a camera is, and whether its memory grows with the length of a run.
+// Speed of acoustic-inertial odometry (no camera), and memory growth over the length of a run.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "apvi/core/stopwatch.hpp"
-#include "apvi/pipeline/localization.hpp"
-#include "voyage.hpp"
+#include "core/stopwatch.hpp"
+#include "localization/acoustic_odometry.hpp"
+#include "synthetic_dive.hpp"
 
 namespace apvi::bench {
 namespace {
 
 constexpr Duration kChunk{10'000'000'000};
-constexpr Duration kWarmUp{60'000'000'000};  // memory is compared with that after this
+constexpr Duration kWarmUp{60'000'000'000};  // memory growth is measured from here
 
 struct Outcome {
   double wall_s = 0.0;
   double rss_peak_mib = 0.0;
   double rss_growth_mib = 0.0;
-  double range_error_m = 0.0;  // of the distance from start to end: frames need not be the same
+  double range_error_m = 0.0;  // error of the start-to-end distance, independent of the frame
   std::size_t poses = 0;
 };
 
-double range_error(const dipo::Estimate& first, const dipo::Estimate& last, const Voyage& voyage) {
+double range_error(const dipo::Estimate& first, const dipo::Estimate& last,
+                   const SyntheticDive& dive) {
   const double estimated = (last.state.nav.p_world - first.state.nav.p_world).norm();
-  const double true_range =
-      (voyage.position_at(last.stamp) - voyage.position_at(first.stamp)).norm();
+  const double true_range = (dive.position_at(last.stamp) - dive.position_at(first.stamp)).norm();
   return std::abs(estimated - true_range);
 }
 
-// Takes in every sample of the voyage; only that is timed.
-Outcome swim(Voyage& voyage) {
-  pipeline::Localization localization({}, voyage.rig());
+// Processes every sample of the dive; only the processing is timed.
+Outcome run_localization(SyntheticDive& dive) {
+  localization::AcousticOdometry localization({}, dive.rig());
   Outcome outcome;
   double rss_early = 0.0;
   std::optional<dipo::Estimate> first;
   std::optional<dipo::Estimate> last;
-  for (auto events = voyage.next(kChunk); !events.empty(); events = voyage.next(kChunk)) {
+  for (auto events = dive.next(kChunk); !events.empty(); events = dive.next(kChunk)) {
     const Stopwatch watch;
     for (const SensorEvent& event : events) {
       for (const auto& output : localization.process(event)) {
@@ -50,10 +50,10 @@ Outcome swim(Voyage& voyage) {
     outcome.wall_s += watch.seconds();
     const double rss = resident_mib();
     outcome.rss_peak_mib = std::max(outcome.rss_peak_mib, rss);
-    if (stamp_of(events.back()) <= voyage.start() + kWarmUp) rss_early = outcome.rss_peak_mib;
+    if (stamp_of(events.back()) <= dive.start() + kWarmUp) rss_early = outcome.rss_peak_mib;
   }
   outcome.rss_growth_mib = outcome.rss_peak_mib - rss_early;
-  if (first) outcome.range_error_m = range_error(*first, *last, voyage);
+  if (first) outcome.range_error_m = range_error(*first, *last, dive);
   return outcome;
 }
 
@@ -64,8 +64,8 @@ void localization(benchmark::State& state) {
                     .pressure = 10.0};
   Outcome outcome;
   for ([[maybe_unused]] auto _ : state) {
-    Voyage voyage(rates, duration_s);
-    outcome = swim(voyage);
+    SyntheticDive dive(rates, duration_s);
+    outcome = run_localization(dive);
     state.SetIterationTime(outcome.wall_s);
   }
   if (outcome.poses == 0) state.SkipWithError("no pose was estimated");

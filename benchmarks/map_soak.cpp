@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A long survey for the mapper alone: do memory and the time for a keyframe stay where they are?
-// The pictures are of a sea floor without end, ray by ray, through water; poses are exact.
+// Soak test of the mapper on a long survey: checks that memory and time per keyframe stay bounded.
+// Images show an unbounded sea floor, ray-cast through water; poses are exact.
 //
 //   map_soak [MINUTES] [KEYFRAMES_PER_S] [WIDTH] [KEY=VALUE]...
 //
-// prints a line every minute of the dive. The mapper has its defaults, quadtree and water, and what
-// is said besides (mapping.online.memory_mib=100); as many steps follow each keyframe as `run.mode:
-// replay` gives it.
+// prints a line every minute of the dive. The mapper runs with default settings, quadtree insertion
+// and the water medium, plus overrides (e.g. mapping.online.image_memory_mib=100). Each keyframe is
+// followed by as many optimization steps as with `run.mode: replay`.
 #include <fmt/format.h>
 #include <torch/torch.h>
 
@@ -17,32 +17,32 @@
 #include <string>
 #include <vector>
 
-#include "apvi/bridge/run_config.hpp"
-#include "apvi/core/stopwatch.hpp"
-#include "apvi/mapping/evaluation.hpp"
-#include "apvi/mapping/mapper.hpp"
-#include "apvi/splat/device.hpp"
-#include "voyage.hpp"
+#include "core/stopwatch.hpp"
+#include "gaussians/device.hpp"
+#include "mapping/evaluation.hpp"
+#include "mapping/mapper.hpp"
+#include "runs/run_config.hpp"
+#include "synthetic_dive.hpp"
 
 namespace apvi::bench {
 namespace {
 
 using torch::Tensor;
 
-constexpr double kSpeed = 0.4;       // [m/s]
-constexpr double kHeight = 2.0;      // above the floor [m]
-constexpr double kLane_m = 24.0;     // length of a lane of the survey
-constexpr double kLaneWidth = 0.8;   // from one to the next [m]
-constexpr double kTilt = 0.9;        // of the camera, down from level [rad]
-constexpr int kRayIterations = 12;   // until a ray has met the floor
-constexpr std::size_t kJudged = 10;  // newest keyframes that the PSNR is of
+constexpr double kSpeed = 0.4;                // [m/s]
+constexpr double kAltitude = 2.0;             // above the floor [m]
+constexpr double kLane_m = 24.0;              // length of a survey line
+constexpr double kLaneWidth = 0.8;            // line spacing [m]
+constexpr double kTilt = 0.9;                 // camera pitch below horizontal [rad]
+constexpr int kRayIterations = 12;            // of the ray-floor intersection
+constexpr std::size_t kScoredKeyframes = 10;  // newest keyframes in the PSNR
 
-// Height of the floor at points [n], a quarter of a metre up and down.
+// Height of the floor at points [n], within +-0.25 m.
 Tensor floor_height(const Tensor& x, const Tensor& y) {
   return 0.15 * torch::sin(1.3 * x + 0.4 * y) + 0.1 * torch::sin(2.1 * y - 0.7 * x);
 }
 
-// A number in [0, 1) for every cell of a grid, the same each time.
+// Deterministic pseudo-random value in [0, 1) per grid cell.
 Tensor hashed(const Tensor& i, const Tensor& j) {
   const Tensor h = torch::sin(12.9898 * i + 78.233 * j) * 43758.5453;
   return h - torch::floor(h);
@@ -59,19 +59,19 @@ Tensor value_noise(const Tensor& x, const Tensor& y) {
   return near * (1 - v) + far * v;
 }
 
-// Where rays from `eye` [3] along `rays` [n,3] meet the floor.
-Tensor meet_floor(const Tensor& eye, const Tensor& rays) {
-  Tensor reach = -eye[2] / rays.select(1, 2).clamp_max(-0.05);
+// Range to the floor of rays from `eye` [3] along `rays` [n,3].
+Tensor intersect_floor(const Tensor& eye, const Tensor& rays) {
+  Tensor range = -eye[2] / rays.select(1, 2).clamp_max(-0.05);
   for (int k = 0; k < kRayIterations; ++k) {
-    const Tensor at = eye + reach.unsqueeze(1) * rays;
+    const Tensor at = eye + range.unsqueeze(1) * rays;
     const Tensor above = at.select(1, 2) - floor_height(at.select(1, 0), at.select(1, 1));
-    reach = reach + 0.7 * above / -rays.select(1, 2).clamp_max(-0.05);
+    range = range + 0.7 * above / -rays.select(1, 2).clamp_max(-0.05);
   }
-  return reach;
+  return range;
 }
 
-/// What a camera sees: [H,W,3] uint8.
-Tensor picture(const Tensor& T_world_camera, const splat::Intrinsics& k) {
+/// Camera image [H,W,3] uint8.
+Tensor render_seafloor(const Tensor& T_world_camera, const gaussians::Intrinsics& k) {
   const auto options = torch::kFloat64;
   const Tensor u = (torch::arange(k.width, options) + 0.5 - k.cx) / k.fx;
   const Tensor v = (torch::arange(k.height, options) + 0.5 - k.cy) / k.fy;
@@ -80,8 +80,8 @@ Tensor picture(const Tensor& T_world_camera, const splat::Intrinsics& k) {
   rays = rays / rays.norm(2, 1, true);
   rays = torch::mm(rays, T_world_camera.slice(0, 0, 3).slice(1, 0, 3).t());
   const Tensor eye = T_world_camera.slice(0, 0, 3).select(1, 3);
-  const Tensor reach = meet_floor(eye, rays);
-  const Tensor at = eye + reach.unsqueeze(1) * rays;
+  const Tensor range = intersect_floor(eye, rays);
+  const Tensor at = eye + range.unsqueeze(1) * rays;
   const Tensor x = at.select(1, 0);
   const Tensor y = at.select(1, 1);
   const Tensor light = 0.15 + 0.3 * value_noise(2.0 * x, 2.0 * y) +
@@ -90,12 +90,12 @@ Tensor picture(const Tensor& T_world_camera, const splat::Intrinsics& k) {
   const Tensor clear = light.unsqueeze(1) * sand;
   const Tensor beta = torch::tensor({0.25, 0.12, 0.10}, options);
   const Tensor water = torch::tensor({0.05, 0.25, 0.30}, options);
-  const Tensor through = torch::exp(-reach.unsqueeze(1) * beta);
+  const Tensor through = torch::exp(-range.unsqueeze(1) * beta);
   const Tensor seen = clear * through + water * (1.0 - through);
   return (255.0 * seen).round().clamp(0, 255).to(torch::kUInt8).reshape({k.height, k.width, 3});
 }
 
-/// T_world_camera of a survey in lanes, there and back, after `t` seconds.
+/// T_world_camera of a lawnmower survey at `t` seconds.
 Tensor pose_at(double t) {
   const double way = kSpeed * t;
   const int lane = static_cast<int>(way / (kLane_m + kLaneWidth));
@@ -105,19 +105,19 @@ Tensor pose_at(double t) {
   const double x = lane % 2 == 0 ? in_lane : kLane_m - in_lane;
   const double s = std::sin(kTilt);
   const double c = std::cos(kTilt);
-  // Columns: the camera's right, down and forward axes; it looks along the lanes and down.
+  // Columns: the camera's right, down and forward axes; it looks along the lines and down.
   return torch::tensor(
-      {{0.0, -s, c, x}, {-1.0, 0.0, 0.0, side}, {0.0, -c, -s, kHeight}, {0.0, 0.0, 0.0, 1.0}},
+      {{0.0, -s, c, x}, {-1.0, 0.0, 0.0, side}, {0.0, -c, -s, kAltitude}, {0.0, 0.0, 0.0, 1.0}},
       torch::kFloat64);
 }
 
 class MapSoak {
  public:
-  MapSoak(double minutes, double keyframe_hz, int width, const bridge::RunConfig& config)
+  MapSoak(double minutes, double keyframe_hz, int width, const runs::RunConfig& config)
       : minutes_(minutes),
         keyframe_hz_(keyframe_hz),
         steps_(config.mapping.online.steps_per_keyframe),
-        mapper_(bridge::mapper_options(config)) {
+        mapper_(runs::mapper_options(config)) {
     const int height = 3 * width / 4;
     const double f = 0.66 * width;
     camera_ = {f, f, 0.5 * width, 0.5 * height, width, height};
@@ -125,8 +125,8 @@ class MapSoak {
 
   void run() {
     fmt::print(
-        "| minutes | memory, MiB | of the GPU, MiB | keyframes | with picture | Gaussians | "
-        "a keyframe, ms | newest, dB |\n|---|---|---|---|---|---|---|---|\n");
+        "| minutes | RSS, MiB | GPU memory, MiB | keyframes | with image | Gaussians | "
+        "per keyframe, ms | PSNR of newest, dB |\n|---|---|---|---|---|---|---|---|\n");
     int reported = 0;
     std::size_t since = 0;
     Stopwatch watch;
@@ -151,19 +151,21 @@ class MapSoak {
     input.keyframe.name = fmt::format("{:.3f}", t);
     input.keyframe.intrinsics = camera_;
     input.keyframe.T_camera_world = mapping::rigid_inverse(T_world_camera);
-    input.keyframe.image = picture(T_world_camera, camera_);
+    input.keyframe.image = render_seafloor(T_world_camera, camera_);
     mapper_.add(input);
     for (int k = 0; k < steps_ && mapper_.ready(); ++k) mapper_.step();
   }
 
   void report(int minute, double seconds_each) {
     const std::vector<std::size_t>& seen = mapper_.keyframes().training();
-    const std::vector<std::size_t> newest(seen.end() - std::min(kJudged, seen.size()), seen.end());
+    const std::vector<std::size_t> newest(seen.end() - std::min(kScoredKeyframes, seen.size()),
+                                          seen.end());
     const auto psnr = mapping::mean_psnr(mapper_.snapshot(), mapper_.keyframes(), newest);
-    const auto memory = splat::device_memory();
+    const auto memory = gaussians::device_memory();
     fmt::print("| {} | {:.0f} | {} | {} | {} | {} | {:.0f} | {:.1f} |\n", minute, resident_mib(),
-               memory ? fmt::format("{:.0f}", memory->now_mib) : "-", mapper_.keyframes().size(),
-               seen.size(), mapper_.size(), 1e3 * seconds_each, psnr.value_or(0.0));
+               memory ? fmt::format("{:.0f}", memory->allocated_mib) : "-",
+               mapper_.keyframes().size(), seen.size(), mapper_.size(), 1e3 * seconds_each,
+               psnr.value_or(0.0));
     std::fflush(stdout);
   }
 
@@ -171,14 +173,14 @@ class MapSoak {
   double keyframe_hz_;
   int steps_;
   mapping::Mapper mapper_;
-  splat::Intrinsics camera_;
+  gaussians::Intrinsics camera_;
 };
 
-bridge::RunConfig config(const std::vector<std::string>& overrides) {
+runs::RunConfig config(const std::vector<std::string>& overrides) {
   std::vector<std::string> all{"mapping.enabled=true", "mapping.densification=quadtree",
                                "mapping.medium=true"};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return bridge::load_run_config(APVI_SOURCE_DIR "/configs/default.yaml", all);
+  return runs::load_run_config(APVI_SOURCE_DIR "/configs/default.yaml", all);
 }
 
 }  // namespace

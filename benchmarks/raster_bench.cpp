@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How fast the rasterizer is: one pass, one pass with derivatives by every parameter, and a whole
-// step of training (rendering, L1 and D-SSIM, derivatives, Adam over all parameters). One line of
-// JSON a program run:
+// Speed of the rasterizer: forward pass, forward and backward pass with gradients of all
+// parameters, and a full training step (rendering, L1 and D-SSIM, backward pass, Adam over all
+// parameters). Prints one line of JSON:
 //   raster_bench MAP.ply [--copies N] [--size WxH] [--degree D] [--threads T] [--repeats R]
 //                [--device cpu|cuda] [--order file|morton]
-// draws the map N x N times, 4 m apart, from where the reference image of the garden was taken;
-// with `--order morton` after putting Gaussians in a row that are neighbours. On
-// a GPU the times are between two of its events, one call at a time; `_streamed` are those of calls
-// in a row, divided by their number, as in training. Beside them the floors: the bytes that must be
-// moved over what a copy moves.
+// renders N x N copies of the map, 4 m apart, from the camera of the garden's reference image; with
+// `--order morton` the Gaussians are sorted in Morton order first. On a GPU, times are measured by
+// CUDA events, one call at a time; `_streamed` times are for back-to-back calls, divided by their
+// number, as in training. The lower bounds are the bytes that must be moved divided by the copy
+// bandwidth.
 #include <torch/torch.h>
 #if APVI_WITH_CUDA
 #include <ATen/cuda/CUDAEvent.h>
@@ -23,24 +23,24 @@
 #include <thread>
 #include <vector>
 
-#include "apvi/core/stopwatch.hpp"
-#include "apvi/splat/adam.hpp"
-#include "apvi/splat/device.hpp"
-#include "apvi/splat/losses.hpp"
-#include "apvi/splat/medium_backend.hpp"
-#include "apvi/splat/morton.hpp"
-#include "apvi/splat/ply.hpp"
-#include "apvi/splat/raster_backend.hpp"
-#include "apvi/splat/render.hpp"
+#include "core/stopwatch.hpp"
+#include "gaussians/device.hpp"
+#include "gaussians/metrics/losses.hpp"
+#include "gaussians/model/morton.hpp"
+#include "gaussians/optimizer/adam.hpp"
+#include "gaussians/render/raster_backend.hpp"
+#include "gaussians/render/render.hpp"
+#include "map_io/ply.hpp"
+#include "medium/medium_backend.hpp"
 
-namespace apvi::splat {
+namespace apvi::gaussians {
 namespace {
 
 using torch::Tensor;
 
 constexpr double kSpacing_m = 4.0;
 constexpr double kSsimWeight = 0.2;
-constexpr double kRate = 1e-9;  // every step sees the same scene
+constexpr double kRate = 1e-9;  // so small that the scene stays the same
 
 struct Arguments {
   std::string map;
@@ -48,7 +48,8 @@ struct Arguments {
   int width = 640;
   int height = 480;
   int degree = 3;
-  int threads = static_cast<int>(std::thread::hardware_concurrency());  // LibTorch's is often 1
+  int threads =
+      static_cast<int>(std::thread::hardware_concurrency());  // LibTorch's default is often 1
   int repeats = 15;
   torch::Device device = active_device();
   bool morton = false;
@@ -84,9 +85,9 @@ Arguments parse(int argc, char** argv) {
   return out;
 }
 
-/// The map side by side, with as many coefficients as the degree asks for (noise for missing ones).
+/// Copies of the map side by side, with the SH coefficients of the degree (noise for missing ones).
 Gaussians make_map(const Arguments& arguments) {
-  const Gaussians one = read_ply(arguments.map);
+  const Gaussians one = map_io::read_ply(arguments.map);
   const std::int64_t used = std::min(sh_rest_count(arguments.degree), one.sh_rest.size(1));
   const Tensor missing =
       torch::randn({one.size(), sh_rest_count(arguments.degree) - used, 3}) * 0.01;
@@ -141,12 +142,12 @@ double status_mib(const std::string& key) {
   return 0.0;
 }
 
-/// Time and memory as the device counts them.
+/// Measures time and memory on the device.
 class Meter {
  public:
   explicit Meter(const torch::Device& device) : device_(device) {}
 
-  /// Seconds between the beginning and the end of the work that `f` gives the device.
+  /// Seconds between the start and the end of the work that `f` submits to the device.
   double seconds(const std::function<void()>& f) const {
 #if APVI_WITH_CUDA
     if (device_.is_cuda()) {
@@ -165,13 +166,14 @@ class Meter {
     return watch.seconds();
   }
 
-  /// From now on, the peak is that of what comes.
-  void forget_peak() {
-    if (device_.is_cuda()) return forget_peak_memory();
+  /// Resets the peak memory.
+  void reset_peak() {
+    if (device_.is_cuda()) return reset_peak_memory();
     before_mib_ = status_mib("VmRSS:");
     std::ofstream("/proc/self/clear_refs") << "5";
   }
-  /// Peak [MiB]: on a GPU of everything, on the CPU beyond what was there before.
+  /// Peak memory [MiB] since the reset: total on a GPU, increase over the RSS at the reset on the
+  /// CPU.
   double peak_mib() const {
     if (device_.is_cuda()) return device_memory()->peak_mib;
     return status_mib("VmHWM:") - before_mib_;
@@ -184,11 +186,11 @@ class Meter {
 
 struct Timing {
   double median_ms = 0.0;
-  double least_ms = 0.0;
+  double min_ms = 0.0;
   double streamed_ms = 0.0;
 };
 
-/// Median over the repeats, after three runs that do not count. `prepare` is not timed.
+/// Median over the repeats, after three warm-up runs. `prepare` is not timed.
 Timing measure(const Meter& meter, int repeats, const std::function<void()>& prepare,
                const std::function<void()>& run) {
   std::vector<double> ms;
@@ -207,7 +209,7 @@ Timing measure(const Meter& meter, int repeats, const std::function<void()>& pre
   return {ms[ms.size() / 2], ms.front(), 1e3 * all / repeats};
 }
 
-/// Bytes that a copy on the device moves in a second, counting both reads and writes.
+/// Copy bandwidth of the device [bytes/s], counting reads and writes.
 double copy_rate(const Meter& meter, const torch::Device& device) {
   const Tensor from = torch::ones({1 << 26}, torch::dtype(torch::kFloat32).device(device));
   Tensor to = torch::empty_like(from);
@@ -244,7 +246,7 @@ class Bench {
     for (const AdamGroup& group : groups_) sum += static_cast<double>(group.parameter.nbytes());
     return sum;
   }
-  /// Bytes that a step of Adam reads and writes, whatever else it does.
+  /// Minimum bytes that an Adam step reads and writes.
   double adam_bytes() const {
     double sum = 0.0;
     for (const AdamGroup& group : groups_) {
@@ -259,16 +261,18 @@ class Bench {
     render(map_, view_, {});
   }
 
-  /// Without the loss: its derivative by the image is given. `rows`: as the optimiser takes them.
-  void forward_backward(bool rows) {
-    const RenderOutput drawn = render(map_, view_, {.background = {}, .rows = rows});
-    drawn.color.backward(target_);
+  /// Without the loss: uses a given image gradient. `rows`: sparse gradients, as in training.
+  void forward_backward(bool sparse) {
+    const RenderOutput rendered =
+        render(map_, view_, {.background = {}, .sparse_gradient = sparse});
+    rendered.color.backward(target_);
   }
 
   void training_step() {
-    const RenderOutput drawn = render(map_, view_, {.background = {}, .rows = true});
-    photometric_loss(drawn.color, target_, kSsimWeight).backward();
-    if (drawn.rows != nullptr) return adam_step_rows(groups_, *drawn.rows, ++steps_);
+    const RenderOutput rendered = render(map_, view_, {.background = {}, .sparse_gradient = true});
+    photometric_loss(rendered.color, target_, kSsimWeight).backward();
+    if (rendered.sparse_gradient != nullptr)
+      return adam_step_sparse(groups_, *rendered.sparse_gradient, ++steps_);
     for (std::size_t k = 0; k < groups_.size(); ++k) {
       groups_[k].gradient = map_.tensors()[k]->grad();
     }
@@ -289,8 +293,8 @@ class Bench {
 };
 
 void print_timing(const char* name, const Timing& timing) {
-  std::printf(R"("%s_ms": %.3f, "%s_least_ms": %.3f, "%s_streamed_ms": %.3f, )", name,
-              timing.median_ms, name, timing.least_ms, name, timing.streamed_ms);
+  std::printf(R"("%s_ms": %.3f, "%s_min_ms": %.3f, "%s_streamed_ms": %.3f, )", name,
+              timing.median_ms, name, timing.min_ms, name, timing.streamed_ms);
 }
 
 void run(const Arguments& arguments) {
@@ -299,15 +303,15 @@ void run(const Arguments& arguments) {
   const double rate = copy_rate(meter, arguments.device);
   Bench bench(arguments);
   const auto clear = [&] { bench.clear(); };
-  meter.forget_peak();
+  meter.reset_peak();
   const Timing forward = measure(meter, arguments.repeats, clear, [&] { bench.forward(); });
   const Timing dense =
       measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(false); });
   const Timing both =
       measure(meter, arguments.repeats, clear, [&] { bench.forward_backward(true); });
-  const double drawing_mib = meter.peak_mib();
+  const double render_mib = meter.peak_mib();
   bench.clear();
-  meter.forget_peak();
+  meter.reset_peak();
   const Timing step = measure(meter, arguments.repeats, clear, [&] { bench.training_step(); });
   const double forward_floor_ms = 1e3 * bench.bytes() / rate;
   const double adam_floor_ms = 1e3 * bench.adam_bytes() / rate;
@@ -320,18 +324,18 @@ void run(const Arguments& arguments) {
   print_timing("forward_backward", both);
   print_timing("forward_backward_dense", dense);
   print_timing("training_step", step);
-  std::printf(R"("drawing_mib": %.1f, "step_mib": %.1f, "copy_gb_s": %.0f, )"
+  std::printf(R"("render_mib": %.1f, "step_mib": %.1f, "copy_gb_s": %.0f, )"
               R"("all_parameters_read_ms": %.3f, "adam_floor_ms": %.3f})"
               "\n",
-              drawing_mib, meter.peak_mib(), 1e-9 * rate, forward_floor_ms, adam_floor_ms);
+              render_mib, meter.peak_mib(), 1e-9 * rate, forward_floor_ms, adam_floor_ms);
 }
 
 }  // namespace
-}  // namespace apvi::splat
+}  // namespace apvi::gaussians
 
 int main(int argc, char** argv) {
   try {
-    apvi::splat::run(apvi::splat::parse(argc, argv));
+    apvi::gaussians::run(apvi::gaussians::parse(argc, argv));
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "raster_bench: %s\n", error.what());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How fast recordings are read, and whether the memory needed grows with their size.
+// Speed of reading recordings, and memory growth with their size.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 #include <malloc.h>
@@ -9,10 +9,10 @@
 #include <fstream>
 
 #include "apvi/core/error.hpp"
-#include "apvi/io/bag_writer.hpp"
 #include "apvi/io/sequence.hpp"
+#include "io/rosbag/bag_writer.hpp"
 #include "support/tmp_dir.hpp"
-#include "voyage.hpp"
+#include "synthetic_dive.hpp"
 
 namespace apvi::bench {
 namespace {
@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr Duration kChunk{10'000'000'000};
 constexpr Rates kRates{.imu = 200.0, .dvl = 8.0, .pressure = 10.0};
 
-// One csv of a data set folder.
+// One CSV file of a dataset folder.
 class Csv {
  public:
   Csv(const fs::path& mav0, const std::string& sensor, const std::string& header) {
@@ -64,8 +64,8 @@ fs::path write_folder(const test::TmpDir& dir, double duration_s) {
   dir.write(
       "rig.yaml",
       "body: imu0\nimu0: {rate_hz: 200}\ndvl0: {time_offset_s: 0.0}\npressure0: {noise_m: 0.01}\n");
-  Voyage voyage(kRates, duration_s);
-  for (auto events = voyage.next(kChunk); !events.empty(); events = voyage.next(kChunk)) {
+  SyntheticDive dive(kRates, duration_s);
+  for (auto events = dive.next(kChunk); !events.empty(); events = dive.next(kChunk)) {
     for (const SensorEvent& event : events) {
       if (const auto* s = std::get_if<ImuSample>(&event)) imu.line(imu_line(*s));
       if (const auto* s = std::get_if<DvlSample>(&event)) dvl.line(dvl_line(*s));
@@ -80,8 +80,8 @@ fs::path write_folder(const test::TmpDir& dir, double duration_s) {
 fs::path write_bag(const test::TmpDir& dir, double duration_s) {
   const fs::path path = dir.path() / "recording.bag";
   io::BagWriter bag(path);
-  Voyage voyage(kRates, duration_s);
-  for (auto events = voyage.next(kChunk); !events.empty(); events = voyage.next(kChunk)) {
+  SyntheticDive dive(kRates, duration_s);
+  for (auto events = dive.next(kChunk); !events.empty(); events = dive.next(kChunk)) {
     for (const SensorEvent& event : events) {
       if (const auto* s = std::get_if<ImuSample>(&event)) bag.write_imu("/imu/data", *s);
       if (const auto* s = std::get_if<DvlSample>(&event)) bag.write_dvl("/dvl/data", *s);
@@ -104,11 +104,11 @@ std::uintmax_t size_of(const fs::path& path) {
 struct Reading {
   std::size_t samples = 0;
   double rss_peak_mib = 0.0;
-  double rss_growth_mib = 0.0;  // over what it was before the recording was opened
+  double rss_growth_mib = 0.0;  // since before the recording was opened
 };
 
 Reading read_all(const fs::path& path) {
-  malloc_trim(0);  // what writing the recording has left
+  malloc_trim(0);  // release memory used for writing the recording
   const double rss_before = resident_mib();
   io::DatasetConfig config;
   config.path = path.string();
@@ -116,8 +116,8 @@ Reading read_all(const fs::path& path) {
   Reading reading;
   while (const auto event = reader->next()) {
     benchmark::DoNotOptimize(stamp_of(*event));
-    constexpr std::size_t kLookAtMemory = 16384;
-    if (++reading.samples % kLookAtMemory == 0) {
+    constexpr std::size_t kMemorySampleInterval = 16384;
+    if (++reading.samples % kMemorySampleInterval == 0) {
       reading.rss_peak_mib = std::max(reading.rss_peak_mib, resident_mib());
     }
   }

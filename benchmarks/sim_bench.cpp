@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How much processor time a scene's pictures take, how many corners optical flow keeps from one to
-// the next, and what they look like: sim_bench SCENE.yaml [SHEET.jpg [THREADS [COUNT]]].
+// CPU time per rendered image of a scene, number of corners that optical flow tracks to the next
+// image, and a contact sheet of the images: sim_bench SCENE.yaml [SHEET.jpg [THREADS [COUNT]]].
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,19 +13,19 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/stopwatch.hpp"
-#include "apvi/sim/renderer.hpp"
-#include "apvi/sim/simulation.hpp"
+#include "core/stopwatch.hpp"
+#include "sim/renderer.hpp"
+#include "sim/simulation.hpp"
 
 namespace {
 
 using namespace apvi;
 using namespace apvi::sim;
 
-// Corners of `first` that come back to where they were after being followed to `second` and back,
-// and that stay within a pixel of where the scene says.
-int kept_corners(const RenderedFrame& first, const cv::Mat& second, const CameraModel& camera,
-                 const SE3& T_second_first) {
+// Number of corners of `first` that optical flow tracks to within one pixel of their true position
+// in `second`.
+int tracked_corners(const RenderedFrame& first, const cv::Mat& second, const CameraModel& camera,
+                    const SE3& T_second_first) {
   cv::Mat a;
   cv::Mat b;
   cv::cvtColor(first.image, a, cv::COLOR_BGR2GRAY);
@@ -33,9 +33,9 @@ int kept_corners(const RenderedFrame& first, const cv::Mat& second, const Camera
   std::vector<cv::Point2f> corners;
   cv::goodFeaturesToTrack(a, corners, 300, 0.01, 15.0);
   if (corners.empty()) return 0;
-  std::vector<cv::Point2f> there;
+  std::vector<cv::Point2f> moved;
   std::vector<uchar> found;
-  cv::calcOpticalFlowPyrLK(a, b, corners, there, found, cv::noArray());
+  cv::calcOpticalFlowPyrLK(a, b, corners, moved, found, cv::noArray());
   int count = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const cv::Point pixel(cvRound(corners[i].x), cvRound(corners[i].y));
@@ -43,21 +43,22 @@ int kept_corners(const RenderedFrame& first, const cv::Mat& second, const Camera
     const double range = first.range.at<float>(pixel);
     if (!found[i] || !ray || range <= 0.0) continue;
     const auto expected = camera.project(T_second_first * Eigen::Vector3d(range * *ray));
-    if (expected && (*expected - Eigen::Vector2d(there[i].x, there[i].y)).norm() < 1.0) ++count;
+    if (expected && (*expected - Eigen::Vector2d(moved[i].x, moved[i].y)).norm() < 1.0) ++count;
   }
   return count;
 }
 
-struct Shots {
-  std::vector<cv::Mat> pictures;
-  std::vector<int> kept;
-  double core_seconds = 0.0;  ///< of all threads together
+struct FramePairs {
+  std::vector<cv::Mat> images;
+  std::vector<int> tracked;
+  double core_seconds = 0.0;  ///< sum over all threads
   int rendered = 0;
 };
 
-class Photographer {
+class FramePairRenderer {
  public:
-  Photographer(const Scene& scene, const TriangleMesh& mesh, const RayCaster& world, int threads)
+  FramePairRenderer(const Scene& scene, const TriangleMesh& mesh, const RayCaster& world,
+                    int threads)
       : scene_(scene),
         events_(make_schedule(scene.config)),
         recording_(simulate_sensors(scene, events_, world)),
@@ -67,8 +68,8 @@ class Photographer {
                   scene.seed(), threads),
         threads_(threads) {}
 
-  Shots shoot(int count) const {
-    Shots shots;
+  FramePairs render_pairs(int count) const {
+    FramePairs pairs;
     const std::size_t frames = recording_.frames.size();
     for (int k = 0; k < count; ++k) {
       const std::size_t at = std::min(
@@ -78,13 +79,13 @@ class Photographer {
       const std::clock_t start = std::clock();
       const RenderedFrame first = render(one);
       const cv::Mat second = render(two).image;
-      shots.core_seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+      pairs.core_seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
       const SE3 T_second_first = pose(two.truth).inverse() * pose(one.truth);
-      shots.kept.push_back(kept_corners(first, second, camera_.model, T_second_first));
-      shots.pictures.push_back(first.image);
-      shots.rendered += 2;
+      pairs.tracked.push_back(tracked_corners(first, second, camera_.model, T_second_first));
+      pairs.images.push_back(first.image);
+      pairs.rendered += 2;
     }
-    return shots;
+    return pairs;
   }
 
  private:
@@ -108,14 +109,14 @@ class Photographer {
   int threads_;
 };
 
-cv::Mat contact_sheet(const std::vector<cv::Mat>& pictures, int columns) {
+cv::Mat contact_sheet(const std::vector<cv::Mat>& images, int columns) {
   constexpr int kWidth = 320;
-  const int height = kWidth * pictures.front().rows / pictures.front().cols;
-  const int rows = (static_cast<int>(pictures.size()) + columns - 1) / columns;
+  const int height = kWidth * images.front().rows / images.front().cols;
+  const int rows = (static_cast<int>(images.size()) + columns - 1) / columns;
   cv::Mat sheet = cv::Mat::zeros(rows * height, columns * kWidth, CV_8UC3);
-  for (int i = 0; i < static_cast<int>(pictures.size()); ++i) {
+  for (int i = 0; i < static_cast<int>(images.size()); ++i) {
     const cv::Rect place(i % columns * kWidth, i / columns * height, kWidth, height);
-    cv::resize(pictures[static_cast<std::size_t>(i)], sheet(place), place.size(), 0, 0,
+    cv::resize(images[static_cast<std::size_t>(i)], sheet(place), place.size(), 0, 0,
                cv::INTER_AREA);
   }
   return sheet;
@@ -130,16 +131,16 @@ int run(const std::vector<std::string>& args) {
   const TriangleMesh mesh = make_world(scene.config.world, scene.seed());
   const RayCaster world(mesh);
   const double building = watch.seconds();
-  const Photographer photographer(scene, mesh, world, threads);
+  const FramePairRenderer pair_renderer(scene, mesh, world, threads);
   const double baking = watch.seconds() - building;
-  const Shots shots = photographer.shoot(count);
+  const FramePairs pairs = pair_renderer.render_pairs(count);
   fmt::print(
-      "{}: {} triangles, world {:.1f} s, light {:.1f} s, {:.3f} core s a frame, corners kept:",
-      args[0], mesh.triangles.size(), building, baking, shots.core_seconds / shots.rendered);
-  for (const int kept : shots.kept) fmt::print(" {}", kept);
+      "{}: {} triangles, world {:.1f} s, light {:.1f} s, {:.3f} core s per frame, corners tracked:",
+      args[0], mesh.triangles.size(), building, baking, pairs.core_seconds / pairs.rendered);
+  for (const int tracked : pairs.tracked) fmt::print(" {}", tracked);
   fmt::print("\n");
   if (args.size() > 1) {
-    cv::imwrite(args[1], contact_sheet(shots.pictures, 4), {cv::IMWRITE_JPEG_QUALITY, 82});
+    cv::imwrite(args[1], contact_sheet(pairs.images, 4), {cv::IMWRITE_JPEG_QUALITY, 82});
   }
   return 0;
 }

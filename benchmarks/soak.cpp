@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A long dive through the threads of localization: does memory stay where it is, do frames pile up?
-// Bright points of a world without end stand for a picture; every ten minutes half a minute is
-// dark.
+// Soak test of the localization threads on a long dive: checks that memory stays bounded and that
+// frames do not accumulate. Images show bright points of an unbounded world; every ten minutes, 30
+// s are dark.
 //
 //   soak [MINUTES] [CAMERA_HZ]      prints a line every five minutes of the dive
 #include <fmt/format.h>
@@ -13,21 +13,21 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "apvi/core/stopwatch.hpp"
-#include "apvi/pipeline/system.hpp"
-#include "voyage.hpp"
+#include "apvi/localization/system.hpp"
+#include "core/stopwatch.hpp"
+#include "synthetic_dive.hpp"
 
 namespace apvi::bench {
 namespace {
 
-constexpr Duration kReport{300'000'000'000};
-constexpr double kDarkEvery_s = 600.0;
-constexpr double kDark_s = 30.0;
-constexpr double kUnrest = 0.15;  // so that tracks last
-constexpr double kCell = 0.8;     // a point in each [m]
-constexpr int kReach = 7;         // cells around the camera
-constexpr double kNearest = 0.8;
-constexpr double kFarthest = 5.0;
+constexpr Duration kReportPeriod{300'000'000'000};
+constexpr double kOutagePeriod_s = 600.0;
+constexpr double kOutage_s = 30.0;
+constexpr double kMotionScale = 0.15;  // low, for long tracks
+constexpr double kCell = 0.8;          // one point per cell [m]
+constexpr int kReach = 7;              // cells around the camera
+constexpr double kMinDepth = 0.8;
+constexpr double kMaxDepth = 5.0;
 
 CameraCalibration make_camera() {
   CameraCalibration camera;
@@ -39,7 +39,7 @@ CameraCalibration make_camera() {
   return camera;
 }
 
-std::uint32_t mixed(std::array<int, 3> cell) {
+std::uint32_t hash_cell(std::array<int, 3> cell) {
   std::uint32_t h = 2166136261U;
   for (const int c : cell) {
     h = (h ^ static_cast<std::uint32_t>(c)) * 16777619U;
@@ -61,8 +61,8 @@ void draw(cv::Mat& image, const Eigen::Vector2d& at, double brightness) {
   }
 }
 
-// One point in every cell of space, wherever the vehicle goes.
-cv::Mat picture(const SE3& T_world_camera, const CameraModel& model) {
+// Renders one point per cell of space around the camera.
+cv::Mat render_points(const SE3& T_world_camera, const CameraModel& model) {
   const auto& size = model.parameters();
   cv::Mat image(size.height, size.width, CV_8UC1, cv::Scalar(20));
   const SE3 T_camera_world = T_world_camera.inverse();
@@ -72,87 +72,86 @@ cv::Mat picture(const SE3& T_world_camera, const CameraModel& model) {
     const Eigen::Vector3i cell =
         here + Eigen::Vector3i(n % kSide, n / kSide % kSide, n / (kSide * kSide)) -
         Eigen::Vector3i::Constant(kReach);
-    const std::uint32_t h = mixed({cell.x(), cell.y(), cell.z()});
+    const std::uint32_t h = hash_cell({cell.x(), cell.y(), cell.z()});
     const Eigen::Vector3d within(h & 255U, h >> 8U & 255U, h >> 16U & 255U);
     const Eigen::Vector3d p = T_camera_world * (kCell * (cell.cast<double>() + within / 256.0));
-    if (p.z() < kNearest || p.z() > kFarthest) continue;
+    if (p.z() < kMinDepth || p.z() > kMaxDepth) continue;
     const auto pixel = model.project(p);
     if (pixel && model.in_image(*pixel, 4.0)) draw(image, *pixel, 60.0 + (h >> 25U));
   }
   return image;
 }
 
-/// Counts of one soak; frames come out on a thread of their own.
+/// Frame counts; frames are output on a separate thread.
 struct Count {
   std::size_t in = 0;
   std::atomic<std::size_t> out = 0;
   std::atomic<std::size_t> fused = 0;
-  std::size_t most_under_way = 0;
+  std::size_t max_in_flight = 0;
 };
 
 class Soak {
  public:
   Soak(double minutes, double camera_hz)
-      : voyage_({.imu = 100.0, .dvl = 8.0, .pressure = 10.0}, 60.0 * minutes, 1, kUnrest),
+      : dive_({.imu = 100.0, .dvl = 8.0, .pressure = 10.0}, 60.0 * minutes, 1, kMotionScale),
         period_(Duration::from_seconds(1.0 / camera_hz)),
-        next_image_(voyage_.start() + period_) {}
+        next_image_(dive_.start() + period_) {}
 
   void run() {
-    Rig rig = voyage_.rig();
+    Rig rig = dive_.rig();
     rig.cameras.push_back(make_camera());
-    pipeline::RunConfig config;
-    config.run.mode = pipeline::RunMode::replay;
-    // The points give some fifty corners: enough here, where everything is to run most of the time.
-    config.fusion.discriminator.coarse.min_features = 20;
-    config.fusion.discriminator.fine.action = fusion::DegeneracyAction::ignore;
-    pipeline::System system(config, rig, pipeline::find_sensors(config, rig, true),
-                            {.frame = [this](const pipeline::FrameOutput& o) {
-                              ++count_.out;
-                              if (o.fusion.state == fusion::FusionState::fused) ++count_.fused;
-                            }});
-    fmt::print(
-        "| minutes of the dive | memory, MiB | frames | fused | most under way | wall, s |\n");
+    localization::Options options;
+    config.run.mode = localization::RunMode::replay;
+    // The images have only about fifty corners; lower the threshold so that frames are fused.
+    config.fusion.discriminator.tracking.min_features = 20;
+    config.fusion.discriminator.degeneracy.action = fusion::DegeneracyAction::ignore;
+    localization::System system(config, rig, localization::select_sensors(config, rig, true),
+                                {.frame = [this](const localization::FrameOutput& o) {
+                                  ++count_.out;
+                                  if (o.fusion.state == fusion::FusionState::fused) ++count_.fused;
+                                }});
+    fmt::print("| minutes of the dive | RSS, MiB | frames | fused | max in flight | wall, s |\n");
     fmt::print("|---|---|---|---|---|---|\n");
-    Stamp next_report = voyage_.start() + kReport;
+    Stamp next_report = dive_.start() + kReportPeriod;
     constexpr Duration kChunk{1'000'000'000};
-    for (auto events = voyage_.next(kChunk); !events.empty(); events = voyage_.next(kChunk)) {
+    for (auto events = dive_.next(kChunk); !events.empty(); events = dive_.next(kChunk)) {
       for (const SensorEvent& event : events) feed(system, rig, event);
       if (stamp_of(events.back()) < next_report - kChunk) continue;
       report(next_report);
-      next_report = next_report + kReport;
+      next_report = next_report + kReportPeriod;
     }
     system.finish();
-    fmt::print("in {} frames, out {}, given up {}\n", count_.in, count_.out.load(),
-               system.navigator().abandoned_frames());
+    fmt::print("frames: in {}, out {}, abandoned {}\n", count_.in, count_.out.load(),
+               system.synchronizer().abandoned_frames());
   }
 
  private:
-  void feed(pipeline::System& system, const Rig& rig, const SensorEvent& event) {
+  void feed(localization::System& system, const Rig& rig, const SensorEvent& event) {
     if (std::holds_alternative<ImuSample>(event) && stamp_of(event) >= next_image_) {
-      const double t = seconds_between(voyage_.start(), next_image_);
-      const bool dark = std::fmod(t, kDarkEvery_s) > kDarkEvery_s - kDark_s;
+      const double t = seconds_between(dive_.start(), next_image_);
+      const bool dark = std::fmod(t, kOutagePeriod_s) > kOutagePeriod_s - kOutage_s;
       const CameraCalibration& camera = rig.cameras.front();
-      const SE3 pose = voyage_.pose_at(next_image_) * camera.T_body_camera;
+      const SE3 pose = dive_.pose_at(next_image_) * camera.T_body_camera;
       system.process(ImageFrame{next_image_, 0, [dark, pose, &camera] {
                                   return dark ? cv::Mat(240, 320, CV_8UC1, cv::Scalar(0))
-                                              : picture(pose, camera.model);
+                                              : render_points(pose, camera.model);
                                 }});
       ++count_.in;
       next_image_ = next_image_ + period_;
     }
     system.process(event);
-    count_.most_under_way = std::max(count_.most_under_way, count_.in - count_.out);
+    count_.max_in_flight = std::max(count_.max_in_flight, count_.in - count_.out);
   }
 
   void report(Stamp now) {
     fmt::print("| {:.0f} | {:.1f} | {} | {} | {} | {:.0f} |\n",
-               seconds_between(voyage_.start(), now) / 60.0, resident_mib(), count_.out.load(),
-               count_.fused.load(), count_.most_under_way, watch_.seconds());
+               seconds_between(dive_.start(), now) / 60.0, resident_mib(), count_.out.load(),
+               count_.fused.load(), count_.max_in_flight, watch_.seconds());
     std::fflush(stdout);
-    count_.most_under_way = 0;
+    count_.max_in_flight = 0;
   }
 
-  Voyage voyage_;
+  SyntheticDive dive_;
   Duration period_;
   Stamp next_image_;
   Count count_;

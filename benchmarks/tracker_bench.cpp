@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How fast the visual front end is on a recording, how long its tracks live, and how far they are
-// from their epipolar lines: by the recording's reference and by the motion that suits them best.
+// Speed of the visual front end on a recording, lifetime of its tracks, and their distances from
+// the epipolar lines of the reference motion and of the best-fitting motion.
 //
 //   tracker_bench DATASET [gyro bias x y z, rad/s]
 #include <fmt/format.h>
@@ -12,13 +12,13 @@
 #include <variant>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/stopwatch.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "apvi/imu/sample_buffer.hpp"
 #include "apvi/io/sequence.hpp"
-#include "apvi/vio/tracker.hpp"
-#include "vio/epipolar_check.hpp"
-#include "vio/projection.hpp"
+#include "core/stopwatch.hpp"
+#include "imu/sample_buffer.hpp"
+#include "vio/factors/projection.hpp"
+#include "vio/frontend/epipolar_check.hpp"
+#include "vio/frontend/tracker.hpp"
 
 namespace apvi::bench {
 namespace {
@@ -44,7 +44,7 @@ Recording read(const std::string& path) {
   const auto reader = io::open_sequence(dataset, {"camera", "imu"});
   Recording recording;
   recording.rig = make_rig(reader->rig());
-  if (recording.rig.cameras.empty()) fail_input("{}: no camera in its rig", path);
+  if (recording.rig.cameras.empty()) fail_input("{}: the rig has no camera", path);
   recording.reference = reader->reference().value_or(Trajectory{});
   while (const auto event = reader->next()) {
     if (const auto* image = std::get_if<ImageFrame>(&*event)) {
@@ -56,8 +56,8 @@ Recording read(const std::string& path) {
   return recording;
 }
 
-std::optional<Quaterniond> turn(const imu::SampleBuffer& inertial, Stamp from, Stamp to,
-                                const Vector3d& bias) {
+std::optional<Quaterniond> integrate_gyro(const imu::SampleBuffer& inertial, Stamp from, Stamp to,
+                                          const Vector3d& bias) {
   const auto samples = inertial.between(from, to);
   if (samples.size() < 2) return std::nullopt;
   Quaterniond R = Quaterniond::Identity();
@@ -75,7 +75,8 @@ Outcome track(const Recording& recording, const Vector3d& bias) {
     const cv::Mat pixels = image.decode();
     std::optional<Quaterniond> R_before_now;
     if (!outcome.frames.empty()) {
-      R_before_now = turn(recording.inertial, outcome.frames.back().stamp, image.stamp, bias);
+      R_before_now =
+          integrate_gyro(recording.inertial, outcome.frames.back().stamp, image.stamp, bias);
     }
     const Stopwatch watch;
     outcome.frames.push_back(tracker.process({pixels}, image.stamp, R_before_now));
@@ -97,25 +98,28 @@ void print_counts(const Outcome& outcome) {
   for (const vio::TrackedFrame& frame : outcome.frames) {
     tracked.push_back(frame.statistics.tracked);
     stable.push_back(frame.statistics.stable);
-    for (const vio::Observation& o : frame.observations) lifetimes[o.id] = o.track_length;
+    for (const vio::FeatureObservation& o : frame.observations) lifetimes[o.id] = o.track_length;
   }
-  std::vector<double> of_sightings;
+  std::vector<double> lifetimes_by_observation;
   for (const auto& [id, length] : lifetimes) {
-    of_sightings.insert(of_sightings.end(), static_cast<std::size_t>(length), length);
+    lifetimes_by_observation.insert(lifetimes_by_observation.end(),
+                                    static_cast<std::size_t>(length), length);
   }
-  fmt::print("frames {}, ms a frame: median {:.2f}, 90 % {:.2f}, 99 % {:.2f}\n",
+  fmt::print("frames {}, ms per frame: median {:.2f}, 90 % {:.2f}, 99 % {:.2f}\n",
              outcome.frames.size(), quantile(outcome.milliseconds, 0.5),
              quantile(outcome.milliseconds, 0.9), quantile(outcome.milliseconds, 0.99));
-  fmt::print("tracked {:.0f}, stable {:.0f} (medians); a sighting's track lives {:.0f} frames\n",
-             quantile(tracked, 0.5), quantile(stable, 0.5), quantile(of_sightings, 0.5));
+  fmt::print(
+      "tracked {:.0f}, stable {:.0f} (medians); track lifetime (median over observations) {:.0f} "
+      "frames\n",
+      quantile(tracked, 0.5), quantile(stable, 0.5), quantile(lifetimes_by_observation, 0.5));
 }
 
 std::vector<vio::PointPair> pairs_between(const vio::TrackedFrame& before,
                                           const vio::TrackedFrame& now) {
   std::map<std::int64_t, Eigen::Vector2d> points;
-  for (const vio::Observation& o : before.observations) points[o.id] = o.point;
+  for (const vio::FeatureObservation& o : before.observations) points[o.id] = o.point;
   std::vector<vio::PointPair> pairs;
-  for (const vio::Observation& o : now.observations) {
+  for (const vio::FeatureObservation& o : now.observations) {
     if (points.count(o.id) != 0) pairs.push_back({points[o.id], o.point});
   }
   return pairs;
@@ -143,8 +147,9 @@ void print_epipolar(const Recording& recording, const Outcome& outcome, std::siz
     }
   }
   fmt::print(
-      "{} frames apart, px off the epipolar line: by the reference {:.3f} (90 % {:.2f}), by the "
-      "best motion {:.3f} (90 % {:.2f})\n",
+      "{} frames apart, epipolar distance [px]: reference motion {:.3f} (90 % {:.2f}), "
+      "best-fitting "
+      "motion {:.3f} (90 % {:.2f})\n",
       gap, quantile(by_reference, 0.5), quantile(by_reference, 0.9), quantile(by_best, 0.5),
       quantile(by_best, 0.9));
 }

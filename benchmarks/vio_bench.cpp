@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a term of the window costs, and what taking states out of it costs: eleven frames, ten views
-// of each landmark.
+// Cost of evaluating the factors of the sliding window and of marginalizing states: eleven frames,
+// ten observations of each landmark.
 #include <benchmark/benchmark.h>
 
 #include <memory>
@@ -16,10 +16,10 @@ using test::CameraWindow;
 
 constexpr std::size_t kFrames = 11;
 
-/// The blocks of a term and room for its derivatives; blocks held constant get no room.
+/// Parameter blocks of a factor and storage for its Jacobians; constant blocks have no storage.
 struct Workspace {
   std::vector<const double*> parameters;
-  std::vector<std::vector<double>> room;
+  std::vector<std::vector<double>> jacobian_storage;
   std::vector<double*> jacobians;
   std::vector<double> residual;
 
@@ -28,9 +28,9 @@ struct Workspace {
       : residual(static_cast<std::size_t>(cost.num_residuals())) {
     for (const Block& block : blocks) {
       parameters.push_back(block.data);
-      room.emplace_back(static_cast<std::size_t>(block.size) * residual.size());
-      const bool wanted = room.size() <= differentiated;
-      jacobians.push_back(wanted ? room.back().data() : nullptr);
+      jacobian_storage.emplace_back(static_cast<std::size_t>(block.size) * residual.size());
+      const bool has_jacobian = jacobian_storage.size() <= differentiated;
+      jacobians.push_back(has_jacobian ? jacobian_storage.back().data() : nullptr);
     }
   }
   void evaluate(const ceres::CostFunction& cost, bool with_jacobians) {
@@ -54,7 +54,7 @@ void reprojection(benchmark::State& state) {
   if (state.range(0) == kFirstEstimates) set_first_estimates(window);
   const auto factor = window.view_of(window.landmarks[0], 5, true);
   std::vector<Block> blocks = window.view_blocks(window.landmarks[0], 5);
-  std::swap(blocks[2], blocks[3]);  // both poses and the landmark first: those get derivatives
+  std::swap(blocks[2], blocks[3]);  // both poses and the landmark first: these have Jacobians
   Workspace work(*factor, blocks, 3);
   std::swap(work.parameters[2], work.parameters[3]);
   std::swap(work.jacobians[2], work.jacobians[3]);
@@ -80,7 +80,7 @@ void dvl_velocity(benchmark::State& state) {
 }
 BENCHMARK(dvl_velocity)->ArgName("kind")->DenseRange(kResidual, kJacobians);
 
-/// Everything in the window: inertial terms, a state to hold on to, every view.
+/// A full window: prior, inertial factors and all observations.
 struct FullWindow {
   CameraWindow window;
   std::vector<std::unique_ptr<ceres::CostFunction>> costs;
@@ -127,7 +127,7 @@ void linearize(benchmark::State& state) {
 }
 BENCHMARK(linearize)->ArgName("landmarks")->Arg(150)->Unit(benchmark::kMillisecond);
 
-// With every term of the window in it: 150 numbers stay.
+// Marginalizes with all factors of the window: 150 parameters remain.
 void marginalize_all(benchmark::State& state) {
   const FullWindow full(static_cast<std::size_t>(state.range(0)));
   Linearizer linearizer;
@@ -142,7 +142,8 @@ BENCHMARK(marginalize_all)
     ->ArgsProduct({{150}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 
-// With the terms that leave with the oldest frame, as an estimator does: 69 numbers stay.
+// Marginalizes with the factors of the oldest frame only, as the estimator does: 69 parameters
+// remain.
 void marginalize_oldest(benchmark::State& state) {
   CameraWindow window(kFrames, static_cast<std::size_t>(state.range(0)), 0.25, 1);
   Linearizer linearizer;

@@ -1,43 +1,63 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fails when a module includes a header of one that does not lie below it, or a library it must not know.
+"""Fails when an include breaks the layers of the modules.
 
-Localization knows Eigen, Ceres and OpenCV; mapping knows LibTorch; only bridge and the program know both.
+- A module includes only headers of the modules below it (BELOW).
+- Localization may use Eigen, Ceres and OpenCV; mapping may use LibTorch; slam and runs may use both.
+- CUDA sources never include LibTorch, directly or indirectly: nvcc compiles them without it.
+- Public headers (include/apvi) include only public headers. Each is used outside its module, or is
+  included by apvi/apvi.hpp.
+- Examples include only public headers.
 """
+import functools
 import pathlib
 import re
 import subprocess
 import sys
 
-# What each module may include, besides itself and whatever those may include in turn.
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+# Direct dependencies of each module; headers of indirect dependencies may be included as well.
 BELOW = {
     "core": [],
     "config": ["core"],
     "geometry": ["core"],
-    "loop": ["geometry"],
     "sensors": ["config", "geometry"],
     "imu": ["sensors"],
     "dipo": ["imu"],
     "vio": ["imu"],
     "fusion": ["dipo", "vio"],
+    "loop_closure": ["config", "geometry"],
     "io": ["sensors"],
     "eval": ["io"],
-    "sim": ["io"],  # shares nothing with the estimators it judges
-    "doctor": ["io", "imu"],
-    "pipeline": ["fusion", "eval"],
-    "splat": ["core"],
-    "mapping": ["splat"],
-    "bridge": ["pipeline", "loop", "mapping"],
-    "apps": ["bridge", "doctor", "sim"],
+    "doctor": ["io"],
+    "sim": ["io"],  # independent of the estimators that are tested with its data
+    "localization": ["fusion"],
+    "gaussians": ["core"],
+    "medium": ["gaussians"],
+    "depth": ["medium"],
+    "map_io": ["medium"],
+    "mapping": ["depth"],
+    "slam": ["localization", "loop_closure", "mapping"],
+    "runs": ["slam", "map_io", "io", "eval"],
+    "cli": ["runs", "doctor", "sim"],
 }
-TORCH = {"splat", "mapping", "bridge", "apps"}
-LOCALIZATION_LIBRARIES = set(BELOW) - {"core", "config", "splat", "mapping"}
+# The mapping half, which is built without the module `config` as well (preset `island`), but may
+# include this header of it, of which it needs the templates only.
+MAPPING_HALF = {"gaussians", "medium", "depth", "map_io", "mapping"}
+FOR_MAPPING_HALF = "apvi/config/fields.hpp"
+TORCH = MAPPING_HALF | {"slam", "runs", "cli"}
+LOCALIZATION_LIBRARIES = set(BELOW) - MAPPING_HALF - {"core", "config"}
+# Modules of the folders in kernels/ and cpu_fallback/.
+BACKENDS = {"common": "gaussians", "raster": "gaussians", "loss": "gaussians", "optimizer": "gaussians",
+            "medium": "medium", "depth": "depth", "training": "mapping"}
+UMBRELLA = "include/apvi/apvi.hpp"  # what it includes is the API, whether used in this repository or not
+GENERATED = {"apvi/version.hpp"}
 
-INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.MULTILINE)
 IS_TORCH = re.compile(r"^(torch|ATen|c10)/")
 IS_LOCALIZATION_LIBRARY = re.compile(r"^(Eigen|opencv2|ceres|unsupported/Eigen)/")
-TORCH_WITH_CUDA = ("kernels/cuda_backend.cpp", "kernels/cuda_raster.cpp",
-                   "kernels/mapping/cuda_depth.cpp", "kernels/mapping/cuda_step.cpp")
+KERNEL_HOST = re.compile(r"^kernels/\w+/cuda_\w+\.cpp$")  # hands the memory of tensors to kernels
 
 
 def reachable(module):
@@ -50,52 +70,128 @@ def reachable(module):
     return modules
 
 
-def module_of(name):
-    """The module that a file belongs to; None for files that may include anything (test support)."""
+def folder_of(name):
+    """The folder that decides on the module of a file or of a header as included, or None."""
     parts = pathlib.PurePath(name).parts
-    if parts[0] in ("kernels", "cpu_fallback"):
-        return "mapping" if "mapping" in parts[1:-1] else "splat"
-    if parts[:2] == ("include", "apvi") and len(parts) > 3:
-        return parts[2]
-    if parts[0] in ("src", "tests") and len(parts) > 2 and parts[1] in BELOW:
-        return parts[1]
+    if parts[0] in ("kernels", "cpu_fallback", "src", "tests", "apvi"):
+        return parts[1] if len(parts) > 2 else None
+    if parts[:2] == ("include", "apvi"):
+        return parts[2] if len(parts) > 3 else None
+    return parts[0] if len(parts) > 1 and parts[0] in BELOW else None
+
+
+def module_of(name):
+    """Module of a file or of a header as included; None if it has none (tests, third parties)."""
+    folder = folder_of(name)
+    if name.startswith(("kernels/", "cpu_fallback/")):
+        return BACKENDS.get(folder)
+    return folder if folder in BELOW else None
+
+
+@functools.lru_cache(maxsize=None)
+def includes_of(name):
+    """(header as written, whether in quotes) of all includes of a file."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    return [(header, quote == '"') for quote, header in INCLUDE.findall(text)]
+
+
+@functools.lru_cache(maxsize=None)
+def resolve(header, name):
+    """Path in this repository of a header that `name` includes, or None."""
+    for folder in ("include", "src", ".", "tests", pathlib.PurePath(name).parent):
+        if (ROOT / folder / header).is_file():
+            return str(pathlib.PurePath(folder) / header)
     return None
 
 
-def complaint(name, module, header):
-    """Why the file must not include the header, or None."""
-    is_test = name.startswith("tests/")
-    if name.startswith("kernels/") and name not in TORCH_WITH_CUDA and IS_TORCH.match(header):
-        return "kernels are free of LibTorch, so that nvcc alone compiles them"
-    if IS_TORCH.match(header) and module not in TORCH:
-        return f"{module} does not know LibTorch"
+def torch_chain(name, seen=None):
+    """Includes through which a file reaches LibTorch, or an empty list."""
+    seen = set() if seen is None else seen
+    seen.add(name)
+    for header, _ in includes_of(name):
+        if IS_TORCH.match(header):
+            return [header]
+        path = resolve(header, name)
+        if path and path not in seen:
+            chain = torch_chain(path, seen)
+            if chain:
+                return [header, *chain]
+    return []
+
+
+def library_problem(name, module, header):
+    """Reason why a file must not include a library's header, or None."""
+    if IS_TORCH.match(header):
+        if name.startswith("kernels/") and not KERNEL_HOST.match(name):
+            return "of the kernels only cuda_*.cpp may include LibTorch"
+        if module not in TORCH:
+            return f"{module} must not depend on LibTorch"
     if IS_LOCALIZATION_LIBRARY.match(header) and module not in LOCALIZATION_LIBRARIES:
-        return f"{module} does not know Eigen, OpenCV or Ceres"
-    match = re.match(r"apvi/(\w+)/", header)
-    if match and not is_test and match.group(1) not in reachable(module):
-        return f"{match.group(1)} does not lie below {module}"
+        return f"{module} must not depend on Eigen, OpenCV or Ceres"
     return None
+
+
+def problem(name, module, header):
+    """Reason why a file of a module must not include the header, or None."""
+    reason = library_problem(name, module, header)
+    if reason or name.startswith("tests/"):
+        return reason
+    other = module_of(header)
+    if header == FOR_MAPPING_HALF and module in MAPPING_HALF:
+        return None
+    if other and other not in reachable(module):
+        return f"{module} must not depend on {other}"
+    return None
+
+
+def problems_of(name):
+    module = module_of(name)
+    if module is None and folder_of(name) and not name.startswith(("tests/", "scripts/")):
+        yield f"{name}: add the module of this folder to {pathlib.Path(__file__).name}"
+    for header, quoted in includes_of(name):
+        reason = problem(name, module, header) if module else None
+        if ".." in pathlib.PurePath(header).parts:
+            reason = "paths start at include/, src/, tests/ or the root"
+        elif quoted and header not in GENERATED and not resolve(header, name):
+            reason = "there is no such header"
+        elif name.startswith(("include/", "examples/")) and quoted and not header.startswith("apvi/"):
+            reason = "public headers and examples must include public headers only"
+        if reason:
+            yield f"{name}: includes {header}, but {reason}"
+    if name.endswith((".cu", ".cuh")):
+        chain = torch_chain(name)
+        if chain:
+            yield f"{name}: reaches LibTorch: {' -> '.join(chain)}"
+
+
+def unused_public_headers(names):
+    """Public headers that only their own module and tests include, and that are not API."""
+    api = {header for header, _ in includes_of(UMBRELLA)} | {UMBRELLA.removeprefix("include/")}
+    used = {}
+    for name in (name for name in names if not name.startswith("tests/") and name != UMBRELLA):
+        for header, _ in includes_of(name):
+            used.setdefault(header, set()).add(module_of(name) or name)
+    for name in names:
+        header = name.removeprefix("include/")
+        if not name.startswith("include/") or header in api:
+            continue
+        if not used.get(header, set()) - {module_of(name)}:
+            yield f"{name}: only {module_of(name)} includes it: move it to src/, or add it to {UMBRELLA}"
+
+
+def our_files():
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard",
+               "*.hpp", "*.cpp", "*.cu", "*.cuh"]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    return sorted({name for name in listed.stdout.split("\n") if name and (ROOT / name).is_file()})
 
 
 def main():
-    root = pathlib.Path(__file__).resolve().parent.parent
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard",
-               "*.hpp", "*.cpp", "*.cu", "*.cuh"]
-    listed = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True)
-    complaints = []
-    for name in listed.stdout.split():
-        module = module_of(name)
-        if module is None or not (root / name).is_file():
-            continue
-        if module not in BELOW:
-            complaints.append(f"{name}: {module} is missing in the list of modules of {__file__}")
-            continue
-        for header in INCLUDE.findall((root / name).read_text(encoding="utf-8")):
-            reason = complaint(name, module, header)
-            if reason:
-                complaints.append(f"{name}: includes {header}, but {reason}")
-    print("\n".join(complaints) or "layers: every include points downwards")
-    return 1 if complaints else 0
+    names = our_files()
+    problems = [text for name in names for text in problems_of(name)]
+    problems += unused_public_headers(names)
+    print("\n".join(problems) or "layers: all includes respect the module dependencies")
+    return 1 if problems else 0
 
 
 if __name__ == "__main__":

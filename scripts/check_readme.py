@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fails when a command in a code block of README.md or docs/ names what is not there.
+"""Fails when a code block or link in README.md, CONTRIBUTING.md or docs/ refers to something that does not exist.
 
-Looked at: scripts and configuration files of this tree, presets of CMake, subcommands of apvi (when it
-is built), and relative links.
+Checks scripts and configuration files of this repository, CMake presets, subcommands of apvi (if it is
+built), relative links, and the version in CITATION.cff and CHANGELOG.md.
 """
 import json
 import pathlib
@@ -12,12 +12,12 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-APVI = ROOT / "build" / "cpu" / "src" / "apps" / "apvi"
-OUR_FILE = re.compile(r"(?<![\w/.-])((?:scripts|configs|\.ci|docs|tests)/[\w./-]*\w)")
+APVI = ROOT / "build" / "cpu" / "bin" / "apvi"
+OUR_FILE = re.compile(r"(?<![\w/.-])((?:scripts|configs|examples|\.ci|docs|tests)/[\w./-]*\w)")
 
 
 def code_lines(text):
-    """(line number, line) of fenced code blocks that are shell."""
+    """(line number, line) of fenced shell code blocks."""
     inside = False
     for number, line in enumerate(text.split("\n"), start=1):
         fence = re.match(r"\s*```\s*(\w*)", line)
@@ -28,14 +28,14 @@ def code_lines(text):
 
 
 def subcommands():
-    """Those `apvi --help` lists, or None when there is no program to ask."""
+    """Subcommands listed by `apvi --help`, or None if apvi is not built."""
     if not APVI.exists():
         return None
     text = subprocess.run([APVI, "--help"], capture_output=True, text=True, check=False).stdout
     return set(re.findall(r"^  ([a-z]+) ", text.partition("Subcommands:")[2], re.MULTILINE))
 
 
-def complaints_about(line, presets, known):
+def problems_in(line, presets, known):
     for name in OUR_FILE.findall(line):
         if not (ROOT / name).exists():
             yield f"{name} does not exist"
@@ -50,25 +50,30 @@ def complaints_about(line, presets, known):
 def broken_links(path, text):
     for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text):
         if not (path.parent / link).exists():
-            yield f"the link {link} leads nowhere"
+            yield f"broken link {link}"
+
+
+def version_problems():
+    """CITATION.cff and CHANGELOG.md must know the version of CMakeLists.txt."""
+    version = re.search(r"project\(apvi VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
+    for name, line in (("CITATION.cff", f"^version: {re.escape(version)}$"),
+                       ("CHANGELOG.md", f"^## \\[{re.escape(version)}\\]")):
+        if not re.search(line, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE):
+            yield f"{name}: version {version} of CMakeLists.txt is missing"
 
 
 def main():
     presets = {preset["name"] for preset in
                json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]}
     known = subcommands()
-    found = 0
-    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
-        if not path.exists():
-            continue
+    messages = list(version_problems())
+    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         text, name = path.read_text(encoding="utf-8"), path.relative_to(ROOT)
-        messages = [f"{name}:{number}: {what}" for number, line in code_lines(text)
-                    for what in complaints_about(line, presets, known)]
+        messages += [f"{name}:{number}: {what}" for number, line in code_lines(text)
+                     for what in problems_in(line, presets, known)]
         messages += [f"{name}: {what}" for what in broken_links(path, text)]
-        found += len(messages)
-        print("\n".join(messages), end="\n" if messages else "")
-    print(f"readme: {found} complaints")
-    return 1 if found else 0
+    print("\n".join([*messages, f"readme: {len(messages)} problems"]))
+    return 1 if messages else 0
 
 
 if __name__ == "__main__":

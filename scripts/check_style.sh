@@ -1,20 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Checks that need no compiler: formatting, module boundaries, headers, words, lengths.
+# Checks without a compiler: formatting, license headers, module dependencies, lengths, language, forbidden code.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-case "${1:-}" in
-  "") ;;
-  -h | --help)
-    echo "usage: scripts/check_style.sh    (all files that git tracks or would track)"
-    exit 0
-    ;;
-  *)
-    echo "usage: scripts/check_style.sh" >&2
-    exit 2
-    ;;
-esac
+all=(format license layers lengths language code)
+
+usage() {
+  cat <<END
+usage: scripts/check_style.sh [PART...]
+Checks all files that git does not ignore. Parts: ${all[*]} (default: all)
+END
+}
 
 failures=0
 fail() {
@@ -22,11 +19,11 @@ fail() {
   failures=$((failures + 1))
 }
 
-# files PATTERN...: names of files of ours, NUL-separated.
+# files PATTERN...: names of files that are not ignored by git, NUL-separated.
 files() { git ls-files -z --cached --others --exclude-standard -- "$@" | existing; }
 existing() { while IFS= read -r -d '' name; do [[ -f "$name" ]] && printf '%s\0' "$name"; done; }
 
-# forbid WHY REGEX PATTERN...: no such file may have a line that matches.
+# forbid WHY REGEX PATTERN...: fails if a line of these files matches.
 forbid() {
   local why="$1" regex="$2"
   shift 2
@@ -39,38 +36,57 @@ check_format() {
   local version
   version="$(clang-format --version | grep -oP 'version \K\d+')"
   if [[ "$version" != 14 ]]; then
-    echo "style: clang-format $version is here, 14 decides: formatting is not checked"
+    echo "style: formatting is not checked: clang-format 14 is required, found $version"
     return
   fi
   files '*.hpp' '*.cpp' '*.cu' '*.cuh' | xargs -0 -r clang-format --dry-run -Werror ||
-    fail "clang-format -i the files above"
+    fail "run clang-format -i on the files above"
 }
 
-check_spdx() {
+check_license() {
   local name
   while IFS= read -r -d '' name; do
     head -n 2 "$name" | grep -q 'SPDX-License-Identifier: BSD-3-Clause' ||
-      fail "$name: the first line names no licence (SPDX-License-Identifier: BSD-3-Clause)"
+      fail "$name: license header missing (SPDX-License-Identifier: BSD-3-Clause)"
   done < <(files '*.hpp' '*.cpp' '*.cu' '*.cuh' '*.py' '*.sh' '*.cmake')
 }
 
-check_format
-check_spdx
-python3 scripts/check_layers.py || fail "a module includes what it must not know"
-python3 scripts/size_gate.py || fail "split what is too long"
-forbid "no 'using namespace' in headers" '^\s*using\s+namespace\b' '*.hpp' '*.cuh'
-forbid "headers start with #pragma once" '^#ifndef \w+_(H|HPP)_?$' '*.hpp' '*.cuh'
-forbid "errors are exceptions: nothing exits or aborts" \
-  '(?<![.\w])(std::)?(exit|abort|quick_exit|_Exit)\(' \
-  'src/*.cpp' 'src/*.hpp' 'include/*.hpp' 'kernels/*' 'cpu_fallback/*'
-forbid "finish it, or leave it out" '\b(TODO|FIXME|XXX|HACK)\b|\b[Ss]tub(s|bed)?\b' \
-  '*' ':!scripts/check_style.sh'
-forbid "paths of one machine" '(?<![\w.])/(home|root|work|Users|mnt)/\w' '*' ':!scripts/check_style.sh'
-forbid "no tabs, no spaces at the end of a line" '\t| +$' '*.hpp' '*.cpp' '*.cu' '*.py' '*.sh' '*.cmake' '*.txt' \
-  '*.yaml' '*.md'
+check_layers() { python3 scripts/check_layers.py || fail "forbidden includes, see above"; }
+
+check_lengths() { python3 scripts/size_gate.py || fail "split the functions or files above"; }
+
+check_language() { python3 scripts/check_language.py || fail "words to replace, see above"; }
+
+check_code() {
+  forbid "no 'using namespace' in headers" '^\s*using\s+namespace\b' '*.hpp' '*.cuh'
+  forbid "headers use #pragma once" '^#ifndef \w+_(H|HPP)_?$' '*.hpp' '*.cuh'
+  forbid "errors are exceptions: no exit or abort" \
+    '(?<![.\w])(std::)?(exit|abort|quick_exit|_Exit)\(' \
+    'src/*.cpp' 'src/*.hpp' 'include/*.hpp' 'kernels/*' 'cpu_fallback/*'
+  forbid "no TODOs or stubs" '\b(TODO|FIXME|XXX|HACK)\b|\b[Ss]tub(s|bed)?\b' \
+    '*' ':!scripts/check_style.sh'
+  forbid "no machine-specific paths" '(?<![\w.])/(home|root|work|Users|mnt)/\w' '*' ':!scripts/check_style.sh'
+  forbid "no tabs, no trailing whitespace" '\t| +$' '*.hpp' '*.cpp' '*.cu' '*.py' '*.sh' '*.cmake' '*.txt' \
+    '*.yaml' '*.md'
+}
+
+case "${1:-}" in
+  -h | --help)
+    usage
+    exit 0
+    ;;
+esac
+parts=("${all[@]}")
+(($# > 0)) && parts=("$@")
+for part in "${parts[@]}"; do
+  declare -F "check_$part" >/dev/null || { usage >&2; exit 2; }
+done
+for part in "${parts[@]}"; do
+  "check_$part"
+done
 
 if ((failures > 0)); then
-  echo "style: $failures kinds of complaint" >&2
+  echo "style: $failures checks failed" >&2
   exit 1
 fi
 echo "style: clean"

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Turns a ROS 2 bag (sqlite3 or mcap) into a dataset folder that apvi reads. Needs no ROS: `pip install rosbags`.
+"""Converts a ROS 2 bag (sqlite3 or mcap) to an apvi dataset folder. Works without ROS: `pip install rosbags`.
 
     scripts/convert_rosbag2.py BAG OUT [--rig rig.yaml] [--dvl /topic] [--types folder-of-msg-files]
 
-BAG is the folder with metadata.yaml. Topics are guessed from message types and usual names; --list shows them.
-Bags of ROS 2 Humble and older do not carry the definitions of their messages: for types that are not ROS's own
-(a DVL's), give the folder that holds their package/msg/Name.msg files. docs/formats.md describes the result.
+BAG is the folder with metadata.yaml. Topics are selected by message type and common names; --list shows them.
+Bags of ROS 2 Humble and older do not contain message definitions: for custom types (e.g. of a DVL), give the
+folder that contains their package/msg/Name.msg files with --types. docs/formats.md describes the output.
 """
 import argparse
 import heapq
@@ -18,7 +18,7 @@ import sys
 import time
 import zlib
 
-REORDER = 64  # rows that wait for earlier ones: messages overtake each other on the way into a bag
+REORDER = 64  # size of the reordering buffer: messages in a bag may be out of order
 
 IMU_HEADER = ("#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],"
               "a_x [m s^-2],a_y [m s^-2],a_z [m s^-2]")
@@ -28,16 +28,16 @@ DVL_HEADER = ("#timestamp [ns],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1],figure_of_
               + ",".join(f"beam{i}_valid" for i in range(4)))
 TRUTH_HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z"
 
-# For each sensor: types, words of which a name must have one, words it must not have, words that make it better.
+# For each sensor: message types, required words (any of them), excluded words, preferred words in the topic name.
 POSES = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped")
-PICTURES = ("Image", "CompressedImage")
+IMAGES = ("Image", "CompressedImage")
 RULES = {
     "imu": (("Imu",), (), ("mag",), ("imu/data", "imu")),
     "dvl": (("DVL",), (), ("water_track",), ("dvl/data", "dvl")),
     "pressure": (("FluidPressure",), (), ("atmos",), ()),
     "depth": (POSES, ("depth",), (), ("depth/data",)),
-    "cam0": (PICTURES, ("left", "cam0", "camera0"), ("depth", "disparity", "mask"), ("dehazed", "image_raw")),
-    "cam1": (PICTURES, ("right", "cam1", "camera1"), ("depth", "disparity", "mask"), ("dehazed", "image_raw")),
+    "cam0": (IMAGES, ("left", "cam0", "camera0"), ("depth", "disparity", "mask"), ("dehazed", "image_raw")),
+    "cam1": (IMAGES, ("right", "cam1", "camera1"), ("depth", "disparity", "mask"), ("dehazed", "image_raw")),
     "reference": (POSES, ("/gt", "truth", "vicon", "mocap", "optitrack"), ("gt_full", "slam/pose", "depth"), ("/gt",)),
     "gnss": (("NavSatFix",), (), (), ()),
 }
@@ -45,11 +45,11 @@ DVL_TWISTS = (("TwistWithCovarianceStamped", "TwistStamped"), ("dvl",), ("water_
 
 
 class UsageError(Exception):
-    """What the user gave is wrong; one line, exit status 2."""
+    """Invalid user input; reported in one line, exit status 2."""
 
 
 def at(message, path, default=None):
-    """The member of a message by path, or the default when a fork of the message does not have it."""
+    """Member of a message by path, or the default if this variant of the message does not have it."""
     for name in path.split("."):
         if not hasattr(message, name):
             return default
@@ -75,7 +75,7 @@ def xyz(vector):
     return [number(vector.x), number(vector.y), number(vector.z)]
 
 
-# One function per sensor: a message becomes the cells behind the stamp.
+# One function per sensor that converts a message to the CSV cells after the stamp.
 
 def imu_cells(message):
     return xyz(message.angular_velocity) + xyz(message.linear_acceleration)
@@ -118,7 +118,7 @@ def truth_cells(message):
 
 
 class Gnss:
-    """Fixes as metres east, north and up of the first one, on the WGS 84 ellipsoid."""
+    """Converts fixes to meters east, north and up of the first one, on the WGS 84 ellipsoid."""
 
     def __init__(self):
         self.origin = None
@@ -137,7 +137,7 @@ class Gnss:
 
 
 class Csv:
-    """A csv file whose rows are put in order of time within a short window; doubles are left out."""
+    """A CSV file whose rows are sorted by time within a short window; duplicates are dropped."""
 
     def __init__(self, path, header):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +166,7 @@ class Csv:
 
 
 def png(rows, width, height, channels):
-    """A PNG file of 8-bit grey or RGB rows."""
+    """A PNG file of 8-bit gray or RGB rows."""
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
     header = struct.pack(">IIBBBBB", width, height, 8, 0 if channels == 1 else 2, 0, 0, 0)
@@ -176,12 +176,12 @@ def png(rows, width, height, channels):
 
 
 def pixels(message):
-    """The picture of a sensor_msgs/Image as an array of 8-bit grey [H,W] or RGB [H,W,3]."""
+    """The pixels of a sensor_msgs/Image as an array of 8-bit gray [H,W] or RGB [H,W,3]."""
     import numpy as np
     kinds = {"mono8": (1, 1), "8UC1": (1, 1), "mono16": (1, 2), "16UC1": (1, 2), "rgb8": (3, 1), "bgr8": (3, 1),
              "8UC3": (3, 1), "rgba8": (4, 1), "bgra8": (4, 1)}
     if message.encoding not in kinds:
-        raise UsageError(f"pictures encoded as {message.encoding} are not known; known are {', '.join(kinds)}")
+        raise UsageError(f"unsupported image encoding {message.encoding}; supported are {', '.join(kinds)}")
     channels, size = kinds[message.encoding]
     row = message.width * channels * size
     data = np.frombuffer(bytes(message.data), np.uint8)[:message.height * message.step]
@@ -195,7 +195,7 @@ def pixels(message):
 
 
 class Camera:
-    """The folder of one camera: a csv of names, and the picture files."""
+    """The folder of one camera: a CSV file of names, and the image files."""
 
     def __init__(self, folder):
         self.csv = Csv(folder / "data.csv", "#timestamp [ns],filename")
@@ -219,7 +219,7 @@ class Camera:
 
 
 class Rows:
-    """A sensor that becomes rows of numbers."""
+    """A sensor stored as rows of numbers."""
 
     def __init__(self, folder, header, cells):
         self.csv = Csv(folder / "data.csv", header)
@@ -233,7 +233,7 @@ class Rows:
 
 
 def open_sensor(sensor, mav, pressure_unit):
-    # Without a unit in the header the reader judges by the size of the numbers.
+    # Without a unit in the header, the reader infers it from the magnitude of the values.
     pressure = "#timestamp [ns],pressure" + (f" [{pressure_unit}]" if pressure_unit else "")
     if sensor.startswith("cam"):
         return Camera(mav / sensor)
@@ -249,23 +249,23 @@ def open_sensor(sensor, mav, pressure_unit):
 
 
 def best_topic(topics, rule):
-    types, must, never, better = rule
+    types, required, excluded, preferred = rule
     fitting = [name for name, kind in topics.items()
-               if kind.split("/")[-1] in types and not any(w in name.lower() for w in never)
-               and (not must or any(w in name.lower() for w in must))]
+               if kind.split("/")[-1] in types and not any(w in name.lower() for w in excluded)
+               and (not required or any(w in name.lower() for w in required))]
 
     def rank(name):
-        return next((i for i, w in enumerate(better) if w in name.lower()), len(better)), len(name), name
+        return next((i for i, w in enumerate(preferred) if w in name.lower()), len(preferred)), len(name), name
     return min(fitting, key=rank, default=None)
 
 
 def choose_topics(topics, chosen):
-    """Sensor -> topic, by the user's word (`chosen`) or else by type and name."""
+    """Sensor -> topic, as given by the user (`chosen`) or else by type and name."""
     result = {}
     for sensor, rule in RULES.items():
         topic = chosen.get(sensor)
         if topic and topic not in topics:
-            raise UsageError(f"--{sensor} {topic}: there is no such topic; the bag has {', '.join(sorted(topics))}")
+            raise UsageError(f"--{sensor} {topic}: no such topic; the bag has {', '.join(sorted(topics))}")
         topic = topic or best_topic(topics, rule)
         if not topic and sensor == "dvl":
             topic = best_topic(topics, DVL_TWISTS)
@@ -273,14 +273,14 @@ def choose_topics(topics, chosen):
             result[sensor] = topic
     if "cam0" not in result:
         used = set(result.values())
-        any_camera = best_topic({n: t for n, t in topics.items() if n not in used}, (PICTURES, (), ("depth",), ()))
+        any_camera = best_topic({n: t for n, t in topics.items() if n not in used}, (IMAGES, (), ("depth",), ()))
         if any_camera:
             result["cam0"] = any_camera
     return result
 
 
 def type_store(folder):
-    """ROS's own message types and those found below a folder (package/msg/Name.msg)."""
+    """Standard ROS message types and those found below a folder (package/msg/Name.msg)."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     store = get_typestore(Stores.ROS2_HUMBLE)
     if folder is None:
@@ -302,12 +302,12 @@ def bag_folder(path):
     if path.suffix in (".db3", ".mcap"):
         path = path.parent
     if path.is_dir() and not (path / "metadata.yaml").exists():
-        raise UsageError(f"{path}: no metadata.yaml in this folder; give the folder that a recording made")
+        raise UsageError(f"{path}: no metadata.yaml in this folder; expected the folder of a ROS 2 bag")
     return path
 
 
 class Progress:
-    """A line on standard error every few seconds."""
+    """Prints progress to standard error every few seconds."""
 
     def __init__(self, start, end):
         self.start, self.span = start, max(end - start, 1)
@@ -321,16 +321,16 @@ class Progress:
 
 
 def convert(reader, topics, mav, pressure_unit):
-    """Writes the chosen topics below `mav`; returns the number of rows of each sensor."""
+    """Writes the selected topics below `mav`; returns the number of rows of each sensor."""
     sensors = {sensor: open_sensor(sensor, mav, pressure_unit) for sensor in topics}
-    takers = {}
+    sensors_by_topic = {}
     for sensor, topic in topics.items():
-        takers.setdefault(topic, []).append(sensors[sensor])
+        sensors_by_topic.setdefault(topic, []).append(sensors[sensor])
     progress = Progress(reader.start_time, reader.end_time)
     try:
-        for connection, recorded, raw in reader.messages([c for c in reader.connections if c.topic in takers]):
+        for connection, recorded, raw in reader.messages([c for c in reader.connections if c.topic in sensors_by_topic]):
             message = reader.deserialize(raw, connection.msgtype)
-            for sensor in takers[connection.topic]:
+            for sensor in sensors_by_topic[connection.topic]:
                 sensor.add(stamp_of(message, recorded), message)
             progress.update(recorded)
     finally:
@@ -338,16 +338,16 @@ def convert(reader, topics, mav, pressure_unit):
             sensor.close()
     for name, sensor in sensors.items():
         if sensor.csv.dropped:
-            print(f"{name}: {sensor.csv.dropped} messages with a stamp not after the one before were left out",
+            print(f"{name}: {sensor.csv.dropped} messages with non-increasing stamps were dropped",
                   file=sys.stderr)
     return {name: sensor.csv.rows for name, sensor in sensors.items()}
 
 
 def known_topics(reader):
-    """Name -> type of the topics whose messages can be read."""
+    """Name -> type of the topics with known message types."""
     unknown = {c.msgtype for c in reader.connections if c.msgtype not in reader.typestore.types}
     for msgtype in sorted(unknown):
-        print(f"the bag does not say what a {msgtype} is: its topics are left out; see --types", file=sys.stderr)
+        print(f"no definition of {msgtype} in the bag: its topics are skipped; see --types", file=sys.stderr)
     return {c.topic: c.msgtype for c in reader.connections if c.msgtype not in unknown}
 
 
@@ -355,12 +355,12 @@ def run(arguments):
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
     except ImportError as error:
-        raise UsageError(f"needs the Python package rosbags (pip install rosbags): {error}") from None
+        raise UsageError(f"requires the Python package rosbags (pip install rosbags): {error}") from None
     out = arguments.out
     if out is None and not arguments.list:
-        raise UsageError("give the folder to write, or --list")
+        raise UsageError("give an output folder, or --list")
     if out is not None and out.exists():
-        raise UsageError(f"{out}: exists already; delete it or give another name")
+        raise UsageError(f"{out}: exists already; delete it or choose another folder")
     if arguments.rig and not arguments.rig.is_file():
         raise UsageError(f"{arguments.rig}: no such file")
     store = type_store(arguments.types)
@@ -378,11 +378,11 @@ def write_folder(reader, arguments):
     chosen = {sensor: getattr(arguments, sensor) for sensor in RULES}
     topics = choose_topics(known_topics(reader), chosen)
     if not topics:
-        raise UsageError(f"{arguments.bag}: no topic that a sensor could be read from; see --list")
-    # Under another name until it is whole, so that what an interruption left is never taken for a recording.
+        raise UsageError(f"{arguments.bag}: no supported sensor topics found; see --list")
+    # Written under another name until complete, so that an interrupted conversion is never taken for a dataset.
     partial = arguments.out.with_name(arguments.out.name + ".partial")
     if partial.exists():
-        print(f"{partial}: left by an interrupted conversion; starting afresh", file=sys.stderr)
+        print(f"{partial}: left by an interrupted conversion; starting over", file=sys.stderr)
         shutil.rmtree(partial)
     rows = convert(reader, topics, partial / "mav0", arguments.pressure_unit)
     if arguments.rig:
@@ -391,19 +391,19 @@ def write_folder(reader, arguments):
     for sensor, topic in topics.items():
         print(f"{sensor}: {rows[sensor]} from {topic}")
     if not arguments.rig:
-        print(f"{arguments.out}: write its calibration to rig.yaml (docs/formats.md)", file=sys.stderr)
+        print(f"{arguments.out}: add a calibration file rig.yaml (docs/formats.md)", file=sys.stderr)
 
 
 def parse(argv):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bag", type=pathlib.Path, help="folder of the bag")
-    parser.add_argument("out", type=pathlib.Path, nargs="?", help="dataset folder to make; must not exist")
+    parser.add_argument("bag", type=pathlib.Path, help="bag folder")
+    parser.add_argument("out", type=pathlib.Path, nargs="?", help="dataset folder to create; must not exist")
     parser.add_argument("--list", action="store_true", help="only list the topics")
-    parser.add_argument("--rig", type=pathlib.Path, help="calibration to put into the folder")
-    parser.add_argument("--types", type=pathlib.Path, help="folder with .msg files of types the bag does not explain")
-    parser.add_argument("--pressure-unit", choices=("Pa", "hPa", "kPa"), help="default: judged by the reader")
+    parser.add_argument("--rig", type=pathlib.Path, help="calibration file to copy into the folder")
+    parser.add_argument("--types", type=pathlib.Path, help="folder with .msg files of types not defined in the bag")
+    parser.add_argument("--pressure-unit", choices=("Pa", "hPa", "kPa"), help="default: inferred by the reader")
     for sensor in RULES:
-        parser.add_argument(f"--{sensor}", metavar="TOPIC", help=f"topic of {sensor}")
+        parser.add_argument(f"--{sensor}", metavar="TOPIC", help=f"topic for {sensor}")
     return parser.parse_args(argv)
 
 
@@ -414,10 +414,10 @@ def main(argv=None):
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted; what was written is in the .partial folder", file=sys.stderr)
+        print("interrupted; partial output is in the .partial folder", file=sys.stderr)
         return 1
-    except Exception as error:  # a damaged bag fails in many ways, deep in the reader
-        print(f"{type(error).__name__}: {error}; what was written is in the .partial folder", file=sys.stderr)
+    except Exception as error:  # damaged bags raise many kinds of exceptions in the reader
+        print(f"{type(error).__name__}: {error}; partial output is in the .partial folder", file=sys.stderr)
         return 1
     return 0
 

@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs what is missing, builds, and makes a dive over a reef, its trajectory, its map and a report.
+# Installs missing packages, builds, simulates a dive over a reef, and computes trajectory, map and report.
 set -euo pipefail
 source "$(dirname "$0")/lib.sh"
 
 usage() {
   cat <<END
 usage: scripts/demo.sh [-o FOLDER] [APVI RUN ARGUMENTS...]
-Installs what is missing, builds into build/cpu, simulates 20 s of a dive over a reef (camera, IMU, DVL,
-pressure), localizes the vehicle and builds the map from it, the camera dark for three seconds, compares
-both with the simulated truth, and draws the report.
-  -o FOLDER   where the data set and the run go (default: runs/demo)
-Further arguments go to \`apvi run\`, for example --set run.seed=2. Environment: APVI_JOBS.
+Installs missing packages, builds into build/cpu, simulates 20 s of a dive over a reef (camera, IMU, DVL,
+pressure) with a camera outage of three seconds, runs localization and mapping, compares both with the
+ground truth, and creates the report.
+  -o FOLDER   output folder for the dataset and the run (default: runs/demo)
+Further arguments are passed to \`apvi run\`, for example --set run.seed=2. Environment: APVI_JOBS.
 END
 }
 
@@ -28,13 +28,13 @@ case "${1:-}" in
     ;;
 esac
 
-apvi() { "$APVI_ROOT/build/cpu/src/apps/apvi" "$@"; }
+apvi() { "$APVI_ROOT/build/cpu/bin/apvi" "$@"; }
 
-# The input: a dive of the simulator, made once; small, so that two cores are quick with it.
+# Simulates the dataset unless it exists; small images, so that two cores are fast enough.
 make_demo_data() {
   local dataset="$1"
   if [[ -f "$dataset/rig.yaml" ]]; then
-    echo "demo: $dataset is there already"
+    echo "demo: $dataset exists already"
     return
   fi
   apvi sim "$APVI_ROOT/configs/scenes/seabed_easy.yaml" -o "$dataset" --set duration_s=20 \
@@ -53,17 +53,17 @@ build_cpu --target apvi
 say "Simulating a dive into $output/dataset"
 mkdir -p "$output"
 make_demo_data "$output/dataset"
-say "Localizing the vehicle and building the map; the camera is dark from 10 to 13 s"
+say "Running localization and mapping; the camera is dark from 10 to 13 s"
 run_demo "$output/dataset" "$output/run" "$@"
-say "Drawing the report"
+say "Creating the report"
 /usr/bin/python3 scripts/report.py "$output/run"
-say "What came of it"
+say "Results"
 /usr/bin/python3 scripts/explain_run.py "$output/run"
 cat <<END
 
-Look at
-  $output/run/report.html     all of it as pictures; opens in any browser, also on a phone
-  $output/run/map.ply         the map, for any viewer of Gaussian splats
+Output:
+  $output/run/report.html     report with figures, for any browser
+  $output/run/map.ply         the map, for any Gaussian splatting viewer
   $output/run/trajectory.tum  the poses: time, position, quaternion
-  $output/run/renders/        held-out views: what the camera saw, the map, the map without water, depth
+  $output/run/renders/        held-out views: camera image, map, map without water, depth
 END

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Prints the figures of a run that one looks for first, and what they mean: explain_run.py RUN."""
+"""Prints the most important metrics of a run with explanations: explain_run.py RUN."""
 import json
 import pathlib
 import sys
@@ -16,11 +16,12 @@ def trajectory_lines(get):
     ate = get("trajectory.ate_rmse_m")
     if ate is None:
         return
-    yield (f"{ate:.3f} m", f"position error: RMSE against the reference over "
-           f"{get('trajectory.path_length_m'):.1f} m of path, the two aligned ({get('trajectory.ate_percent_of_path'):.2f} %)")
+    length, percent = get("trajectory.path_length_m"), get("trajectory.ate_percent_of_path")
+    yield f"{ate:.3f} m", f"position error: RMSE against the aligned reference over {length:.1f} m of path ({percent:.2f} %)"
     if get("trajectory.vio.ate_rmse_m") is not None and get("trajectory.dipo.ate_rmse_m") is not None:
-        yield f"{get('trajectory.dipo.ate_rmse_m'):.3f} m", "the same from DVL, IMU and pressure alone, without the camera"
-    yield f"{100 * get('trajectory.coverage'):.0f} %", "of the reference has a pose"
+        yield (f"{get('trajectory.dipo.ate_rmse_m'):.3f} m",
+               "position error from DVL, IMU and pressure only, without the camera")
+    yield f"{100 * get('trajectory.coverage'):.0f} %", "of the reference trajectory is covered"
 
 
 def vision_lines(get):
@@ -28,9 +29,9 @@ def vision_lines(get):
     if failures is None:
         return
     times = get("vio.reinit_times_s") or []
-    back = f", believed again at most {max(times):.1f} s after images were good again" if times else ""
-    meanwhile = "; the pose came from DVL and pressure meanwhile" if failures else ""
-    yield f"{failures}", f"failures of vision{back}{meanwhile}"
+    recovery = f", recovered at most {max(times):.1f} s after images were usable again" if times else ""
+    fallback = "; DVL and pressure provided the pose meanwhile" if failures else ""
+    yield f"{failures}", f"vision failures{recovery}{fallback}"
 
 
 def map_lines(get):
@@ -38,13 +39,14 @@ def map_lines(get):
     if psnr is None:
         return
     control = get("mapping.psnr_median_image_db")
-    beside = f"; their median image as a guess reaches {control:.1f} dB" if control is not None else ""
-    yield f"{psnr:.1f} dB", f"PSNR of {get('mapping.heldout_views')} views that the map never learnt from{beside}"
-    yield f"{get('mapping.gaussians'):,}", "Gaussians in map.ply, which any splat viewer opens"
+    baseline = f"; median-image baseline: {control:.1f} dB" if control is not None else ""
+    yield f"{psnr:.1f} dB", f"PSNR of {get('mapping.heldout_views')} held-out views{baseline}"
+    yield f"{get('mapping.gaussians'):,}", "Gaussians in map.ply, for any Gaussian splatting viewer"
     if get("mapping.depth_abs_rel") is not None:
-        yield f"{100 * get('mapping.depth_abs_rel'):.1f} %", "mean error of the map's depth"
+        yield f"{100 * get('mapping.depth_abs_rel'):.1f} %", "mean relative depth error of the map"
     if get("medium.error_percent") is not None:
-        yield f"{get('medium.error_percent'):.0f} %", "error of the water's coefficients; large: views without water are off in colour"
+        yield (f"{get('medium.error_percent'):.0f} %",
+               "error of the water coefficients; if large, the colors of water-free views are wrong")
 
 
 def lines(metrics):
@@ -67,8 +69,8 @@ def main():
     except (OSError, json.JSONDecodeError) as error:
         print(f"explain_run.py: {path}: {error}", file=sys.stderr)
         return 2
-    for value, words in lines(metrics):
-        print(f"  {value:>9}  {words}")
+    for value, text in lines(metrics):
+        print(f"  {value:>9}  {text}")
     return 0
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Builds the fuzz targets with clang and runs each for a while: scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]
-# Fails on a finding; the input that led to it is kept below build/fuzz/findings. What a run learned is
-# kept in build/fuzz/corpus, so that the next one starts from there.
+# Builds the fuzz targets with clang and runs each one: scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]
+# Fails on a finding; the crashing input is kept below build/fuzz/findings. The corpus in build/fuzz/corpus
+# is extended by every run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,7 +13,7 @@ targets=("$@")
 if [ "${#targets[@]}" -eq 0 ]; then
   targets=(fuzz_config fuzz_dataset fuzz_ros_message fuzz_sensor_yaml fuzz_trajectory)
 fi
-command -v clang++ >/dev/null || { echo "fuzz.sh: needs clang++ and libclang-rt-dev" >&2; exit 2; }
+command -v clang++ >/dev/null || { echo "fuzz.sh: requires clang++ and libclang-rt-dev" >&2; exit 2; }
 
 cmake -S . -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo \
   -DAPVI_BUILD_FUZZERS=ON -DAPVI_BUILD_TESTS=OFF -DAPVI_MAPPING=OFF -DAPVI_WITH_ROSBAG=OFF \
@@ -29,7 +29,7 @@ for target in "${targets[@]}"; do
   if ! "$build/tests/fuzz/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -max_len=8192 \
       -print_final_stats=1 -artifact_prefix="$build/findings/$target-" "$build/corpus/$target" \
       >"$build/$target.log" 2>&1; then
-    echo "fuzz.sh: $target found something: $build/$target.log" >&2
+    echo "fuzz.sh: $target failed: see $build/$target.log" >&2
     grep -E "ERROR|SUMMARY|runtime error|broken promise|artifact" "$build/$target.log" >&2 || true
     failed=1
   fi

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# What the scripts share; sourced, never run.
+# Functions shared by the scripts; to be sourced.
 
 APVI_ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 
@@ -9,8 +9,8 @@ die() {
   exit 1
 }
 
-# How many compilers at once: as many as there are processors, unless APVI_JOBS says otherwise; at
-# most one for each 1.5 GiB of free memory, which is what a file that includes LibTorch takes.
+# Number of parallel compilers: APVI_JOBS if set, else the number of processors, but at most one per
+# 1.5 GiB of free memory, which a file that includes LibTorch needs.
 jobs_for_build() {
   if [[ -n "${APVI_JOBS:-}" ]]; then
     echo "$APVI_JOBS"
@@ -23,13 +23,13 @@ jobs_for_build() {
   echo $((processors < by_memory ? processors : by_memory))
 }
 
-# Installs what is missing, configures the preset `cpu`, and builds it.
+# Installs missing packages, configures the preset `cpu`, and builds it.
 build_cpu() {
   "$APVI_ROOT/scripts/setup.sh"
   say "Configuring build/cpu (preset cpu)"
   (cd "$APVI_ROOT" && cmake --preset cpu -DAPVI_WERROR="${APVI_WERROR:-OFF}" --log-level=WARNING)
   local jobs
   jobs="$(jobs_for_build)"
-  say "Building with $jobs at once"
+  say "Building with $jobs parallel jobs"
   cmake --build "$APVI_ROOT/build/cpu" --parallel "$jobs" "$@"
 }

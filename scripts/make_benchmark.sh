@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Simulates the benchmark set: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth, and for the
-# ablation of mapping 20 s of two of them in 320 x 240 px, without outages: seabed_easy_small, seabed_hard_small.
+# Simulates the benchmark datasets: {seabed, ship, dam} x {easy, hard}, with all sensors and ground truth, and for
+# the mapping ablations 20 s of two of them at 320 x 240 px without outages: seabed_easy_small, seabed_hard_small.
 #
 #   scripts/make_benchmark.sh [FOLDER] [--seeds N] [option of `apvi sim`]...
 #
-# FOLDER defaults to data/benchmark. With N > 1 there are FOLDER/SCENE-2 to SCENE-N too: the same dive and the
-# same pictures with other noise in IMU, DVL and pressure. Stopped, it goes on when called again; what is complete
-# is left alone. APVI names the program, build/cpu/src/apps/apvi when it is not set.
+# FOLDER defaults to data/benchmark. With N > 1, FOLDER/SCENE-2 to SCENE-N have the same motion and images with
+# other noise in IMU, DVL and pressure. An interrupted call can be repeated: complete datasets are kept. APVI is
+# the program, build/cpu/bin/apvi by default.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -21,9 +21,9 @@ if [[ ${1:-} == --seeds ]]; then
   seeds=${2:?--seeds needs a number}
   shift 2
 fi
-apvi=${APVI:-build/cpu/src/apps/apvi}
+apvi=${APVI:-build/cpu/bin/apvi}
 if [[ ! -x $apvi ]]; then
-  echo "$apvi: no such program; build it, or name it in APVI" >&2
+  echo "$apvi: no such program; build it or set APVI to its path" >&2
   exit 2
 fi
 
@@ -41,7 +41,7 @@ for name in seabed_easy seabed_hard; do
   "$apvi" sim "configs/scenes/$name.yaml" -o "$folder/${name}_small" "${small[@]}" "$@"
 done
 
-# The camera of the first stands beside the sensors of the others.
+# The datasets of the other seeds link to the images of the first one.
 for ((seed = 2; seed <= seeds; ++seed)); do
   for scene in "${scenes[@]}"; do
     name=$(basename "$scene" .yaml)

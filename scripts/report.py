@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Makes one self-contained report.html from the folder of a run or a sweep.
+"""Creates a self-contained report.html from the folder of a run or a sweep.
 
     scripts/report.py RUN [-o report.html]
 
-Nothing is loaded from elsewhere: figures and images are in the page, so that it can be sent around.
-Sections appear when the run has what they show.
+All figures and images are embedded in the page. Sections without data are omitted.
 """
 import argparse
 import importlib.util
@@ -16,15 +15,15 @@ PACKAGES = {name: f"python3-{name}" for name in ("jinja2", "matplotlib", "numpy"
 
 
 def missing_packages():
-    """Debian packages without which no report can be made."""
+    """Required Debian packages that are not installed."""
     return [package for module, package in PACKAGES.items() if not importlib.util.find_spec(module)]
 
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="folder that `apvi run` or `apvi sweep` made")
+    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="output folder of `apvi run` or `apvi sweep`")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="FILE",
-                        help="the page (default: RUN/report.html)")
+                        help="output file (default: RUN/report.html)")
     return parser.parse_args()
 
 
@@ -37,8 +36,8 @@ def main():
     arguments = parse_arguments()
     missing = missing_packages()
     if missing:
-        return fail(f"apt install {' '.join(missing)}; Debian's packages are for /usr/bin/python3, "
-                    f"and this is {sys.executable}", 1)
+        return fail(f"missing packages: apt install {' '.join(missing)} (for /usr/bin/python3; this is "
+                    f"{sys.executable})", 1)
     from report import page, run_data, sweep_data, sweep_page, template  # pylint: disable=import-outside-toplevel
     output = arguments.output or arguments.run / "report.html"
     try:
@@ -51,7 +50,7 @@ def main():
     try:
         template.write(text, output)
     except OSError as error:
-        return fail(f"{output}: cannot be written: {error.strerror}", 1)
+        return fail(f"{output}: cannot write this file: {error.strerror}", 1)
     print(output)
     return 0
 

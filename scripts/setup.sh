@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs the Debian packages the project needs and this machine lacks, and makes the weights of LPIPS;
-# does nothing when all are there.
+# Installs missing Debian packages and creates the LPIPS weight files; does nothing if all exist.
 set -euo pipefail
 
 scripts="$(cd "$(dirname "$0")" && pwd)"
@@ -10,11 +9,11 @@ list="$scripts/packages.txt"
 usage() {
   cat <<END
 usage: scripts/setup.sh [--check | --cuda]
-Installs the packages of scripts/packages.txt that are missing (apt, with sudo unless root), and makes
-the weights of LPIPS (scripts/make_lpips_weights.py) where they are not made; APVI_LPIPS=none: does not.
-  --check   installs and makes nothing: names what is missing and ends with status 1 if a package is
-  --cuda    besides, puts a LibTorch with CUDA into build/torch-cuda (pip; APVI_CUDA_TORCH=FOLDER: there) and
-            says how to build with it; needs the CUDA toolkit (nvcc) to build, no GPU
+Installs missing packages of scripts/packages.txt (apt, with sudo unless root) and creates missing LPIPS
+weight files (scripts/make_lpips_weights.py; skipped with APVI_LPIPS=none).
+  --check   installs nothing: lists what is missing; exit status 1 if a package is missing
+  --cuda    also installs a LibTorch with CUDA into build/torch-cuda (pip; or into APVI_CUDA_TORCH) and
+            prints how to build with it; building needs the CUDA toolkit (nvcc), but no GPU
 END
 }
 
@@ -39,15 +38,15 @@ install_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@"
 }
 
-# Judging renderings by LPIPS is all that needs them: without, and without a network, the rest goes on.
+# Optional: only the LPIPS metric needs the weights.
 lpips_weights() {
   [[ "${APVI_LPIPS:-}" != none ]] || return 0
   python3 "$scripts/make_lpips_weights.py" "$@" ||
-    echo "setup: without the weights of LPIPS, that metric will be n/a"
+    echo "setup: no LPIPS weights; the LPIPS metric will be unavailable"
 }
 
-# A LibTorch with CUDA, of Python's torch package. What only its other parts need stays out when the toolkit
-# has the libraries already.
+# Installs LibTorch with CUDA from the Python package torch, with only those dependencies that the CUDA toolkit does
+# not provide.
 cuda_torch() {
   local root venv packages
   root="$(cd "$scripts/.." && pwd)"
@@ -58,7 +57,7 @@ cuda_torch() {
   "$venv/bin/pip" install -q --no-deps "${packages[@]}"
   local torch
   torch="$(echo "$venv"/lib/python3*/site-packages/torch)"
-  [[ -d "$torch" ]] || { echo "error: pip left no torch in $venv" >&2; exit 1; }
+  [[ -d "$torch" ]] || { echo "error: pip did not install torch into $venv" >&2; exit 1; }
   cat <<END
 setup: LibTorch with CUDA is in $torch
   cmake --preset cuda -DCMAKE_PREFIX_PATH="$torch" -DCMAKE_CUDA_ARCHITECTURES=90
@@ -79,7 +78,7 @@ case "${1:-}" in
 esac
 
 if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
-  echo "error: this is no Debian system: install what scripts/packages.txt names by other means" >&2
+  echo "error: not a Debian-based system: install the packages of scripts/packages.txt by other means" >&2
   exit 1
 fi
 
@@ -104,12 +103,12 @@ if [[ "$(id -u)" != 0 ]] && ! command -v sudo >/dev/null; then
 fi
 
 if ! apt-cache show "${missing[@]}" >/dev/null 2>&1; then
-  echo "setup: fetching the package lists"
+  echo "setup: updating the package lists"
   as_root apt-get update -q
 fi
 echo "setup: installing ${#missing[@]} packages"
 install_packages "${missing[@]}" || {
-  echo "setup: trying again with fresh package lists"
+  echo "setup: retrying with updated package lists"
   as_root apt-get update -q
   install_packages "${missing[@]}"
 }

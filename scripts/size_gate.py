@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fails when a function of ours is longer than 80 lines, or a file longer than 500.
+"""Fails when a function is longer than 80 lines or a file longer than 500.
 
-Counts with a brace matcher, good to a line or two. With --report it also prints how long they are.
+Uses a brace matcher, accurate to one or two lines. --report also prints the distribution of lengths.
 """
 import argparse
 import pathlib
@@ -13,7 +13,7 @@ import sys
 MAX_FUNCTION, MAX_FILE = 80, 500
 CODE = (".hpp", ".cpp", ".cu", ".cuh")
 OTHERS = (".py", ".sh", ".cmake")
-# Preprocessor lines, comments, and literals: what may hold a brace that is none.
+# Preprocessor lines, comments and literals, whose braces must be ignored.
 NOISE = re.compile(
     r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*"
     r"|//[^\n]*|/\*.*?\*/"
@@ -22,12 +22,12 @@ NOISE = re.compile(
     re.DOTALL | re.MULTILINE)
 NO_FUNCTION = re.compile(
     r"\b(namespace|class|struct|union|enum|if|for|while|switch|catch|do|else|try)\b[^()]*(\(|$)")
-# The head of `Type(int a) : member_{`: the brace opens a member's value, not the body.
+# Matches `Type(int a) : member_{`: the brace opens a member initializer, not the body.
 INITIALIZER = re.compile(r"\)\s*(noexcept\s*)?:([^:].*)?[\w>]\s*$", re.DOTALL)
 
 
 def without_noise(text):
-    """The text with directives, comments and literals blanked, lines kept."""
+    """The text with directives, comments and literals blanked, line breaks kept."""
     return NOISE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), text)
 
 
@@ -45,7 +45,7 @@ def is_function(head):
 
 
 def functions(text):
-    """Yields (first line, name, lines) of every function with a body; lambdas count with theirs."""
+    """Yields (first line, name, lines) of every function with a body, including nested lambdas."""
     text = without_noise(text)
     start = i = 0
     while i < len(text):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# The CUDA language, and the flags of the kernels.
+# Enables the CUDA language and sets the compile options of the kernels.
 
 if(NOT CMAKE_CUDA_ARCHITECTURES)
   set(CMAKE_CUDA_ARCHITECTURES 89 90 CACHE STRING "GPU architectures to compile for")
 endif()
 enable_language(CUDA)
-if(NOT DEFINED CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know that nvcc takes it
+if(NOT DEFINED CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # missing in CMake 3.25
   set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION "-std=c++20")
   set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
 endif()

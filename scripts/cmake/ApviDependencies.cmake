@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Every third-party library, found on the system. Nothing is vendored and nothing is fetched. The
-# installed package includes this same file, so a consumer needs exactly what the build needed.
+# Finds all third-party libraries on the system; nothing is vendored or downloaded. The installed
+# package includes this file as well, so that consumers have the same dependencies as the build.
 
 macro(apvi_find)
   if(CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
@@ -25,7 +25,7 @@ if(APVI_LOCALIZATION)
     add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)
   endif()
   if(NOT CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
-    find_package(CLI11 REQUIRED)  # the program alone needs it
+    find_package(CLI11 REQUIRED)  # only for the program
   endif()
   if(APVI_WITH_ROSBAG)
     include(ApviRosbag)

@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# `cmake --install` gives a package that find_package(apvi) finds, with targets apvi::<module>.
+# `cmake --install` installs a package for find_package(apvi), with targets apvi::<module>.
 # tests/install builds a program against it.
 
 include(CMakePackageConfigHelpers)
 
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/apvi"
+        DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/configs" DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/scripts/report"
+        DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi/scripts" PATTERN "__pycache__" EXCLUDE)
+install(PROGRAMS "${PROJECT_SOURCE_DIR}/scripts/report.py"
+        DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi/scripts")
 set(APVI_INSTALL_CMAKEDIR "${CMAKE_INSTALL_LIBDIR}/cmake/apvi")
 install(EXPORT apviTargets NAMESPACE apvi:: DESTINATION "${APVI_INSTALL_CMAKEDIR}")
 configure_package_config_file(scripts/cmake/apviConfig.cmake.in

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# rosbag_storage reads and writes ROS1 bags without ROS. Debian's package brings no usable CMake
-# config (it asks for catkin) and lays pluginlib out in the folders of ROS 2, so it is found by hand.
+# Finds rosbag_storage, which reads and writes ROS 1 bags without ROS. The CMake config of Debian's
+# package requires catkin, and pluginlib uses the folder layout of ROS 2, hence the manual search.
 
 find_path(APVI_ROSBAG_INCLUDE_DIR rosbag/bag.h)
 find_library(APVI_ROSBAG_LIBRARY rosbag_storage)

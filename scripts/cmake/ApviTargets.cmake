@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# How every target of the project is made: one function for modules, one for tests.
+# Global compile options, and functions that define modules and tests.
 
 include(GNUInstallDirs)
 set(CMAKE_CXX_STANDARD 20)
@@ -15,15 +15,16 @@ endif()
 
 find_program(APVI_CCACHE ccache)
 if(APVI_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # Without the sloppiness ccache refuses every file that uses a precompiled header; with the other two a second
-  # clone finds what the first one compiled.
+  # Without CCACHE_SLOPPINESS, ccache rejects all files that use a precompiled header; the other two settings let
+  # several clones share the cache.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros
       CCACHE_NOHASHDIR=1 CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} "${APVI_CCACHE}")
   set(CMAKE_CUDA_COMPILER_LAUNCHER "${APVI_CCACHE}")
 endif()
 
-# Flags of our own files; never exported, so a consumer keeps its own.
+# Compile options of this project; not exported to consumers.
 add_library(apvi_options INTERFACE)
+target_include_directories(apvi_options INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
 target_compile_options(apvi_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Wconversion -Wshadow>
   $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<BOOL:${APVI_WERROR}>>:-Werror>)
@@ -42,7 +43,7 @@ if(APVI_SANITIZE)
 endif()
 
 # apvi_add_module(<name> SOURCES a.cpp ... [DEPENDS apvi::core Eigen3::Eigen ...] [PRIVATE_DEPENDS ...])
-# makes the static library apvi_<name>, alias apvi::<name>, installed and exported.
+# defines the static library apvi_<name>, alias apvi::<name>, installed and exported.
 function(apvi_add_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
   add_library(apvi_${name} STATIC ${ARG_SOURCES})
@@ -54,14 +55,10 @@ function(apvi_add_module name)
   target_link_libraries(apvi_${name} PUBLIC ${ARG_DEPENDS}
     PRIVATE $<BUILD_INTERFACE:apvi_options> ${ARG_PRIVATE_DEPENDS})
   install(TARGETS apvi_${name} EXPORT apviTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-  if(EXISTS "${PROJECT_SOURCE_DIR}/include/apvi/${name}")
-    install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/apvi/${name}"
-            DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/apvi" FILES_MATCHING PATTERN "*.hpp")
-  endif()
 endfunction()
 
-# apvi_precompile_torch(<target>): torch/torch.h costs 13 s in every file that includes it, once so. The
-# precompiled header has 630 MB, so all targets share one; for that programs too are compiled with -fPIC.
+# apvi_precompile_torch(<target>): precompiles torch/torch.h, which takes 13 s to parse. All targets share
+# one precompiled header of 630 MB; this requires -fPIC for programs, too.
 function(apvi_precompile_torch target)
   if(NOT TARGET apvi_torch_header)
     add_library(apvi_torch_header OBJECT ${PROJECT_SOURCE_DIR}/scripts/cmake/torch_header.cpp)
@@ -83,7 +80,7 @@ function(apvi_make_test_program name sources depends)
 endfunction()
 
 # apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow|e2e])
-# makes one test program for the module; every TEST is a CTest case of its own.
+# defines one test program for the module; every TEST is a separate CTest case.
 function(apvi_add_test name)
   cmake_parse_arguments(ARG "" "LABELS" "SOURCES;DEPENDS" ${ARGN})
   if(NOT ARG_LABELS)
@@ -95,8 +92,8 @@ function(apvi_add_test name)
 endfunction()
 
 # apvi_add_torch_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS ...])
-# makes one test program for a module that uses LibTorch; every suite is a CTest case of its own, since
-# a process with LibTorch takes 0.4 s to start.
+# defines one test program for a module that uses LibTorch; every suite is a separate CTest case (not
+# every TEST, since a process with LibTorch takes 0.4 s to start).
 function(apvi_add_torch_test name)
   cmake_parse_arguments(ARG "" "LABELS" "SOURCES;DEPENDS" ${ARGN})
   if(NOT ARG_LABELS)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# LibTorch, of Debian (CPU) or of Python's torch package (CUDA), as the one target apvi_torch.
-# third_party/README.md says how to point CMake at the latter.
+# Defines the target apvi_torch for LibTorch from Debian (CPU) or the Python package torch (CUDA).
+# third_party/README.md explains how to select the latter.
 
 if(TARGET apvi_torch)
   return()
 endif()
 
-# TorchConfig replaces CMAKE_CUDA_ARCHITECTURES, appends -gencode flags of its own, and without a list
-# tries to detect GPUs. So: give it our list, and undo the rest.
+# TorchConfig replaces CMAKE_CUDA_ARCHITECTURES, appends its own -gencode flags, and tries to detect
+# GPUs if no architecture list is set. Set the list, and restore the variables afterwards.
 set(apvi_cuda_architectures "${CMAKE_CUDA_ARCHITECTURES}")
 set(apvi_cuda_flags "${CMAKE_CUDA_FLAGS}")
 if(NOT DEFINED ENV{TORCH_CUDA_ARCH_LIST} AND NOT TORCH_CUDA_ARCH_LIST)
@@ -18,7 +18,7 @@ if(NOT DEFINED ENV{TORCH_CUDA_ARCH_LIST} AND NOT TORCH_CUDA_ARCH_LIST)
   endif()
   list(JOIN apvi_arch_list " " TORCH_CUDA_ARCH_LIST)
 endif()
-# Older TorchConfigs name a library that left the CUDA toolkit with version 12.9.
+# Older TorchConfigs require a library that was removed in CUDA 12.9.
 if(APVI_BACKEND STREQUAL "cuda" AND NOT TARGET CUDA::nvToolsExt)
   add_library(CUDA::nvToolsExt INTERFACE IMPORTED)
 endif()
@@ -31,7 +31,7 @@ endif()
 set(CMAKE_CUDA_FLAGS "${apvi_cuda_flags}")
 set(CMAKE_CUDA_ARCHITECTURES "${apvi_cuda_architectures}")
 
-# With two LibTorch installations the libraries of one may be found for the headers of the other.
+# With two LibTorch installations, CMake may mix the headers of one with the libraries of the other.
 cmake_path(SET apvi_torch_prefix NORMALIZE "${TORCH_INSTALL_PREFIX}/")
 foreach(library IN ITEMS "${TORCH_LIBRARY}" "${c10_LIBRARY}")
   if(library AND NOT library MATCHES "^${apvi_torch_prefix}")
@@ -46,17 +46,17 @@ if(APVI_BACKEND STREQUAL "cuda" AND NOT TARGET torch_cuda)
 endif()
 
 add_library(apvi_torch INTERFACE IMPORTED GLOBAL)
-# LibTorch 2 ships headers of a newer fmt than Debian's library: only inline code of it may be used.
+# LibTorch 2 ships headers of a newer fmt than Debian's library, so fmt must be used header-only.
 target_link_libraries(apvi_torch INTERFACE ${TORCH_LIBRARIES} fmt::fmt-header-only)
-# at::parallel_for is a template in a header, and without OpenMP it quietly runs on one thread.
+# at::parallel_for is a header-only template that runs on one thread without OpenMP.
 apvi_find(OpenMP COMPONENTS CXX)
 target_link_libraries(apvi_torch INTERFACE OpenMP::OpenMP_CXX)
 if(TARGET torch_cuda)
-  # The wheels keep CUDA's libraries in folders of their own, which only the run path can name; as
-  # RPATH, because LibTorch's libraries, not ours, ask for most of them.
+  # The wheels store the CUDA libraries in separate folders that must be in the run path; as RPATH
+  # rather than RUNPATH, because they are mostly dependencies of LibTorch's libraries.
   target_link_options(apvi_torch INTERFACE -Wl,--allow-shlib-undefined -Wl,--disable-new-dtags)
-  # The wheels' libtorch exports parts of a C++ library of its own (std::filesystem), which do not work
-  # for others: the real one has to come first.
+  # The wheels' libtorch exports parts of its own libstdc++ (std::filesystem) that are incompatible:
+  # link the system libstdc++ first.
   target_link_options(apvi_torch INTERFACE
     -Wl,--push-state,--no-as-needed -lstdc++ -Wl,--pop-state)
   file(GLOB apvi_wheel_libraries LIST_DIRECTORIES TRUE "${apvi_torch_prefix}../nvidia/*/lib")

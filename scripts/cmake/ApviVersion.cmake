@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Writes version.hpp into the build tree, with the git revision of the moment of the build. Included by
-# the project it adds the target apvi_version, which runs this same file as a script (cmake -P).
+# Writes version.hpp into the build tree, with the git revision at build time. When included by the
+# project, adds the target apvi_version, which runs this file as a script (cmake -P).
 
 function(apvi_write_version_header output)
   find_package(Git QUIET)
@@ -13,7 +13,7 @@ function(apvi_write_version_header output)
       set(APVI_GIT_REVISION "${revision}")
     endif()
   endif()
-  # Touches the file only when its contents change, so nothing is compiled again for nothing.
+  # Only rewrites the file when its content changes, to avoid needless recompilation.
   configure_file("${APVI_VERSION_SOURCE}/include/apvi/version.hpp.in" "${output}" @ONLY)
 endfunction()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compares an estimate with a reference as `apvi eval` does."""
+"""Compares an estimate with a reference, like `apvi eval`."""
 import dataclasses
 
 import numpy as np
@@ -23,9 +23,9 @@ class Motion:
 
 @dataclasses.dataclass
 class Comparison:
-    """The estimate moved onto the reference, and how far it stays away at the pairs' stamps."""
+    """The estimate aligned to the reference, and the errors at the stamps of the pairs."""
     motion: Motion
-    words: str              # how it was aligned
+    alignment: str          # in words
     t: np.ndarray
     position: np.ndarray    # [m]
     rotation: np.ndarray    # [deg], or None
@@ -37,7 +37,7 @@ class Comparison:
 
 
 def slerp(R0, R1, fraction):
-    """Rotations [n, 3, 3] between two, by the angle's fraction [n]."""
+    """Spherical interpolation of rotations [n, 3, 3] by fractions [n]."""
     step = np.swapaxes(R0, 1, 2) @ R1
     angle = angles(step)
     skew = (step - np.swapaxes(step, 1, 2)) / 2.0
@@ -56,14 +56,14 @@ def rotations_about(axis, angle):
 
 
 def angles(R):
-    """Of rotations [n, 3, 3], in radians; exact for small ones too."""
+    """Angles of rotations [n, 3, 3] in radians; accurate for small angles."""
     skew = (R - np.swapaxes(R, 1, 2)) / 2.0
     sine = np.sqrt(skew[:, 2, 1]**2 + skew[:, 0, 2]**2 + skew[:, 1, 0]**2)
     return np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0)
 
 
 def interpolate(track, t, max_gap_s):
-    """The track at those of the times t that it covers, and which those are."""
+    """The track interpolated at those times t that it covers, and a mask of these times."""
     after = np.clip(np.searchsorted(track.t, t), 1, len(track) - 1)
     before = after - 1
     gap = track.t[after] - track.t[before]
@@ -81,7 +81,7 @@ def select(track, keep):
 
 
 def associate(reference, estimate, max_gap_s):
-    """Both at common stamps: the denser is interpolated at those of the other."""
+    """Both tracks at common stamps: the denser one is interpolated at the stamps of the other."""
     first, last = max(reference.t[0], estimate.t[0]), min(reference.t[-1], estimate.t[-1])
     if first > last:
         return None
@@ -95,7 +95,7 @@ def associate(reference, estimate, max_gap_s):
 
 
 def umeyama(target, source):
-    """The rigid motion of source [n, d] onto target with the least squares of distances.
+    """Least-squares rigid motion (R, t) from source to target, both [n, d].
 
     S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
     1991, without the scale.
@@ -109,7 +109,7 @@ def umeyama(target, source):
 
 
 def level_motion(reference, estimate):
-    """Turns about the vertical only; heights are made equal on average."""
+    """Alignment by a rotation about the vertical and a translation."""
     motion = Motion(np.eye(3), np.zeros(3))
     motion.R[:2, :2], motion.t[:2] = umeyama(reference.p[:, :2], estimate.p[:, :2])
     motion.t[2] = 0.0 if reference.planar else np.mean(reference.p[:, 2] - estimate.p[:, 2])
@@ -117,12 +117,12 @@ def level_motion(reference, estimate):
 
 
 def find_motion(reference, estimate, mode):
-    """The motion and its name in words."""
+    """The alignment and its description."""
     if mode == "none":
-        return Motion(np.eye(3), np.zeros(3)), "as they are"
+        return Motion(np.eye(3), np.zeros(3)), "not aligned"
     if mode == "first" and reference.R is not None:
         R = reference.R[0] @ estimate.R[0].T
-        return Motion(R, reference.p[0] - R @ estimate.p[0]), "with the first poses made equal"
+        return Motion(R, reference.p[0] - R @ estimate.p[0]), "aligned at the first pose"
     if mode == "yaw" or reference.planar:
         plane = "in the plane " if reference.planar else "about the vertical "
         return level_motion(reference, estimate), f"aligned {plane}by least squares (Umeyama)"
@@ -130,7 +130,7 @@ def find_motion(reference, estimate, mode):
 
 
 def compare(run):
-    """None when there is nothing to compare."""
+    """None without a reference or with too few common poses."""
     if run.reference is None or len(run.reference) < 2 or len(run.estimate) < 2:
         return None
     max_gap_s = float(run.setting("eval", "max_gap_s", default="2"))
@@ -138,11 +138,11 @@ def compare(run):
     if pairs is None or len(pairs[0]) < 3:
         return None
     reference, estimate = pairs
-    motion, words = find_motion(reference, estimate, run.setting("eval", "align", default="se3"))
+    motion, alignment = find_motion(reference, estimate, run.setting("eval", "align", default="se3"))
     moved = motion.apply(estimate)
     axes = 2 if reference.planar else 3
     rotation = None
     if reference.R is not None:
         rotation = np.degrees(angles(np.swapaxes(reference.R, 1, 2) @ moved.R))
-    return Comparison(motion, words, reference.t,
+    return Comparison(motion, alignment, reference.t,
                       np.linalg.norm((moved.p - reference.p)[:, :axes], axis=1), rotation, axes)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Figures of where the vehicle went and how wrong that was. Each returns a matplotlib figure."""
+"""Figures of the trajectory and its errors. Each function returns a matplotlib figure."""
 import numpy as np
 from matplotlib import pyplot
 
 from . import style
 from .run_data import seconds
 
-MAX_VECTOR_POINTS = 5000  # more than these are drawn as pixels, or the page grows with the run
+MAX_VECTOR_POINTS = 5000  # more points are rasterized, to limit the page size
 
 
 class Clock:
-    """The time axis of a run: seconds, minutes of a long one."""
+    """The time axis of a run, in seconds or, for long runs, minutes."""
 
     def __init__(self, duration_s):
         self.scale, self.unit = (1.0, "s") if duration_s <= 600.0 else (60.0, "min")
@@ -33,8 +33,8 @@ def scatter(axes, x, y, **kwargs):
     axes.plot(x, y, linestyle="none", rasterized=len(x) > MAX_VECTOR_POINTS, **kwargs)
 
 
-def placed(run, comparison):
-    """The estimate and the others as drawn: moved onto the reference if there is one."""
+def aligned_tracks(run, comparison):
+    """The estimate and the other trajectories, aligned to the reference if there is one."""
     def move(track):
         return comparison.motion.apply(track) if comparison else track
     others = {name: move(track) for name, track in run.others.items()
@@ -46,19 +46,19 @@ def same_path(a, b):
     return len(a) == len(b) and np.allclose(a.p, b.p, atol=1e-6)
 
 
-def seen_reference(run):
+def reference_in_span(run):
     return run.reference.within(run.estimate.t[0] - 1.0, run.estimate.t[-1] + 1.0)
 
 
 def plan_size(extent):
-    """Figure size [in] for a plan of this extent: as wide as the page unless the path is tall."""
+    """Figure size [in] of a top view: as wide as the page unless the path is tall."""
     aspect = np.clip(extent[0] / max(extent[1], 1e-9), 0.9, 2.4)
     height = min(style.WIDTH / aspect, 6.6)
     return min(style.WIDTH, aspect * height + 0.8), height
 
 
 def emptiest_corner(axes, points):
-    """Centre of the corner, in parts of the axes, that has the fewest points near it."""
+    """Center, in axes coordinates, of the corner with the fewest points."""
     corners = np.array([[0.87, 0.06], [0.13, 0.06], [0.87, 0.91], [0.13, 0.91]])
     parts = axes.transAxes.inverted().transform(axes.transData.transform(points))
     near = [(np.abs(parts - corner) < (0.14, 0.09)).all(axis=1).sum() for corner in corners]
@@ -66,7 +66,7 @@ def emptiest_corner(axes, points):
 
 
 def scale_bar(axes, points):
-    """A bar of a round length, in a corner where it hides no path."""
+    """A scale bar of a round length, in the emptiest corner."""
     limits = axes.axis()
     wanted = (limits[1] - limits[0]) / 6.0
     power = 10.0**np.floor(np.log10(wanted))
@@ -87,12 +87,12 @@ def mark_ends(axes, p):
 
 
 def plan(run, comparison):
-    """The path from above."""
-    estimate, others = placed(run, comparison)
+    """Top view of the path."""
+    estimate, others = aligned_tracks(run, comparison)
     parts = [estimate.p]
     figure, axes = pyplot.subplots()
     if comparison:
-        reference = seen_reference(run)
+        reference = reference_in_span(run)
         parts.append(reference.p)
         axes.plot(*reference.p.T[:2], color=style.REFERENCE, linewidth=4.0, label="reference")
     for name, track in others.items():
@@ -106,13 +106,13 @@ def plan(run, comparison):
     axes.set_ylabel(f"{names[1]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
     style.legend_above(axes)
-    figure.canvas.draw()  # settles the limits
+    figure.canvas.draw()  # computes the axis limits
     scale_bar(axes, everything)
     return figure
 
 
-def lift(track, onto):
-    """How much higher another track runs where both are, as a median [m]."""
+def height_offset(track, onto):
+    """Median height of `onto` above `track` over their common time span [m]."""
     if len(track) < 2 or len(onto) < 2:
         return 0.0
     t = track.t[(track.t >= onto.t[0]) & (track.t <= onto.t[-1])]
@@ -122,20 +122,20 @@ def lift(track, onto):
 
 
 def profile(run, comparison):
-    """Depth over time, at the heights of DIPO: those are what a pressure sensor measures."""
-    estimate, others = placed(run, None)
-    up = lift(estimate, others["DIPO"]) if "DIPO" in others else 0.0
+    """Depth over time, shifted to the heights of DIPO, which match the pressure sensor."""
+    estimate, others = aligned_tracks(run, None)
+    offset = height_offset(estimate, others["DIPO"]) if "DIPO" in others else 0.0
     clock = clock_of(run)
     figure, axes = pyplot.subplots(figsize=(style.WIDTH, 2.7))
     if comparison and not run.reference.planar:
-        reference = comparison.motion.inverse().apply(seen_reference(run))
-        axes.plot(clock(reference.t), -up - reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
+        reference = comparison.motion.inverse().apply(reference_in_span(run))
+        axes.plot(clock(reference.t), -offset - reference.p[:, 2], color=style.REFERENCE, linewidth=4.0,
                   label="reference")
     for name, track in others.items():
-        own = 0.0 if name == "DIPO" else up
+        own = 0.0 if name == "DIPO" else offset
         axes.plot(clock(track.t), -own - track.p[:, 2], color=style.TRACKS[name], linewidth=1.2,
                   label=name)
-    axes.plot(clock(estimate.t), -up - estimate.p[:, 2], color=style.BLUE, label="estimate")
+    axes.plot(clock(estimate.t), -offset - estimate.p[:, 2], color=style.BLUE, label="estimate")
     axes.set_ylabel("depth [m]")
     axes.invert_yaxis()
     clock.label(axes)
@@ -144,7 +144,7 @@ def profile(run, comparison):
 
 
 def expected_error(run, axes):
-    """(time [s], sigma of the position error's norm over `axes` axes [m], the rotation's [deg])."""
+    """(time [s], sigma of the position error norm over `axes` axes [m], sigma of rotation [deg])."""
     names = ("position_sigma", "rotation_sigma")
     if run.pings is None or any(name not in run.pings for name in names):
         return np.empty(0), np.empty(0), np.empty(0)
@@ -152,8 +152,8 @@ def expected_error(run, axes):
             np.sqrt(3.0) * run.pings[names[1]])
 
 
-def pose_spells(run):
-    """(state, start [s], end [s]) of the stretches of frames whose pose came from the same."""
+def pose_intervals(run):
+    """(state, start [s], end [s]) of intervals of frames with the same pose source."""
     if run.health is None or "state" not in run.health or len(run.health) < 2:
         return []
     t, states = seconds(run.health, run.start_s), run.health["state"]
@@ -164,13 +164,13 @@ def pose_spells(run):
 
 
 def verdict_bands(run, axes, clock, label=True):
-    """Behind a curve over time: which frames' poses were fused, frozen, dropped."""
+    """Background bands that show the pose source of the frames: fused, frozen, dropped."""
     named = set()
-    for state, start, end in pose_spells(run):
+    for state, start, end in pose_intervals(run):
         if end <= 0.0:
             continue  # before the first pose
-        words, color = style.pose_style(state)
-        name = words if label and state not in named and end - start > 0.004 * clock.length else None
+        text, color = style.pose_style(state)
+        name = text if label and state not in named and end - start > 0.004 * clock.length else None
         named |= {state} if name else set()
         axes.axvspan(clock(max(start, 0.0)), clock(end), color=color, linewidth=0, zorder=0,
                      alpha=0.08 if state == "fused" else 0.22, label=name)
@@ -188,7 +188,7 @@ def error_panel(axes, t, error, sigma, label):
 
 
 def error(run, comparison):
-    """Distance from the reference, and the angle to it, beside what the filter expects."""
+    """Position and rotation error over time, with the standard deviations of the filter."""
     clock = clock_of(run)
     sigma_t, position_sigma, rotation_sigma = expected_error(run, comparison.axes)
     panels = 2 if comparison.rotation is not None else 1

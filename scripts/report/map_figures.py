@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a run's map looks like beside the truth, and the water that was found."""
+"""Figures of the map compared with the ground truth, and of the estimated water."""
 import base64
 import dataclasses
 import io
@@ -11,17 +11,17 @@ from PIL import Image
 from . import style
 
 MAX_VIEWS = 6
-MAX_WIDTH = 960  # of a picture in the page [px]
+MAX_WIDTH = 960  # of an image in the page [px]
 CHANNELS = (("red", "#c4303b"), ("green", "#12866f"), ("blue", "#1565b0"))
 
 
 @dataclasses.dataclass
 class View:
-    """A held-out view: pictures as data URIs, None where there is none."""
+    """A held-out view: images as data URIs by kind."""
     name: str
     width: int
     height: int
-    pictures: dict
+    images: dict
 
 
 def jpeg(image):
@@ -36,8 +36,8 @@ def fitted(image):
     return image.resize((MAX_WIDTH, round(image.height * MAX_WIDTH / image.width)), Image.LANCZOS)
 
 
-def depth_picture(path):
-    """Near is bright; black where there is nothing. And the range that the colours span [m]."""
+def depth_image(path):
+    """Depth image in false colors (black: no depth), and the depth range of the colors [m]."""
     depth = np.asarray(Image.open(path), dtype=float) * 1e-3
     there = depth > 0.0
     if not there.any():
@@ -54,21 +54,21 @@ def view(run, stamp):
     clear = run.dataset / "truth" / "clear" / f"{stamp}.png" if run.dataset else None
     if clear is not None and clear.is_file():
         files["clear"] = clear
-    pictures, size = {}, (4, 3)
+    images, size = {}, (4, 3)
     for kind in ("truth", "render", "restored", "clear"):
         if kind in files:
             image = fitted(Image.open(files[kind]))
-            pictures[kind], size = jpeg(image), image.size
+            images[kind], size = jpeg(image), image.size
     if "depth" in files:
-        image, span = depth_picture(files["depth"])
+        image, span = depth_image(files["depth"])
         if image is not None:
-            pictures["depth"] = jpeg(fitted(image))
-            pictures["depth_words"] = f"depth, {span[0]:.1f} to {span[1]:.1f} m"
-    return View(stamp, *size, pictures)
+            images["depth"] = jpeg(fitted(image))
+            images["depth_label"] = f"depth, {span[0]:.1f} to {span[1]:.1f} m"
+    return View(stamp, *size, images)
 
 
 def views(run):
-    """Some, evenly over the run; those with a truth to compare with where there are such."""
+    """Up to MAX_VIEWS views, evenly over the run, preferably with camera images; and their count."""
     stamps = [s for s, kinds in run.renders.items() if "render" in kinds and "truth" in kinds]
     stamps = stamps or list(run.renders)
     chosen = np.unique(np.linspace(0, len(stamps) - 1, MAX_VIEWS).round().astype(int))
@@ -76,7 +76,7 @@ def views(run):
 
 
 def view_panels(run):
-    """(title, [(values, color, name)]) of what views.csv can show of the held-out views."""
+    """(title, [(values, color, name)]) of the panels available from views.csv."""
     table = run.views
     if table is None or not np.issubdtype(table["image"].dtype, np.number):
         return []
@@ -91,7 +91,7 @@ def view_panels(run):
 
 
 def views_over_time(run):
-    """Every held-out view's figures: where the map is weak, a mean does not say."""
+    """Metrics of every held-out view over time."""
     panels = view_panels(run)
     figure, all_axes = pyplot.subplots(len(panels), 1, squeeze=False, sharex=True,
                                        figsize=(style.WIDTH, 0.5 + 1.7 * len(panels)))
@@ -108,7 +108,7 @@ def views_over_time(run):
 
 
 def water(run):
-    """Coefficients by colour, beside the truth where it is known."""
+    """Medium coefficients by color channel, with the ground truth where it is known."""
     figure, all_axes = pyplot.subplots(
         1, 3, figsize=(style.WIDTH, 2.6 if not style.is_narrow() else 2.2), sharey=False)
     titles = {"beta_d": "attenuation β_d [1/m]", "beta_b": "backscatter β_b [1/m]",
@@ -130,7 +130,7 @@ def water(run):
 
 
 def medium_columns(run):
-    """Columns of mapping.csv that follow the water, by coefficient."""
+    """Columns of mapping.csv with the medium coefficients, by coefficient."""
     names = {"beta_d": [], "beta_b": [], "b_inf": []}
     if run.mapping is None:
         return {}
@@ -140,7 +140,7 @@ def medium_columns(run):
 
 
 def progress_panels(run):
-    """(title, [(column, color, name)]) of what mapping.csv can show."""
+    """(title, [(column, color, name)]) of the panels available from mapping.csv."""
     panels = []
     for column, title in (("psnr_heldout", "held-out views, PSNR [dB]"), ("gaussians", "Gaussians")):
         if run.mapping is not None and column in run.mapping and np.isfinite(
@@ -153,7 +153,7 @@ def progress_panels(run):
 
 
 def progress(run):
-    """The map over the time that was spent on it."""
+    """Progress of the map over optimization time."""
     panels = progress_panels(run)
     across = 1 if style.is_narrow() else min(len(panels), 2)
     down = -(-len(panels) // across)
@@ -166,5 +166,5 @@ def progress(run):
     for spare in list(all_axes.flat)[len(panels):]:
         spare.remove()
     for axes in all_axes[-1]:
-        axes.set_xlabel("time of optimisation [s]")
+        axes.set_xlabel("optimization time [s]")
     return figure

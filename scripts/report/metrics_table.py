@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""metrics.json in words."""
+"""Tables of the metrics in metrics.json."""
 
 # key: (name, unit, digits after the point; None for a whole number)
 TRAJECTORY = {
@@ -9,30 +9,30 @@ TRAJECTORY = {
     "ate_std_m": ("… standard deviation", "m", 3),
     "ate_min_m": ("… smallest", "m", 3),
     "ate_max_m": ("… largest", "m", 3),
-    "ate_first_pose_rmse_m": ("… RMSE with the first poses made equal", "m", 3),
-    "ate_percent_of_path": ("Absolute position error, of the path", "%", 3),
+    "ate_first_pose_rmse_m": ("… RMSE, aligned at the first pose", "m", 3),
+    "ate_percent_of_path": ("Absolute position error, relative to the path length", "%", 3),
     "rot_rmse_deg": ("Rotation error, RMSE", "°", 2),
     "rpe_1s_rmse_m": ("Relative error over 1 s, RMSE", "m", 3),
     "rpe_10m_rmse_m": ("Relative error over 10 m, RMSE", "m", 3),
     "rpe_10m_mean_m": ("… mean", "m", 3),
     "rpe_10m_median_m": ("… median", "m", 3),
-    "rpe_10m_all_pairs_rmse_m": ("… RMSE from every pose", "m", 3),
-    "coverage": ("Part of the reference that is covered", "%", 1),
+    "rpe_10m_all_pairs_rmse_m": ("… RMSE over all pairs", "m", 3),
+    "coverage": ("Coverage of the reference", "%", 1),
     "path_length_m": ("Length of the reference path", "m", 1),
     "estimate_length_m": ("Length of the estimated path", "m", 1),
     "end_to_start_m": ("Distance from start to end", "m", 2),
-    "matched": ("Compared poses", "", None),
+    "matched": ("Matched poses", "", None),
 }
 OTHERS = {
     "speed.wall_s": ("Computing time", "s", 2),
     "speed.sequence_s": ("Length of the recording", "s", 1),
-    "speed.realtime_factor": ("Times faster than real time", "", 0),
+    "speed.realtime_factor": ("Real-time factor", "", 0),
     "speed.tracking_fps": ("Tracked images per second", "1/s", 1),
     "speed.render_fps": ("Rendered images per second", "1/s", 1),
-    "speed.iterations_per_s": ("Optimisation steps per second", "1/s", 1),
+    "speed.iterations_per_s": ("Optimization steps per second", "1/s", 1),
     "speed.rss_peak_mib": ("Peak memory", "MiB", 1),
-    "speed.gpu_peak_mib": ("Peak memory of the GPU", "MiB", 1),
-    "counts.imu_gaps": ("Gaps in the inertial data", "", None),
+    "speed.gpu_peak_mib": ("Peak GPU memory", "MiB", 1),
+    "counts.imu_gaps": ("Gaps in the IMU data", "", None),
     "counts.zero_velocity_updates": ("Zero-velocity updates", "", None),
     "vio.init_time_s": ("VIO: time to initialize", "s", 2),
     "vio.failures": ("VIO: failures", "", None),
@@ -42,24 +42,24 @@ OTHERS = {
     "mapping.ssim": ("Held-out views: SSIM", "", 3),
     "mapping.lpips": ("Held-out views: LPIPS", "", 3),
     "mapping.ms_ssim": ("Held-out views: MS-SSIM", "", 3),
-    "mapping.psnr_median_image_db": ("PSNR of the median image, for comparison", "dB", 2),
+    "mapping.psnr_median_image_db": ("PSNR of the median-image baseline", "dB", 2),
     "mapping.psnr_all_keyframes_db": ("All keyframes: PSNR", "dB", 2),
     "mapping.restored_psnr_db": ("Restored views: PSNR", "dB", 2),
-    "mapping.restored_seen_psnr_db": ("Restored views, what the water lets be seen: PSNR", "dB", 2),
+    "mapping.restored_seen_psnr_db": ("Restored views, visible parts: PSNR", "dB", 2),
     "mapping.depth_rmse_m": ("Depth error of the map, RMSE", "m", 3),
-    "mapping.depth_seen_rmse_m": ("The same, of what the water lets be seen", "m", 3),
-    "mapping.depth_half_pixel_rmse_m": ("What a perfect map half a pixel aside would have", "m", 3),
+    "mapping.depth_seen_rmse_m": ("Depth error of the map, visible parts, RMSE", "m", 3),
+    "mapping.depth_half_pixel_rmse_m": ("Depth error of a perfect map shifted by half a pixel, RMSE", "m", 3),
     "mapping.depth_abs_rel": ("Depth error of the map, relative", "", 4),
     "mapping.gaussians": ("Gaussians", "", None),
-    "mapping.iterations": ("Optimisation steps", "", None),
+    "mapping.iterations": ("Optimization steps", "", None),
     "mapping.heldout_views": ("Held-out views", "", None),
-    "speed.training_s": ("Time spent on the map", "s", 1),
-    "vio.resets": ("VIO: started anew", "", None),
-    "vio.success": ("VIO: back after every failure", "", None),
-    "counts.abandoned_frames": ("Images that came too late", "", None),
-    "counts.imu_saturated": ("Saturated inertial samples", "", None),
-    "medium.error_percent": ("Water: error of its coefficients", "%", 0),
-    "mapping.lpips_net": ("LPIPS by", "", None),
+    "speed.training_s": ("Training time of the map", "s", 1),
+    "vio.resets": ("VIO: resets", "", None),
+    "vio.success": ("VIO: recovered from every failure", "", None),
+    "counts.abandoned_frames": ("Images abandoned (too late)", "", None),
+    "counts.imu_saturated": ("Saturated IMU samples", "", None),
+    "medium.error_percent": ("Medium: error of the coefficients", "%", 0),
+    "mapping.lpips_net": ("LPIPS network", "", None),
     "build.backend": ("Backend", "", None),
     "build.torch": ("LibTorch", "", None),
     "build.git": ("Revision", "", None),
@@ -68,7 +68,7 @@ ESTIMATORS = {"dipo": "DIPO", "vio": "VIO"}
 
 
 def number(value, digits):
-    """As text, with thin spaces between thousands."""
+    """Formats a value as text, with thin spaces between thousands."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
@@ -88,7 +88,7 @@ def trajectory_value(metrics, key):
 
 
 def trajectory_columns(metrics):
-    """Name and figures of each estimator; one that is the fused one itself is left out."""
+    """Name and metrics of each estimator, without those identical to the fused trajectory."""
     fused = {key: value for key, value in metrics.items() if not isinstance(value, dict)}
     found = [(name, metrics[key]) for key, name in ESTIMATORS.items()
              if isinstance(metrics.get(key), dict) and metrics[key] != fused]
@@ -96,7 +96,7 @@ def trajectory_columns(metrics):
 
 
 def trajectory_table(run):
-    """Headings and rows (name, unit, values...), empty without figures."""
+    """Headings and rows (name, unit, values...); empty without metrics."""
     columns = trajectory_columns(run.metrics.get("trajectory", {}))
     rows = [(name, unit, [trajectory_value(figures, key) for _, figures in columns])
             for key, (name, unit, _) in TRAJECTORY.items() if any(key in f for _, f in columns)]
@@ -104,7 +104,7 @@ def trajectory_table(run):
 
 
 def count_rows(run):
-    """(sensor, verdict or reason, count, percent) of what became of the measurements."""
+    """(sensor, verdict or reason, count, percent) of the measurements."""
     rows = []
     for sensor in ("dvl", "depth"):
         counts = run.metrics.get("counts", {}).get(sensor, {})
@@ -116,7 +116,7 @@ def count_rows(run):
 
 
 def dropped_rows(run):
-    """(what, count) of samples that never reached the estimator."""
+    """(stream, count) of samples that never reached the estimator."""
     dropped = dict(run.metrics.get("counts", {}).get("dropped_samples", {}))
     dropped.update(run.metrics.get("dropped", {}))
     return [(name.upper() if name in ("imu", "dvl") else name, number(count, None))
@@ -132,7 +132,7 @@ def flatten(metrics, prefix=""):
 
 
 def other_rows(run):
-    """(name, unit, value) of everything else; a key without a name here keeps its own."""
+    """(name, unit, value) of all other metrics; keys without an entry in OTHERS are shown as is."""
     shown = ("trajectory.", "counts.dvl.", "counts.depth.", "counts.dropped_samples.", "dropped.")
     rows = []
     flat = dict(flatten(run.metrics))
@@ -144,23 +144,23 @@ def other_rows(run):
 
 
 def headline(run):
-    """(value, unit, words) of the figures one looks for first."""
+    """(value, unit, label) of the most important metrics."""
     flat = dict(flatten(run.metrics))
     wanted = [("trajectory.ate_rmse_m", "m", "position error (RMSE)", 2),
               ("trajectory.ate_percent_of_path", "%", "of the path", 2),
               ("trajectory.rot_rmse_deg", "°", "rotation error (RMSE)", 2),
               ("trajectory.end_to_start_m", "m", "from start to end", 2),
-              ("trajectory.estimate_length_m", "m", "travelled", 0),
+              ("trajectory.estimate_length_m", "m", "traveled", 0),
               ("mapping.psnr_db", "dB", "PSNR of held-out views", 1),
               ("speed.sequence_s", "s", "recorded", 0),
               ("speed.realtime_factor", "×", "real time", 0)]
     if "trajectory.ate_rmse_m" in flat:
         flat.pop("trajectory.end_to_start_m", None)
-    return [(number(flat[key], digits_for(flat[key], digits)), unit, words)
-            for key, unit, words, digits in wanted if key in flat]
+    return [(number(flat[key], digits_for(flat[key], digits)), unit, label)
+            for key, unit, label, digits in wanted if key in flat]
 
 
 def digits_for(value, digits):
-    """More of a number that would lose itself: 0.0057 is not 0.01."""
+    """Adds a digit to small numbers, so that 0.0057 is not shown as 0.01."""
     small = 0.0 < abs(value) < 2.0 * 10.0**-digits
     return digits + (2 if digits == 0 else 1) if small else digits

@@ -1,37 +1,37 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Puts the sections of a run's report together."""
+"""Assembles the report page of a run."""
 import dataclasses
 import datetime
 
 from . import figures, map_figures, metrics_table, sensor_figures, style, template, vision_figures
 from .alignment import compare
 
-EPOCH_PLAUSIBLE_S = 1e9  # stamps below count from somewhere else
+EPOCH_PLAUSIBLE_S = 1e9  # smaller stamps are not Unix time
 
 
 @dataclasses.dataclass
 class Section:
     title: str
-    pictures: list = dataclasses.field(default_factory=list)
+    plots: list = dataclasses.field(default_factory=list)
     note: str = ""
-    views: list = dataclasses.field(default_factory=list)  # of a map, to slide over
-    rows: list = dataclasses.field(default_factory=list)   # (words, number) of a small table
+    views: list = dataclasses.field(default_factory=list)  # held-out views of the map
+    rows: list = dataclasses.field(default_factory=list)   # (label, count) of a small table
 
 
 def trajectory_section(run, comparison):
     if len(run.estimate) < 2:
         return Section("Trajectory", note="The run has fewer than two poses.")
-    caption = "The path from above."
+    caption = "Top view of the path."
     if comparison:
-        caption += f" Estimate and reference are {comparison.words}."
+        caption += f" Estimate and reference are {comparison.alignment}."
     depth = "Depth over time."
     if comparison and run.reference.planar:
-        depth = "Depth over time, of the estimate alone: the reference has no heights."
+        depth = "Depth over time, of the estimate only: the reference has no heights."
     elif comparison:
-        depth = "Depth over time; all are moved onto each other."
+        depth = "Depth over time; all trajectories are aligned."
     return Section("Trajectory", [
-        template.picture(lambda: figures.plan(run, comparison), "the path from above", caption),
-        template.picture(lambda: figures.profile(run, comparison), "depth over time", depth)],
+        template.plot(lambda: figures.plan(run, comparison), "top view of the path", caption),
+        template.plot(lambda: figures.profile(run, comparison), "depth over time", depth)],
                    run.reference_note)
 
 
@@ -39,79 +39,79 @@ def error_section(run, comparison):
     if comparison is None:
         return None
     caption = (f"Distance from the reference at {len(comparison.t)} common stamps, RMSE "
-               f"{comparison.rmse:.3g} m, the trajectories {comparison.words}. Dashed: what DIPO "
-               "expects of itself, all axes together, counted from its start; an alignment "
-               "spreads the error over the run, so the two need not match at the beginning.")
+               f"{comparison.rmse:.3g} m, the trajectories {comparison.alignment}. Dashed: standard "
+               "deviation of DIPO over all axes, relative to its start; the alignment distributes "
+               "the error over the run, so the two need not match at the beginning.")
     _, sigma, _ = figures.expected_error(run, comparison.axes)
     if len(sigma) > 0:
         caption += f" DIPO's sigma at the end is {sigma[-1]:.2g} m."
-    if figures.pose_spells(run):
-        caption += " Colours behind: where each frame's pose came from."
-    return Section("Error over time", [template.picture(
+    if figures.pose_intervals(run):
+        caption += " Background colors: pose source of each frame."
+    return Section("Error over time", [template.plot(
         lambda: figures.error(run, comparison), "error over time", caption)])
 
 
 def vision_section(run, _):
     if not vision_figures.has_features(run):
         return None
-    pictures = [
-        template.picture(lambda: vision_figures.verdicts(run), "verdicts over time",
-                         "Where the pose of each frame came from: fused with vision, from DVL and "
-                         "pressure while vision fails (frozen: the window is kept), or dropped."),
-        template.picture(lambda: vision_figures.features(run), "features over time",
-                         "Corners in the image, those tracked for long, and landmarks in the "
-                         "solution" + ("; below, the eigenvalues of what the window knows about "
-                                       "its newest pose, with the threshold of the discriminator."
-                                       if vision_figures.has_eigenvalues(run) else "."))]
+    plots = [
+        template.plot(lambda: vision_figures.verdicts(run), "verdicts over time",
+                         "Pose source of each frame: fused with vision, from DVL and pressure while "
+                         "vision fails (frozen: the window is kept), or dropped."),
+        template.plot(lambda: vision_figures.features(run), "features over time",
+                         "Corners in the image, stable tracks, and landmarks in the solution"
+                         + ("; below, the eigenvalues of the information matrix of the newest "
+                            "pose, with the threshold of the discriminator."
+                            if vision_figures.has_eigenvalues(run) else "."))]
     frames = len(run.health)
-    rows = [(words, f"{count} of {frames}") for words, count in vision_figures.reason_rows(run)]
-    return Section("Vision", pictures, rows=rows)
+    rows = [(label, f"{count} of {frames}") for label, count in vision_figures.reason_rows(run)]
+    return Section("Vision", plots, rows=rows)
 
 
 def timing_section(run, _):
     if not vision_figures.stage_times(run):
         return None
-    return Section("Computing time", [template.picture(
+    return Section("Computing time", [template.plot(
         lambda: vision_figures.timing(run), "histogram of computing times",
-        "Of every camera frame; the last bar holds all that took longer.")])
+        "Time per camera frame; the last bin includes all slower frames.")])
 
 
 def nis_section(run, _):
-    if run.pings is None or "nis" not in run.pings or len(sensor_figures.judged(run)[0]) == 0:
+    if run.pings is None or "nis" not in run.pings or len(sensor_figures.pings_with_nis(run)[0]) == 0:
         return None
-    inside, above, below = sensor_figures.share_inside(run)
-    caption = (f"Normalised innovation squared of every DVL ping. {100 * inside:.0f} % lie inside "
-               f"the band, {100 * above:.0f} % above it, {100 * below:.0f} % below; 95 % inside "
-               "would mean that the filter knows its own uncertainty exactly, and many below that "
-               "it is cautious.")
+    inside, above, below = sensor_figures.band_fractions(run)
+    caption = (f"Normalized innovation squared of every DVL ping. {100 * inside:.0f} % lie inside "
+               f"the 95 % band, {100 * above:.0f} % above it, {100 * below:.0f} % below. A "
+               "consistent filter has 95 % inside; many below the band mean that it is "
+               "conservative.")
     if sensor_figures.noise_factors(run)[1]:
-        caption += " Lower panel: the factors that the noises of the rig were multiplied by."
-    return Section("Consistency", [template.picture(
+        caption += " Lower panel: factors on the noise parameters of the rig."
+    return Section("Consistency", [template.plot(
         lambda: sensor_figures.nis(run), "NIS over time", caption)])
 
 
 def calibration_section(run, _):
     if run.calibration is None:
         return None
-    pictures = []
+    plots = []
     if sensor_figures.estimated_states(run):
-        pictures.append(template.picture(
+        plots.append(template.plot(
             lambda: sensor_figures.calibration(run), "calibration over time",
-            "What the filter learnt about its sensors, with one sigma."))
-    pictures.append(template.picture(
+            "Sensor calibration estimated by the filter, with one sigma."))
+    plots.append(template.plot(
         lambda: sensor_figures.biases(run), "biases over time",
-        "Biases of the inertial sensors, with one sigma. The band of the first seconds may reach "
-        "beyond the axes."))
-    held = sensor_figures.held_states(run)
-    return Section("Calibration", pictures, f"Held as given: {'; '.join(held)}." if held else "")
+        "Biases of the inertial sensors, with one sigma. The band of the first seconds may exceed "
+        "the axes."))
+    held = sensor_figures.fixed_states(run)
+    return Section("Calibration", plots, f"Not estimated: {'; '.join(held)}." if held else "")
 
 
 def timeline_section(run, _):
     if run.pings is None and not run.streams:
         return None
-    caption = ("When each sensor spoke (a break is a gap of five sample times or more), and what "
-               "became of every DVL ping.")
-    return Section("Sensors", [template.picture(
+    caption = ("Data of each sensor (a break is a gap of five or more sample intervals), and the "
+               "verdict on every DVL ping.")
+    return Section("Sensors", [template.plot(
         lambda: sensor_figures.timeline(run), "timeline of sensors", caption)])
 
 
@@ -119,33 +119,33 @@ def map_section(run, _):
     views, count = map_figures.views(run)
     if not views:
         return None
-    note = ("Views that the map never learnt from, drag the line: on the left what the camera saw, "
-            "on the right what the map makes of it.")
+    note = ("Held-out views, not used for training. Drag the line to compare the camera image "
+            "(left) with the rendered map (right).")
     if len(views) < count:
         note += f" {len(views)} of {count} views."
-    pictures = []
+    plots = []
     if map_figures.view_panels(run):
-        pictures.append(template.picture(
+        plots.append(template.plot(
             lambda: map_figures.views_over_time(run), "held-out views over time",
-            "Every view that the map never learnt from. Its median image is what sees nothing but "
-            "the water."))
-    return Section("Map", pictures, note=note, views=views)
+            "Metrics of every held-out view. The median image is a baseline that knows only the "
+            "color of the water."))
+    return Section("Map", plots, note=note, views=views)
 
 
 def water_section(run, _):
-    pictures = []
+    plots = []
     if run.medium:
-        known = " Black lines: the truth of the simulation." if run.true_medium else ""
-        pictures.append(template.picture(
+        known = " Black lines: ground truth." if run.true_medium else ""
+        plots.append(template.plot(
             lambda: map_figures.water(run), "coefficients of the water",
-            f"What the map found out about the water.{known}"))
+            f"Estimated coefficients of the water.{known}"))
     if map_figures.progress_panels(run) and len(run.mapping) > 1:
-        pictures.append(template.picture(lambda: map_figures.progress(run), "progress of the map",
-                                         "While the map was learnt."))
-    return Section("Water", pictures) if pictures else None
+        plots.append(template.plot(lambda: map_figures.progress(run), "progress of the map",
+                                         "Progress during the optimization of the map."))
+    return Section("Water", plots) if plots else None
 
 
-# In the order of the page; each gives None when the run has nothing to show in it.
+# In page order; each returns None when the run has no data for it.
 SECTIONS = (trajectory_section, map_section, error_section, vision_section, water_section,
             nis_section, calibration_section, timeline_section, timing_section)
 
@@ -174,7 +174,7 @@ def subtitle(run):
 
 
 def render(run):
-    """The page as text."""
+    """Returns the HTML page."""
     estimators, trajectory = metrics_table.trajectory_table(run)
     return template.render(
         "page.html.j2",

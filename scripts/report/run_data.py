@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads a run folder, and of its recording what a report can show.
+"""Reads a run folder and the parts of its recording that a report shows.
 
-Times are seconds since the first pose. Positions are turned to z up: a world that the rig calls ned
-becomes east, north, up.
+Times are seconds since the first pose. Positions have z up: a ned world is converted to east, north,
+up.
 """
 import csv
 import dataclasses
@@ -13,22 +13,22 @@ import re
 
 import numpy as np
 
-# Rows of the turn from north, east, down to east, north, up.
+# Rotation from north, east, down to east, north, up.
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 POSE_NAMES = {"vio.tum": "VIO", "dipo.tum": "DIPO"}
 
 
 class InputError(Exception):
-    """What is wrong with a file, and where."""
+    """An invalid input file: what is wrong and where."""
 
 
 @dataclasses.dataclass
 class Track:
-    """Poses in order of time: t [n] in seconds, p [n, 3] in metres, R [n, 3, 3] or None."""
+    """Poses in order of time: t [n] in seconds, p [n, 3] in meters, R [n, 3, 3] or None."""
     t: np.ndarray
     p: np.ndarray
     R: np.ndarray = None
-    planar: bool = False  # heights mean nothing
+    planar: bool = False  # without valid heights
 
     def __len__(self):
         return len(self.t)
@@ -41,7 +41,7 @@ class Track:
 
 @dataclasses.dataclass
 class Table:
-    """Columns of a csv by name; numbers where every cell is one, else text."""
+    """Columns of a CSV file by name; numeric if all cells are numbers, else text."""
     columns: dict
 
     def __contains__(self, name):
@@ -59,18 +59,18 @@ class Run:
     folder: pathlib.Path
     start_s: float                 # stamp of the first pose
     estimate: Track
-    others: dict                   # name -> Track of the estimators behind the fused one
+    others: dict                   # name -> Track of the individual estimators
     metrics: dict
     config: str                    # text of resolved.yaml
     log: str
     calibration: Table = None
     pings: Table = None
-    health: Table = None           # a row a camera frame
-    timing: Table = None           # likewise
-    mapping: Table = None          # the map's progress
-    views: Table = None            # a row a held-out view
-    medium: dict = None            # the water as it was found
-    true_medium: dict = None       # and as it is, where that is known
+    health: Table = None           # one row per camera frame
+    timing: Table = None           # one row per camera frame
+    mapping: Table = None          # progress of the map
+    views: Table = None            # one row per held-out view
+    medium: dict = None            # estimated water
+    true_medium: dict = None       # ground truth, if known
     dataset: pathlib.Path = None
     reference: Track = None
     reference_note: str = ""       # why there is no reference
@@ -79,7 +79,7 @@ class Run:
     date: datetime.datetime = None
 
     def setting(self, *keys, default=""):
-        """A scalar of the configuration by its keys."""
+        """Scalar of the configuration by its keys."""
         return setting(self.config, keys, default)
 
     @property
@@ -92,12 +92,12 @@ class Run:
 
     @property
     def axes_known(self):
-        """Whether x and y of a figure are east and north."""
+        """Whether x and y are east and north."""
         return self.reference is not None and (self.is_ned or self.reference.planar)
 
 
 def setting(text, keys, default=""):
-    """Scalar of a file that the program wrote: nested maps, indented by two, one key a line."""
+    """Scalar of a YAML file written by apvi: nested maps, indented by two, one key per line."""
     depth = 0
     for line in text.splitlines():
         indent = len(line) - len(line.lstrip())
@@ -117,14 +117,14 @@ def read_text(path):
 
 
 def complete_lines(path):
-    """(number, line) of those that end; a run that was killed may leave half of one."""
+    """(number, line) of complete lines; a killed run may leave a partial last line."""
     text = read_text(path)
     lines = text.split("\n")[:-1]
     return [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
 
 
 def rotation_matrices(q):
-    """[n, 3, 3] of quaternions [n, 4] in the order x, y, z, w."""
+    """Rotation matrices [n, 3, 3] of quaternions [n, 4] in the order x, y, z, w."""
     x, y, z, w = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
     rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -148,7 +148,7 @@ def read_tum(path, start_s, ned):
         except ValueError:
             rows.append([])
         if len(rows[-1]) != 8:
-            raise InputError(f"{path}:{number}: not eight numbers (t x y z qx qy qz qw)")
+            raise InputError(f"{path}:{number}: expected eight numbers (t x y z qx qy qz qw)")
     if not rows:
         return Track(np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
     data = np.array(rows)
@@ -164,7 +164,7 @@ def numbers_or_text(cells):
 
 
 def read_table(path):
-    """None when the file is not there or has no rows."""
+    """None when the file does not exist or has no rows."""
     lines = complete_lines(path)
     if len(lines) < 2:
         return None
@@ -173,7 +173,7 @@ def read_table(path):
     cells = list(csv.reader(line for _, line in lines[1:]))
     for (number, _), row in zip(lines[1:], cells):
         if len(row) != len(names):
-            raise InputError(f"{path}:{number}: {len(row)} columns, the header names {len(names)}")
+            raise InputError(f"{path}:{number}: {len(row)} columns, but the header has {len(names)}")
     return Table({name: numbers_or_text(column) for name, column in zip(names, zip(*cells))})
 
 
@@ -191,10 +191,10 @@ def first_stamp(path):
 
 
 def read_reference(dataset, start_s, ned):
-    """(Track or None, why not)."""
+    """(Track or None, note why there is none)."""
     if not (dataset / "mav0").is_dir():
         what = "was not found" if not dataset.exists() else "is not a dataset folder"
-        return None, f"No reference is shown: the recording {what}."
+        return None, f"No reference: the recording {what}."
     poses = read_table(dataset / "mav0" / "state_groundtruth_estimate0" / "data.csv")
     if poses is not None:
         data = np.column_stack(list(poses.columns.values())[:8])
@@ -204,7 +204,7 @@ def read_reference(dataset, start_s, ned):
     if gnss is not None:
         data = np.column_stack(list(gnss.columns.values())[:4])
         return make_track(data[:, 0] * 1e-9 - start_s, data[:, 1:4], planar=True), ""
-    return None, "The recording has no reference to compare with."
+    return None, "The recording has no reference trajectory."
 
 
 def read_stamps(path, start_s):
@@ -230,16 +230,16 @@ def read_streams(dataset, start_s):
 
 
 def read_json(path):
-    """An object, empty when the file is not there."""
+    """JSON object; empty when the file does not exist."""
     text = read_text(path)
     if not text:
         return {}
     try:
         found = json.loads(text)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}:{error.lineno}: no JSON: {error.msg}") from error
+        raise InputError(f"{path}:{error.lineno}: invalid JSON: {error.msg}") from error
     if not isinstance(found, dict):
-        raise InputError(f"{path}: no JSON object")
+        raise InputError(f"{path}: expected a JSON object")
     return found
 
 
@@ -253,12 +253,12 @@ def read_renders(folder):
 
 
 def load(folder):
-    """Everything that is there. Raises InputError for a folder without a run, and damaged files."""
+    """Reads a run. Raises InputError for folders without a run and for damaged files."""
     trajectory = folder / "trajectory.tum"
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; give one that `apvi run` made")
+        raise InputError(f"{folder}: no such folder; expected a run folder of `apvi run`")
     if not trajectory.is_file():
-        raise InputError(f"{folder}: no run: no trajectory.tum; give one that `apvi run` made")
+        raise InputError(f"{folder}: no trajectory.tum in it; expected a run folder of `apvi run`")
     config = read_text(folder / "resolved.yaml")
     start_s = first_stamp(trajectory)
     ned = setting(config, ("rig", "world")) == "ned"

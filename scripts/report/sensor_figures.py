@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Figures of what the sensors did and what was learnt about them."""
+"""Figures of the sensors, their calibration and the filter consistency."""
 import math
 
 import numpy as np
@@ -17,7 +17,7 @@ CALIBRATION = {
     "lever": ("DVL lever arm", ("x", "y", "z"), 1e2, "cm"),
     "depth_bias": ("Depth bias", (), 1e2, "cm"),
 }
-SETTLED = 0.1  # the first tenth of a run may leave the axes: it starts with what was assumed
+SETTLED = 0.1  # bands of the first tenth of a run, before convergence, do not scale the axes
 
 
 def columns(state, components):
@@ -29,7 +29,7 @@ def is_estimated(table, state):
 
 
 def limits(values, sigma):
-    """Of an axis that shows every value, and the band where it has settled."""
+    """Axis limits that include all values, and the band after convergence."""
     late = slice(int(SETTLED * values.shape[1]), None)
     low = min(values.min(), (values - sigma)[:, late].min())
     high = max(values.max(), (values + sigma)[:, late].max())
@@ -38,7 +38,7 @@ def limits(values, sigma):
 
 
 def band_panel(axes, t, table, state, components, factor):
-    """Values with their band of one sigma."""
+    """Values with a one-sigma band."""
     values = factor * np.array([table[name] for name in columns(state, components)])
     sigma = factor * table[f"{state}_sigma"]
     colors = style.AXES if components else (style.BLUE,)
@@ -55,8 +55,8 @@ def estimated_states(run):
             and is_estimated(run.calibration, state)]
 
 
-def held_states(run):
-    """What was not estimated, in words: "DVL scale error 0 %"."""
+def fixed_states(run):
+    """Descriptions of states that were not estimated: "DVL scale error 0 %"."""
     held = []
     for state, (title, components, factor, unit) in CALIBRATION.items():
         if f"{state}_sigma" not in run.calibration or is_estimated(run.calibration, state):
@@ -68,7 +68,7 @@ def held_states(run):
 
 
 def panel_grid(count):
-    """Figure and flat list of axes: two columns, one when there is only one panel."""
+    """Figure and flat list of axes, in up to two columns."""
     across = 1 if style.is_narrow() else min(count, 2)
     down = math.ceil(count / across)
     figure, axes = pyplot.subplots(down, across, figsize=(style.WIDTH, 0.4 + 2.5 * down),
@@ -82,7 +82,7 @@ def panel_grid(count):
 
 
 def band_figure(run, panels):
-    """`panels`: (title, state, components, factor, unit) each."""
+    """`panels`: list of (title, state, components, factor, unit)."""
     figure, all_axes, across = panel_grid(len(panels))
     clock = clock_of(run)
     t = clock(seconds(run.calibration, run.start_s))
@@ -104,14 +104,14 @@ def calibration(run):
 def biases(run):
     table, xyz = run.calibration, ("x", "y", "z")
     gyro = np.array([table[name] for name in columns("gyro_bias", xyz)])
-    per_hour = np.abs(gyro).max() < 5e-4  # good gyros are quoted per hour
+    per_hour = np.abs(gyro).max() < 5e-4  # unit for high-grade gyroscopes
     gyro_unit = (math.degrees(3600.0), "°/h") if per_hour else (math.degrees(1.0), "°/s")
     return band_figure(run, [("Gyroscope bias", "gyro_bias", xyz, *gyro_unit),
                              ("Accelerometer bias", "accel_bias", xyz, 1e3, "mm/s²")])
 
 
 def lower_gamma(a, x):
-    """Regularised lower incomplete gamma function by its series (DLMF 8.11.4)."""
+    """Regularized lower incomplete gamma function by its series (DLMF 8.11.4)."""
     if x <= 0.0:
         return 0.0
     term = total = 1.0 / a
@@ -124,7 +124,7 @@ def lower_gamma(a, x):
 
 
 def chi_square_quantile(probability, degrees):
-    """By bisection: good to nine digits."""
+    """Quantile by bisection, accurate to nine digits."""
     low, high = 0.0, 10.0 * degrees + 50.0
     for _ in range(80):
         middle = 0.5 * (low + high)
@@ -134,13 +134,13 @@ def chi_square_quantile(probability, degrees):
 
 
 def nis_bounds(degrees):
-    """The band [2, n] that holds 95 % of a consistent filter's NIS."""
+    """The band [2, n] that contains 95 % of the NIS of a consistent filter."""
     table = {d: [chi_square_quantile(q, d) for q in (0.025, 0.975)] for d in set(degrees)}
     return np.array([table[d] for d in degrees]).T
 
 
-def judged(run):
-    """(time [s], NIS, degrees of freedom, verdict) of the pings that have a NIS."""
+def pings_with_nis(run):
+    """(time [s], NIS, degrees of freedom, verdict) of the pings with a NIS."""
     pings = run.pings
     degrees = pings["degrees_of_freedom"].astype(int)
     used = (degrees > 0) & (pings["nis"] > 0.0)
@@ -148,40 +148,40 @@ def judged(run):
             pings["verdict"][used])
 
 
-def share_inside(run):
-    """Fractions of the judged pings whose NIS is inside its band, above it, below it."""
-    _, nis, degrees, _ = judged(run)
+def band_fractions(run):
+    """Fractions of the pings with their NIS inside, above and below the band."""
+    _, nis, degrees, _ = pings_with_nis(run)
     low, high = nis_bounds(degrees)
     return np.mean((nis >= low) & (nis <= high)), np.mean(nis > high), np.mean(nis < low)
 
 
 def noise_factors(run):
-    """Times [s] and factors by which noises were multiplied, of the pings that changed them."""
+    """Times [s] and adaptive noise factors of the pings used for adaptation."""
     names = {"accel_noise_factor": "accelerometer noise", "dvl_variance_factor": "DVL variance",
              "dvl_noise_scale": "DVL variance"}
     used = run.pings["degrees_of_freedom"] > 0
     return seconds(run.pings, run.start_s)[used], {
-        words: run.pings[name][used] for name, words in names.items() if name in run.pings}
+        label: run.pings[name][used] for name, label in names.items() if name in run.pings}
 
 
 def nis(run):
-    """NIS of every ping by verdict over its 95 % band; below it the adapted noises."""
+    """NIS of every ping by verdict over its 95 % band; below, the noise factors."""
     factor_t, factors = noise_factors(run)
     figure, all_axes = pyplot.subplots(
         1 + bool(factors), figsize=(style.WIDTH, 5.0 if factors else 3.2), sharex=True,
         squeeze=False, gridspec_kw={"height_ratios": [2.0, 1.0] if factors else [1.0]})
     clock = clock_of(run)
     axes = all_axes[0, 0]
-    t, values, degrees, verdicts = judged(run)
+    t, values, degrees, verdicts = pings_with_nis(run)
     low, high = nis_bounds(degrees)
     axes.fill_between(clock(t), low, high, step="mid", color=style.REFERENCE, alpha=0.3,
                       linewidth=0, label="95 % band")
     for name in [*style.VERDICTS, *sorted(set(verdicts) - set(style.VERDICTS))]:
         some = verdicts == name
         if some.any():
-            words, color = style.verdict_style(name)
+            label, color = style.verdict_style(name)
             scatter(axes, clock(t[some]), values[some], marker=".", markersize=5, color=color,
-                    markeredgewidth=0, alpha=0.75, label=words)
+                    markeredgewidth=0, alpha=0.75, label=label)
     axes.set_yscale("log")
     axes.set_ylim(max(1e-3, 0.7 * min(values.min(), low.min())),
                   2.0 * max(values.max(), high.max()))
@@ -206,7 +206,7 @@ def factor_panel(axes, t, factors):
 
 
 def spans(stamps):
-    """Stretches (start, length) without a gap of five sample times."""
+    """Intervals (start, length) without gaps of five or more sample intervals."""
     gaps = np.flatnonzero(np.diff(stamps) > 5.0 * np.median(np.diff(stamps)))
     starts = stamps[np.concatenate([[0], gaps + 1])]
     ends = stamps[np.concatenate([gaps, [len(stamps) - 1]])]
@@ -222,21 +222,21 @@ def kind_of(stream):
 
 
 def ordered_streams(run):
-    """(name in words, stamps) in the order of STREAMS."""
+    """(label, stamps) in the order of STREAMS."""
     order = list(STREAMS)
     kinds = {name: kind_of(name) for name in run.streams}
     several = {kind for kind in STREAMS if list(kinds.values()).count(kind) > 1}
 
-    def words(name):
+    def stream_label(name):
         number = f" {name[-1]}" if kinds[name] in several else ""
         return STREAMS.get(kinds[name], name) + number
 
     names = sorted(kinds, key=lambda name: (*order, kinds[name]).index(kinds[name]))
-    return [(words(name), run.streams[name]) for name in names]
+    return [(stream_label(name), run.streams[name]) for name in names]
 
 
 def timeline(run):
-    """When each sensor said something, and what became of every ping."""
+    """Availability of each sensor, and the verdict on every ping."""
     clock = clock_of(run)
     verdicts = run.pings["verdict"] if run.pings is not None else np.empty(0)
     names = [name for name in style.VERDICTS if (verdicts == name).any()]

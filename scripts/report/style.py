@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How figures look: one palette, thin lines, units on axes, nothing that carries no information."""
+"""Style of the figures: one palette, thin lines, units on axes, no decoration."""
 import base64
 import contextlib
 import io
@@ -13,16 +13,16 @@ BLUE, ORANGE, TEAL, RED, PURPLE = "#1565b0", "#dd7a17", "#12866f", "#c4303b", "#
 REFERENCE = "#a3adb8"
 AXES = (BLUE, ORANGE, TEAL)  # x, y, z
 TRACKS = {"VIO": ORANGE, "DIPO": TEAL}
-VERDICTS = {  # what pings.csv calls it: (in words, colour)
+VERDICTS = {  # verdict in pings.csv: (label, color)
     "accepted": ("accepted", TEAL),
-    "weakened": ("weakened", ORANGE),
+    "downweighted": ("downweighted", ORANGE),
     "rejected": ("rejected", RED),
     "beams_disagree": ("beams disagree", PURPLE),
     "no_lock": ("no bottom lock", INK),
     "repeated": ("repeated", "#b58900"),
     "too_old": ("too old", REFERENCE),
 }
-POSES = {  # `state` of health.csv: (in words, colour), in the order of trust
+POSES = {  # `state` in health.csv: (label, color), from most to least trusted
     "fused": ("fused", TEAL),
     "vio_only": ("vision alone", "#7fb8a8"),
     "dipo_only": ("DVL alone", "#e2b366"),
@@ -31,8 +31,8 @@ POSES = {  # `state` of health.csv: (in words, colour), in the order of trust
     "waiting": ("waiting", REFERENCE),
 }
 FONTS = ("Liberation Sans", "DejaVu Sans")
-WIDE, NARROW = 10.0, 5.0  # of a figure over the whole page, and over a phone's [in]
-WIDTH = WIDE              # of the figures that are being made
+WIDE, NARROW = 10.0, 5.0  # full figure width on a desktop and on a phone [in]
+WIDTH = WIDE              # current figure width
 PIXELS_PER_INCH = 104
 
 
@@ -50,7 +50,7 @@ def is_narrow():
 
 @contextlib.contextmanager
 def narrow():
-    """Figures made inside fit a phone."""
+    """Context in which figures are made for a phone."""
     global WIDTH  # pylint: disable=global-statement
     WIDTH = NARROW
     try:
@@ -60,7 +60,7 @@ def narrow():
 
 
 def apply():
-    """Sets the look of every figure made from here on."""
+    """Applies the style to all subsequent figures."""
     installed = {font.name for font in font_manager.fontManager.ttflist}
     pyplot.rcdefaults()
     pyplot.rcParams.update({
@@ -83,7 +83,7 @@ def apply():
 
 
 def legend_above(axes, **kwargs):
-    """A row of names above the axes, right-aligned, so that it hides no data."""
+    """A legend in a row above the axes, right-aligned, so that it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if len(handles) > 0:
         across = min(len(labels), 3) if is_narrow() else len(labels)
@@ -91,16 +91,16 @@ def legend_above(axes, **kwargs):
 
 
 def image_data(figure):
-    """The figure as a data URI; closes it."""
+    """Returns the figure as a data URI and closes it."""
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
     figure.savefig(buffer, format="svg", metadata=metadata)
     pyplot.close(figure)
     text = buffer.getvalue()
-    text = text[text.index(b"<svg"):]  # the document type names an address
+    text = text[text.index(b"<svg"):]  # drops the document type, which contains a URL
     return "data:image/svg+xml;base64," + base64.b64encode(text).decode()
 
 
 def display_width(figure):
-    """Of a figure on a wide screen [px]."""
+    """Width of a figure on a wide screen [px]."""
     return round(figure.get_figwidth() * PIXELS_PER_INCH)

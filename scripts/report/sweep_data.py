@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads what `apvi sweep` leaves: summary.csv, and from summary.md what its table shows."""
+"""Reads the output of `apvi sweep`: summary.csv, and the table layout from summary.md."""
 import csv
 import dataclasses
 import math
@@ -9,7 +9,7 @@ import re
 from .run_data import InputError, read_text
 
 FIXED = ("group", "seed", "state", "reason")
-# What is better, by the last word of a metric's name; of others nothing is marked as best.
+# Metrics for which higher or lower is better; for others no best value is marked.
 HIGHER = re.compile(r"psnr|ssim|coverage|fps|success|realtime_factor|iterations_per_s")
 LOWER = re.compile(r"rmse|ate_|rpe_|rot_|lpips|abs_rel|error_percent|failures|reinit|wall_s|mib")
 
@@ -27,7 +27,7 @@ class Case:
 
 @dataclasses.dataclass
 class Statistic:
-    """Of a metric over the seeds of a group; mean is None when no finished case has it."""
+    """Statistic of a metric over the seeds of a group; mean is None when no finished case has it."""
     values: list
     finished: int
     failed: int
@@ -39,20 +39,20 @@ class Statistic:
 
     @property
     def spread(self):
-        """Sample standard deviation, None of a single value."""
+        """Sample standard deviation; None for fewer than two values."""
         if len(self.values) < 2:
             return None
         squares = math.fsum((value - self.mean)**2 for value in self.values)
         return math.sqrt(squares / (len(self.values) - 1))
 
     def text(self):
-        """Like summary.md's: "0.0171 ± 0.0012 (2)" where only two of those that finished have it."""
+        """As in summary.md: "0.0171 ± 0.0012 (2)" if only two of the finished cases have it."""
         if not self.values:
             return "failed" if self.failed == self.total > 0 else "–"
-        words = f"{self.mean:.4g}"
+        text = f"{self.mean:.4g}"
         if self.spread is not None:
-            words += f" ± {self.spread:.2g}"
-        return words + (f" ({len(self.values)})" if len(self.values) < self.finished else "")
+            text += f" ± {self.spread:.2g}"
+        return text + (f" ({len(self.values)})" if len(self.values) < self.finished else "")
 
 
 @dataclasses.dataclass
@@ -70,11 +70,11 @@ class Sweep:
         return sum(case.state == state for case in self.cases)
 
     def alternatives(self, axis):
-        """In the order of the sweep."""
+        """Values of an axis in sweep order."""
         return list(dict.fromkeys(case.choices[axis] for case in self.cases))
 
     def statistic(self, choices, column):
-        """Over the seeds of the cases with these choices, a tuple with None for any."""
+        """Statistic over the seeds of the cases with these choices (None matches any)."""
         some = [case for case in self.cases
                 if all(want in (None, have) for want, have in zip(choices, case.choices))]
         done = [case for case in some if case.state == "done"]
@@ -83,13 +83,13 @@ class Sweep:
 
 
 def table_header(path):
-    """(axes, columns) of summary.md: what stands before and after "finished"."""
+    """(axes, columns) of summary.md: the columns before and after "finished"."""
     lines = read_text(path).splitlines()
     if not lines:
-        raise InputError(f"{path}: missing or empty; give a folder that `apvi sweep` made")
+        raise InputError(f"{path}: missing or empty; expected a folder written by `apvi sweep`")
     cells = [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", lines[0])[1:-1]]
     if "finished" not in cells:
-        raise InputError(f"{path}:1: not the table of a sweep: no column \"finished\"")
+        raise InputError(f"{path}:1: not a sweep table: no column \"finished\"")
     at = cells.index("finished")
     return cells[:at], cells[at + 1:]
 
@@ -103,7 +103,7 @@ def number(cell):
 
 
 def read_case(row, axes):
-    """Axes of a sweep without any are called "sweep" in its table; its group stands for them."""
+    """The table of a sweep without axes has one axis "sweep"; its value is the group."""
     choices = tuple(row.get(axis, row["group"]) for axis in axes)
     metrics = {name: number(cell) for name, cell in row.items()
                if name not in FIXED and name not in axes and cell}
@@ -112,12 +112,12 @@ def read_case(row, axes):
 
 
 def load(folder):
-    """Raises InputError for what is no sweep's folder."""
+    """Raises InputError if the folder is not a sweep folder."""
     axes, columns = table_header(folder / "summary.md")
     path = folder / "summary.csv"
     rows = list(csv.DictReader(read_text(path).splitlines()))
     if not rows or any(name not in rows[0] for name in FIXED):
-        raise InputError(f"{path}: not the summary of a sweep: its columns begin {','.join(FIXED)}")
+        raise InputError(f"{path}: not a sweep summary; expected the columns {','.join(FIXED)}")
     return Sweep(folder, axes, columns, [read_case(row, axes) for row in rows])
 
 
@@ -126,7 +126,7 @@ def is_sweep(folder):
 
 
 def better(column):
-    """max or min, or None where neither is better as such."""
+    """max or min by which direction is better; None if undefined."""
     if HIGHER.search(column):
         return max
     return min if LOWER.search(column) else None

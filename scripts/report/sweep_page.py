@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A sweep as a page: for every metric a figure and a table, then what failed and why."""
+"""Report page of a sweep: a figure and a table per metric, then the failures."""
 import dataclasses
 import datetime
 import pathlib
@@ -18,7 +18,7 @@ COLORS = (style.BLUE, style.ORANGE, style.TEAL, style.PURPLE, style.RED, "#5b6b7
 @dataclasses.dataclass
 class Section:
     title: str
-    pictures: list
+    plots: list
     note: str = ""
     views: list = dataclasses.field(default_factory=list)
     rows: list = dataclasses.field(default_factory=list)
@@ -26,7 +26,7 @@ class Section:
 
 
 def title_of(column):
-    """"trajectory.dipo.ate_rmse_m" in words, with its unit."""
+    """Title of a metric such as "trajectory.dipo.ate_rmse_m", with its unit."""
     parts = column.split(".")
     if parts[0] == "trajectory" and parts[-1] in TRAJECTORY:
         name, unit, _ = TRAJECTORY[parts[-1]]
@@ -45,14 +45,14 @@ def unit_of(column):
 
 
 def short_names(values):
-    """Last parts of paths, where they are still told apart by them."""
+    """Last path components, if they are unique."""
     names = [pathlib.PurePath(value).name or value for value in values]
     return names if len(set(names)) == len(values) else list(values)
 
 
 def split_axes(sweep):
-    """(rows, columns): lists of (words, choices with None for any). The last axis goes across when
-    there are several and it is no longer than a table is wide."""
+    """(rows, columns): lists of (label, choices with None for any). With several axes, the last one
+    forms the columns if it has at most eight values."""
     count = len(sweep.axes)
     if count < 2 or len(sweep.alternatives(count - 1)) > 8:
         groups = list(dict.fromkeys(case.choices for case in sweep.cases))
@@ -72,7 +72,7 @@ def use_log(values):
 
 
 def column_figure(sweep, column):
-    """Every seed a dot, means as bars, spread as whiskers; a cross where nothing finished."""
+    """Seeds as dots, means as bars, standard deviations as whiskers; a cross where none finished."""
     rows, across = split_axes(sweep)
     values = [value for case in sweep.cases if case.state == "done"
               for name, value in case.metrics.items() if name == column]
@@ -81,17 +81,17 @@ def column_figure(sweep, column):
     height = 3.2 if not style.is_narrow() else 3.6
     figure, axes = pyplot.subplots(figsize=(style.WIDTH, height))
     missing = []
-    for i, (words, choices) in enumerate(rows):
+    for i, (label, choices) in enumerate(rows):
         color = COLORS[i % len(COLORS)]
         for j, (_, alternative) in enumerate(across):
             statistic = sweep.statistic(cell_choices(choices, alternative, sweep), column)
             width = 0.8 / (1 if single else len(rows))
             x = i if single else j - 0.4 + (i + 0.5) * width
             draw_group(axes, x, width, statistic, color,
-                       None if single or j > 0 else words)
+                       None if single or j > 0 else label)
             if not statistic.values:
                 missing.append(x)
-    axes.set_xticks(range(len(slots)), [words for words, _ in slots],
+    axes.set_xticks(range(len(slots)), [label for label, _ in slots],
                     rotation=0 if len(slots) <= (6 if not style.is_narrow() else 2) else 30,
                     ha="center" if len(slots) <= (6 if not style.is_narrow() else 2) else "right")
     axes.set_xlim(-0.6, len(slots) - 0.4)
@@ -124,7 +124,7 @@ def draw_group(axes, x, width, statistic, color, label):
 
 
 def column_table(sweep, column):
-    """Headings and rows of cells (text, whether the best of its column, how many finished)."""
+    """Headings and rows of cells (text, whether best in its column, finished/total)."""
     rows, across = split_axes(sweep)
     statistics = [[sweep.statistic(cell_choices(choices, alternative, sweep), column)
                    for _, alternative in across] for _, choices in rows]
@@ -134,12 +134,12 @@ def column_table(sweep, column):
         means = [line[j].mean for line in statistics if line[j].mean is not None]
         marks.append(best(means) if best and len(set(means)) > 1 else None)
     lines = []
-    for (words, _), line in zip(rows, statistics):
+    for (label, _), line in zip(rows, statistics):
         cells = [(s.text(), s.mean is not None and s.mean == mark,
                   f"{s.finished}/{s.total}" if s.total != s.finished or s.total > 1 else "")
                  for s, mark in zip(line, marks)]
-        lines.append((words, cells))
-    return {"headings": [words for words, _ in across], "rows": lines,
+        lines.append((label, cells))
+    return {"headings": [label for label, _ in across], "rows": lines,
             "axis": " · ".join(sweep.axes[:-1] if len(across) > 1 else sweep.axes)}
 
 
@@ -149,7 +149,7 @@ def sections(sweep):
     for column in sweep.columns:
         if not any(column in case.metrics for case in sweep.cases):
             continue
-        figure = template.picture(lambda column=column: column_figure(sweep, column),
+        figure = template.plot(lambda column=column: column_figure(sweep, column),
                                   f"{title_of(column)} of every case")
         made.append(Section(title_of(column), [figure], table=column_table(sweep, column)))
     return made
@@ -159,13 +159,13 @@ def headline(sweep):
     tiles = [(str(len(sweep.cases)), "", "cases"), (str(sweep.count("done")), "", "finished"),
              (str(sweep.count("failed")), "", "failed")]
     if sweep.count("open"):
-        tiles.append((str(sweep.count("open")), "", "not begun or interrupted"))
+        tiles.append((str(sweep.count("open")), "", "not started or interrupted"))
     seeds = {case.seed for case in sweep.cases if case.seed}
     return tiles + ([(str(len(seeds)), "", "seeds")] if seeds else [])
 
 
 def render(sweep):
-    """The page as text."""
+    """Returns the HTML page."""
     date = datetime.datetime.fromtimestamp((sweep.folder / "summary.csv").stat().st_mtime)
     failures = [(case.group, case.seed, case.reason) for case in sweep.cases
                 if case.state == "failed"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pages from templates, with every figure inside, once for a wide screen and once for a phone."""
+"""Renders page templates with embedded figures, in versions for wide screens and phones."""
 import dataclasses
 import pathlib
 
@@ -9,27 +9,27 @@ from . import style
 
 
 @dataclasses.dataclass
-class Picture:
+class Plot:
     """A figure of a section: data URI, width on a wide screen [px], caption, alternative text."""
     data: str
     width: int
     caption: str
     alt: str
-    narrow: str  # the same, drawn for a phone
+    narrow: str  # data URI of the version for phones
 
 
-def picture(make, alt, caption=""):
-    """Of what `make` draws, which is called once for each width."""
+def plot(make, alt, caption=""):
+    """Creates a Plot; `make` returns the figure and is called once per width."""
     figure = make()
     width = style.display_width(figure)
     data = style.image_data(figure)
     with style.narrow():
         narrow = style.image_data(make())
-    return Picture(data, width, caption, alt, narrow)
+    return Plot(data, width, caption, alt, narrow)
 
 
 def render(page, **values):
-    """A page as text."""
+    """Returns the HTML page."""
     folder = pathlib.Path(__file__).resolve().parent
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(folder), autoescape=True,
                                      trim_blocks=True, lstrip_blocks=True,
@@ -38,7 +38,7 @@ def render(page, **values):
 
 
 def write(text, output):
-    """Writes the page in one step, so that a reader never sees half of it."""
+    """Writes the page atomically."""
     partial = output.with_name(output.name + ".partial")
     partial.write_text(text, encoding="utf-8")
     partial.replace(output)

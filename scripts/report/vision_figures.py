@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Figures of what the camera saw, how well that held, and what it cost."""
+"""Figures of visual tracking, fusion states and computing time."""
 import numpy as np
 from matplotlib import pyplot, ticker
 
 from . import style
-from .figures import clock_of, pose_spells, verdict_bands
+from .figures import clock_of, pose_intervals, verdict_bands
 from .run_data import seconds
 
-EIGENVALUES = {"rotation_eigenvalue_": ("rotation [1/rad²]", "min_rotation"),
-               "position_eigenvalue_": ("position [1/m²]", "min_position")}
-STAGES = {  # (in words, colour, columns of timing.csv that are added)
-    "reading the picture": (style.REFERENCE, ("decode",)),
+EIGENVALUES = {"rotation_eigenvalue_": ("rotation [1/rad²]", "rotation"),
+               "position_eigenvalue_": ("position [1/m²]", "position")}
+STAGES = {  # label: (color, columns of timing.csv that are summed)
+    "image decoding": (style.REFERENCE, ("decode",)),
     "front end": (style.BLUE, ("track",)),
     "back end": (style.ORANGE, ("solve", "information", "marginalize")),
-    "front end and all behind it": (style.TEAL, ("track", "localize")),
+    "front end to fusion": (style.TEAL, ("track", "localize")),
 }
 
 
 def positive(values):
-    """As they are where they can be drawn on a logarithmic axis, else nothing."""
+    """Replaces non-positive values by NaN, for logarithmic axes."""
     return np.where(values > 0.0, values, np.nan)
 
 
@@ -36,28 +36,30 @@ def has_eigenvalues(run):
 def feature_panel(axes, t, health):
     axes.plot(t, health["tracked"] + health["detected"], color=style.REFERENCE, linewidth=1.2,
               label="corners")
-    axes.plot(t, health["stable"], color=style.BLUE, linewidth=1.4, label="tracked for long")
+    axes.plot(t, health["stable"], color=style.BLUE, linewidth=1.4, label="stable tracks")
     axes.plot(t, health["landmarks"], color=style.ORANGE, linewidth=1.2, label="landmarks")
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("count")
 
 
 def eigenvalue_panel(run, axes, t, prefix):
-    words, key = EIGENVALUES[prefix]
+    label, key = EIGENVALUES[prefix]
     for i, shade in enumerate((1.0, 0.6, 0.35), start=1):
         axes.plot(t, positive(run.health[f"{prefix}{i}"]), color=style.PURPLE, alpha=shade,
                   linewidth=1.2, label=("smallest", "middle", "largest")[i - 1])
-    threshold = run.setting("fusion", "discriminator", "fine", key)
+    # Older runs have the old key.
+    threshold = (run.setting("fusion", "discriminator", "degeneracy", f"min_{key}_eigenvalue")
+                 or run.setting("fusion", "discriminator", "fine", f"min_{key}"))
     if threshold and float(threshold) > 0.0:
         axes.axhline(float(threshold), color=style.RED, linewidth=1.2, linestyle=(0, (4, 3)),
                      label="threshold")
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(ticker.LogLocator(numticks=5))
-    axes.set_ylabel(words)
+    axes.set_ylabel(label)
 
 
 def features(run):
-    """Corners, landmarks, and the eigenvalues of the newest pose's information, over the verdicts."""
+    """Corners, landmarks, and eigenvalues of the newest pose's information matrix over time."""
     count = 3 if has_eigenvalues(run) else 1
     figure, all_axes = pyplot.subplots(count, figsize=(style.WIDTH, 0.6 + 2.2 * count), sharex=True,
                                        squeeze=False)
@@ -77,16 +79,16 @@ def features(run):
 
 
 def verdicts(run):
-    """One strip: where each frame's pose came from."""
+    """A strip with the pose source of each frame."""
     clock = clock_of(run)
     figure, axes = pyplot.subplots(figsize=(style.WIDTH, 1.15 if not style.is_narrow() else 1.5))
     named = set()
-    for state, start, end in pose_spells(run):
+    for state, start, end in pose_intervals(run):
         if end <= 0.0:
             continue
-        words, color = style.pose_style(state)
+        label, color = style.pose_style(state)
         axes.axvspan(clock(max(start, 0.0)), clock(end), color=color, linewidth=0,
-                     label=None if state in named else words)
+                     label=None if state in named else label)
         named.add(state)
     axes.set_yticks([])
     axes.grid(visible=False)
@@ -97,7 +99,7 @@ def verdicts(run):
 
 
 def reason_rows(run):
-    """(reason in words, frames) of the frames whose vision was not believed, most frequent first."""
+    """(reason, number of frames) of the frames with rejected vision, most frequent first."""
     health = run.health
     if health is None or "reason" not in health:
         return []
@@ -108,7 +110,7 @@ def reason_rows(run):
 
 
 def stage_times(run):
-    """Name -> milliseconds a frame, of the stages that took any."""
+    """Name -> milliseconds per frame, of the stages with recorded times."""
     found = {}
     for name, (_, columns) in STAGES.items():
         if run.timing is None or any(column not in run.timing for column in columns):
@@ -120,11 +122,11 @@ def stage_times(run):
 
 
 def timing(run):
-    """A histogram a stage, with median and 99th percentile."""
+    """A histogram per stage, with median and 99th percentile."""
     found = stage_times(run)
     figure, all_axes = pyplot.subplots(len(found), figsize=(style.WIDTH, 0.5 + 1.25 * len(found)),
                                        sharex=True, squeeze=False)
-    # A few slow frames would flatten the rest: they are counted in the last bin.
+    # Slow outliers would compress the rest: they are counted in the last bin.
     end = 1.25 * max(np.quantile(values, 0.99) for values in found.values())
     bins = np.linspace(0.0, end, 61 if not style.is_narrow() else 41)
     for axes, (name, values) in zip(all_axes[:, 0], found.items()):
@@ -138,6 +140,6 @@ def timing(run):
         axes.set_yticks([])
         axes.grid(visible=False, axis="y")
         axes.spines["left"].set_visible(False)
-    all_axes[-1, 0].set_xlabel("time of a frame [ms]")
+    all_axes[-1, 0].set_xlabel("time per frame [ms]")
     all_axes[-1, 0].set_xlim(0.0, end)
     return figure

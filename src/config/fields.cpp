@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "apvi/core/text.hpp"
+#include "core/text.hpp"
 
 namespace apvi::config {
 namespace internal {
@@ -51,16 +51,17 @@ void read_scalar(const Node& node, const std::string& key, std::string& value) {
   if (node.is_null()) {
     value.clear();
   } else {
-    value = scalar_text(node, key, "a word or text");
+    value = scalar_text(node, key, "a string");
   }
 }
 
-void fail_range(const Node& node, const std::string& key, const std::string& value,
-                const std::string& low, const std::string& high) {
+void fail_out_of_range(const Node& node, const std::string& key, const std::string& value,
+                       const std::string& low, const std::string& high) {
   fail_at(node, key, fmt::format("{} is outside [{}, {}]", value, low, high));
 }
 
-void fail_choice(const Node& node, const std::string& key, const std::vector<std::string>& words) {
+void fail_unknown_choice(const Node& node, const std::string& key,
+                         const std::vector<std::string>& words) {
   fail_at(node, key, fmt::format("{} is none of: {}", node.text, fmt::join(words, ", ")));
 }
 
@@ -68,7 +69,7 @@ void check_known_keys(const Node& node, const std::string& path,
                       const std::vector<std::string>& known) {
   for (const auto& [name, member] : node.members) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    const auto guess = text::closest(name, known);
+    const auto guess = text::closest_match(name, known);
     fail_at(member, "",
             fmt::format("unknown key {}; {}", join(path, name),
                         guess ? fmt::format("did you mean {}?", *guess)
@@ -76,10 +77,10 @@ void check_known_keys(const Node& node, const std::string& path,
   }
 }
 
-std::string number_text(double value) {
+std::string format_number(double value) {
   return fmt::format("{}", value);
 }
-std::string number_text(int value) {
+std::string format_number(int value) {
   return fmt::format("{}", value);
 }
 
@@ -94,7 +95,7 @@ std::string join(const std::string& path, std::string_view name) {
   return path.empty() ? std::string(name) : fmt::format("{}.{}", path, name);
 }
 
-std::string flow_text(const Node& node) {
+std::string to_flow_yaml(const Node& node) {
   switch (node.kind) {
     case Node::Kind::null:
       return "null";
@@ -102,7 +103,7 @@ std::string flow_text(const Node& node) {
       return node.text.empty() ? "\"\"" : node.text;
     case Node::Kind::list: {
       std::vector<std::string> parts;
-      for (const Node& item : node.items) parts.push_back(flow_text(item));
+      for (const Node& item : node.items) parts.push_back(to_flow_yaml(item));
       return fmt::format("[{}]", fmt::join(parts, ", "));
     }
     case Node::Kind::map:

@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/text.hpp"
+#include "core/text.hpp"
 
 namespace apvi::config {
 namespace {
@@ -18,41 +18,40 @@ namespace {
 namespace fs = std::filesystem;
 using Source = std::shared_ptr<const std::string>;
 
-// No configuration is deeper or larger. A hostile file must not end the stack, nor must aliases of
-// aliases fill the memory.
+// Limits that protect the stack from deep nesting, and memory from nested aliases.
 constexpr int kMaxDepth = 64;
 constexpr int kMaxNodes = 100'000;
 
-// Where nodes come from, and how many there have been.
-struct Origin {
+// Source of the nodes, and their number so far.
+struct ParseContext {
   Source source;
   int count = 0;
 };
 
-Node convert(const YAML::Node& yaml, Origin& origin, int depth);
+Node convert(const YAML::Node& yaml, ParseContext& context, int depth);
 
-void convert_map(const YAML::Node& yaml, Origin& origin, int depth, Node& node) {
+void convert_map(const YAML::Node& yaml, ParseContext& context, int depth, Node& node) {
   node.kind = Node::Kind::map;
   for (const auto& entry : yaml) {
-    if (!entry.first.IsScalar()) fail_at(node, "", "a key must be a plain word");
+    if (!entry.first.IsScalar()) fail_at(node, "", "a key must be a scalar");
     const std::string key = entry.first.Scalar();
     if (node.find(key) != nullptr) {
       Node here;
-      here.source = origin.source;
+      here.source = context.source;
       here.line = entry.first.Mark().line + 1;
-      fail_at(here, key, "this key is given twice; delete one of them");
+      fail_at(here, key, "duplicate key; delete one of them");
     }
-    Node value = convert(entry.second, origin, depth + 1);
+    Node value = convert(entry.second, context, depth + 1);
     if (value.is_null()) value.line = entry.first.Mark().line + 1;
     node.members.emplace_back(key, std::move(value));
   }
 }
 
-Node convert(const YAML::Node& yaml, Origin& origin, int depth) {
+Node convert(const YAML::Node& yaml, ParseContext& context, int depth) {
   Node node;
-  node.source = origin.source;
+  node.source = context.source;
   node.line = yaml.Mark().line + 1;
-  if (++origin.count > kMaxNodes) fail_at(node, "", "too large to be a configuration");
+  if (++context.count > kMaxNodes) fail_at(node, "", "too large to be a configuration");
   if (depth > kMaxDepth) fail_at(node, "", "nested too deeply to be a configuration");
   switch (yaml.Type()) {
     case YAML::NodeType::Scalar:
@@ -61,10 +60,10 @@ Node convert(const YAML::Node& yaml, Origin& origin, int depth) {
       break;
     case YAML::NodeType::Sequence:
       node.kind = Node::Kind::list;
-      for (const YAML::Node& item : yaml) node.items.push_back(convert(item, origin, depth + 1));
+      for (const YAML::Node& item : yaml) node.items.push_back(convert(item, context, depth + 1));
       break;
     case YAML::NodeType::Map:
-      convert_map(yaml, origin, depth, node);
+      convert_map(yaml, context, depth, node);
       break;
     case YAML::NodeType::Null:
     case YAML::NodeType::Undefined:
@@ -97,32 +96,35 @@ void emit(YAML::Emitter& out, const Node& node) {
   }
 }
 
-Node load_layers(const fs::path& path, std::vector<fs::path>& open_files) {
+Node load_inherited(const fs::path& path, const std::function<void(Node&)>& edit,
+                    std::vector<fs::path>& open_files) {
   const fs::path canonical = fs::weakly_canonical(path);
   if (std::find(open_files.begin(), open_files.end(), canonical) != open_files.end()) {
-    fail_input("{}: inherit: this file inherits from itself; break the cycle", path.string());
+    fail_input("{}: inherit: this file inherits from itself; remove the cycle", path.string());
   }
   Node own = load_file(path);
-  const Node* inherit = own.find("inherit");
-  if (inherit == nullptr) return own;
-  std::vector<Node> parents =
-      inherit->kind == Node::Kind::list ? inherit->items : std::vector<Node>{*inherit};
+  std::vector<Node> parents;
+  if (const Node* inherit = own.find("inherit")) {
+    parents = inherit->kind == Node::Kind::list ? inherit->items : std::vector<Node>{*inherit};
+    std::erase_if(own.members, [](const auto& member) { return member.first == "inherit"; });
+  }
+  if (edit) edit(own);
+  if (parents.empty()) return own;
   open_files.push_back(canonical);
   Node merged;
   for (const Node& parent : parents) {
     if (parent.kind != Node::Kind::scalar) fail_at(parent, "inherit", "expected a file name");
     const fs::path parent_path = path.parent_path() / parent.text;
     if (!fs::exists(parent_path)) fail_at(parent, "inherit", "no such file: " + parent.text);
-    merge(merged, load_layers(parent_path, open_files));
+    merge(merged, load_inherited(parent_path, edit, open_files));
   }
   open_files.pop_back();
-  std::erase_if(own.members, [](const auto& member) { return member.first == "inherit"; });
   merge(merged, own);
   return merged;
 }
 
-// Notes the lines where a document begins and where the first thing in it is, from 1; 0: nowhere.
-class FirstContent : public YAML::EventHandler {
+// Records the line where a document starts and that of its first content, from 1; 0: none.
+class FirstContentHandler : public YAML::EventHandler {
  public:
   void OnDocumentStart(const YAML::Mark& mark) override { start_ = mark.line + 1; }
   void OnDocumentEnd() override {}
@@ -154,16 +156,16 @@ class FirstContent : public YAML::EventHandler {
   int line_ = 0;
 };
 
-// Loading one document ignores what follows it, and loading all never ends for some broken files.
-std::optional<int> line_of_second_document(const std::string& text) {
+// YAML::Load ignores further documents; YAML::LoadAll does not terminate for some broken files.
+std::optional<int> find_second_document(const std::string& text) {
   std::istringstream in(text);
   YAML::Parser parser(in);
-  FirstContent first;
-  FirstContent second;
-  FirstContent third;
+  FirstContentHandler first;
+  FirstContentHandler second;
+  FirstContentHandler third;
   if (!parser.HandleNextDocument(first) || !parser.HandleNextDocument(second)) return std::nullopt;
   if (second.line() > 0) return second.line();
-  // Where the parser cannot go on it sees one empty document after the other.
+  // After a syntax error the parser reports an endless series of empty documents.
   return parser.HandleNextDocument(third) ? std::optional<int>(third.start()) : std::nullopt;
 }
 
@@ -204,13 +206,12 @@ void fail_at(const Node& node, std::string_view key, std::string_view what) {
 }
 
 Node parse_yaml(const std::string& text, const std::string& source) {
-  Origin origin{std::make_shared<const std::string>(source)};
+  ParseContext context{std::make_shared<const std::string>(source)};
   try {
-    if (const auto line = line_of_second_document(text)) {
-      fail_input("{}:{}: a second document begins here; put it into a file of its own", source,
-                 *line);
+    if (const auto line = find_second_document(text)) {
+      fail_input("{}:{}: second YAML document; move it to a separate file", source, *line);
     }
-    return convert(YAML::Load(text), origin, 0);
+    return convert(YAML::Load(text), context, 0);
   } catch (const YAML::Exception& e) {
     fail_input("{}:{}: not valid YAML: {}", source, e.mark.line + 1, e.msg);
   }
@@ -219,15 +220,19 @@ Node parse_yaml(const std::string& text, const std::string& source) {
 Node load_file(const fs::path& path) {
   if (fs::is_directory(path)) fail_input("{}: this is a folder, not a file", path.string());
   std::ifstream in(path, std::ios::binary);
-  if (!in) fail_input("{}: cannot open; is the path right?", path.string());
+  if (!in) fail_input("{}: cannot open; check the path", path.string());
   std::ostringstream text;
   text << in.rdbuf();
   return parse_yaml(text.str(), path.string());
 }
 
 Node load_with_inheritance(const fs::path& path) {
+  return load_with_inheritance(path, {});
+}
+
+Node load_with_inheritance(const fs::path& path, const std::function<void(Node&)>& edit) {
   std::vector<fs::path> open_files;
-  return load_layers(path, open_files);
+  return load_inherited(path, edit, open_files);
 }
 
 void merge(Node& base, const Node& over) {
@@ -238,29 +243,37 @@ void merge(Node& base, const Node& over) {
   for (const auto& [key, value] : over.members) merge(base.member(key), value);
 }
 
-void apply_override(Node& root, std::string_view assignment) {
+Override parse_override(std::string_view assignment) {
   const std::size_t equals = assignment.find('=');
-  const std::string_view path = text::trim(assignment.substr(0, equals));
-  if (equals == std::string_view::npos || path.empty()) {
+  const std::string_view key = text::trim(assignment.substr(0, equals));
+  if (equals == std::string_view::npos || key.empty()) {
     fail_input("--set {}: expected key=value, for example run.seed=3", assignment);
   }
-  const std::string name = fmt::format("--set {}", path);
-  Node value = parse_yaml(std::string(assignment.substr(equals + 1)), name);
+  Node value = parse_yaml(std::string(assignment.substr(equals + 1)), fmt::format("--set {}", key));
   const auto strip_lines = [](const auto& self, Node& node) -> void {
     node.line = 0;
     for (Node& item : node.items) self(self, item);
-    for (auto& [key, item] : node.members) self(self, item);
+    for (auto& [name, item] : node.members) self(self, item);
   };
   strip_lines(strip_lines, value);
-  std::vector<std::string_view> keys;
-  text::split(path, '.', keys);
+  return {std::string(key), std::move(value)};
+}
+
+void set_value(Node& root, std::string_view key, Node value) {
+  std::vector<std::string_view> parts;
+  text::split(key, '.', parts);
   Node* node = &root;
-  for (const std::string_view key : keys) {
-    if (key.empty()) fail_input("{}: an empty word between dots", name);
-    node = &node->member(key);
+  for (const std::string_view part : parts) {
+    if (part.empty()) fail_at(value, "", "empty key between dots");
+    node = &node->member(part);
     if (!node->source) node->source = value.source;
   }
   *node = std::move(value);
+}
+
+void apply_override(Node& root, std::string_view assignment) {
+  Override parsed = parse_override(assignment);
+  set_value(root, parsed.key, std::move(parsed.value));
 }
 
 std::string to_yaml(const Node& node) {

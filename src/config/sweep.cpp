@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/config/sweep.hpp"
+#include "config/sweep.hpp"
 
 #include <algorithm>
 #include <cctype>
 #include <set>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/text.hpp"
+#include "config/renamed_keys.hpp"
+#include "core/text.hpp"
 
 namespace apvi::config {
 namespace {
@@ -30,7 +31,7 @@ void set_key(Node& root, std::string_view path, const Node& value) {
   text::split(path, '.', words);
   Node* node = &root;
   for (const std::string_view word : words) {
-    if (word.empty()) fail_at(value, path, "an empty word between dots");
+    if (word.empty()) fail_at(value, path, "empty key between dots");
     node = &node->member(word);
   }
   if (value.kind != Node::Kind::map) {
@@ -40,19 +41,27 @@ void set_key(Node& root, std::string_view path, const Node& value) {
   for (const auto& [key, item] : value.members) set_key(*node, key, item);
 }
 
-void lay_over(Node& root, const Node& keys, const std::string& where) {
+void apply_keys(Node& root, const Node& keys, const std::string& where) {
   if (keys.is_null()) return;
-  if (keys.kind != Node::Kind::map) fail_at(keys, where, "expected keys below this one");
+  if (keys.kind != Node::Kind::map) fail_at(keys, where, "expected nested keys");
   for (const auto& [key, value] : keys.members) set_key(root, key, value);
 }
 
-// A value as a person would name it: a file without folder and ending, a list with + between.
-std::string label_of(const Node& value) {
+// The keys nested, with old names replaced.
+Node with_new_names(const Node& keys, const std::string& where, KeyRenamer& renamer) {
+  Node nested;
+  apply_keys(nested, keys, where);
+  renamer.apply(nested);
+  return nested;
+}
+
+// Short label of a value: the stem of a file, the items of a list joined by '+'.
+std::string make_label(const Node& value) {
   if (value.kind == Node::Kind::list) {
     std::string label;
     for (const Node& item : value.items) {
       if (!label.empty()) label += '+';
-      label += label_of(item);
+      label += make_label(item);
     }
     return label;
   }
@@ -63,45 +72,45 @@ std::string label_of(const Node& value) {
   return fs::path(text).stem().string();
 }
 
-std::string fit_for_a_folder(std::string name) {
+std::string sanitize_folder_name(std::string name) {
   for (char& c : name) {
     const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0;
     if (!plain && std::string_view("+-._").find(c) == std::string_view::npos) c = '_';
   }
   if (name.starts_with('.')) name.front() = '_';
-  return name == "cases" ? "_cases" : name;  // that folder is the sweep's own
+  return name == "cases" ? "_cases" : name;  // reserved for the sweep itself
 }
 
-Axis named_axis(const std::string& name, const Node& node) {
+Axis make_named_axis(const std::string& name, const Node& node) {
   Axis axis{name, {}};
   for (const auto& [label, keys] : node.members) {
     if (!keys.is_null() && keys.kind != Node::Kind::map) {
       fail_at(keys, fmt::format("{}.{}", name, label),
-              "expected keys below this one, like {run.seed: 3}");
+              "expected nested keys, such as {run.seed: 3}");
     }
-    axis.alternatives.push_back({label, fit_for_a_folder(label), keys});
+    axis.alternatives.push_back({label, sanitize_folder_name(label), keys});
   }
   return axis;
 }
 
-Axis key_axis(const std::string& key, const Node& node) {
+Axis make_key_axis(const std::string& key, const Node& node) {
   Axis axis{key, {}};
   const std::string word = key.substr(key.rfind('.') + 1);
   for (const Node& value : node.items) {
-    Alternative a{label_of(value), "", {}};
-    a.folder = fit_for_a_folder(key == "base" ? a.label : word + "-" + a.label);
+    Alternative a{make_label(value), "", {}};
+    a.folder = sanitize_folder_name(key == "base" ? a.label : word + "-" + a.label);
     a.keys.member(key) = value;
     axis.alternatives.push_back(std::move(a));
   }
   return axis;
 }
 
-Axis axis_of(const std::string& name, const Node& node) {
+Axis make_axis(const std::string& name, const Node& node) {
   Axis axis;
-  if (node.kind == Node::Kind::map) axis = named_axis(name, node);
-  if (node.kind == Node::Kind::list) axis = key_axis(name, node);
+  if (node.kind == Node::Kind::map) axis = make_named_axis(name, node);
+  if (node.kind == Node::Kind::list) axis = make_key_axis(name, node);
   if (axis.alternatives.empty()) {
-    fail_at(node, name, "expected a list of values, or alternatives by name");
+    fail_at(node, name, "expected a list of values or named alternatives");
   }
   std::set<std::string> labels;
   for (Alternative& a : axis.alternatives) {
@@ -111,43 +120,43 @@ Axis axis_of(const std::string& name, const Node& node) {
   return axis;
 }
 
-std::vector<Axis> axes_of(const SweepFile& file) {
+std::vector<Axis> make_axes(const SweepFile& file) {
   std::vector<Axis> axes;
   if (!file.cases.is_null()) {
     if (file.cases.kind != Node::Kind::map) {
-      fail_at(file.cases, "cases", "expected alternatives by name");
+      fail_at(file.cases, "cases", "expected named alternatives");
     }
-    axes.push_back(axis_of("case", file.cases));
+    axes.push_back(make_axis("case", file.cases));
   }
   if (file.grid.is_null()) return axes;
   if (file.grid.kind != Node::Kind::map) fail_at(file.grid, "grid", "expected keys with lists");
-  for (const auto& [name, node] : file.grid.members) axes.push_back(axis_of(name, node));
+  for (const auto& [name, node] : file.grid.members) axes.push_back(make_axis(name, node));
   return axes;
 }
 
-int positive_int(const Node& node) {
+int read_non_negative_int(const Node& node) {
   int value = 0;
   internal::read_scalar(node, "seeds", value);
   internal::check_limit(node, "seeds", value, Range{0, 2147483647});
   return value;
 }
 
-std::vector<std::optional<int>> seeds_of(const Node& seeds) {
+std::vector<std::optional<int>> expand_seeds(const Node& seeds) {
   if (seeds.is_null()) return {std::nullopt};
   std::vector<std::optional<int>> list;
   if (seeds.kind == Node::Kind::list) {
-    for (const Node& seed : seeds.items) list.emplace_back(positive_int(seed));
+    for (const Node& seed : seeds.items) list.emplace_back(read_non_negative_int(seed));
   } else {
-    const int count = positive_int(seeds);
+    const int count = read_non_negative_int(seeds);
     if (count > static_cast<int>(kMaxCases)) fail_at(seeds, "seeds", "too many");
     for (int seed = 1; seed <= count; ++seed) list.emplace_back(seed);
   }
-  if (list.empty()) fail_at(seeds, "seeds", "expected one at least");
+  if (list.empty()) fail_at(seeds, "seeds", "expected at least one");
   return list;
 }
 
 // Paths of configuration files are relative to the sweep file, as those under `inherit` are.
-Node absolute_files(const Node& base, const fs::path& folder) {
+Node absolute_paths(const Node& base, const fs::path& folder) {
   Node files;
   files.kind = Node::Kind::list;
   const std::vector<Node> names =
@@ -168,26 +177,26 @@ SweepCase make_case(const SweepFile& file, const std::vector<Axis>& axes,
   Node keys;
   keys.kind = Node::Kind::map;
   if (!file.base.is_null()) keys.member("base") = file.base;
-  lay_over(keys, file.set, "set");
+  apply_keys(keys, file.set, "set");
   for (std::size_t i = 0; i < axes.size(); ++i) {
     const Alternative& a = axes[i].alternatives[index[i]];
-    lay_over(keys, a.keys, axes[i].name);
+    apply_keys(keys, a.keys, axes[i].name);
     result.choices.emplace_back(axes[i].name, a.label);
     if (!a.folder.empty()) result.group += (result.group.empty() ? "" : "_") + a.folder;
   }
-  if (result.group.empty()) result.group = fit_for_a_folder(path.stem().string());
+  if (result.group.empty()) result.group = sanitize_folder_name(path.stem().string());
   const Node* base = keys.find("base");
   if (base == nullptr) {
-    fail_input("{}: base: missing; name the configuration file that the cases change",
+    fail_input("{}: base: missing; set it to the configuration file that the cases modify",
                path.string());
   }
-  result.config.member("inherit") = absolute_files(*base, path.parent_path());
+  result.config.member("inherit") = absolute_paths(*base, path.parent_path());
   std::erase_if(keys.members, [](const auto& member) { return member.first == "base"; });
   merge(result.config, keys);
   return result;
 }
 
-// The next combination, the last axis turning fastest; false after the last.
+// Advances to the next combination, the last axis varying fastest; false after the last one.
 bool advance(std::vector<std::size_t>& index, const std::vector<Axis>& axes) {
   for (std::size_t i = axes.size(); i-- > 0;) {
     if (++index[i] < axes[i].alternatives.size()) return true;
@@ -208,8 +217,14 @@ Sweep load_sweep(const fs::path& path) {
   SweepFile& file = sweep.file;
   const bool simulates = file.command == SweepFile::Command::sim;
   if (file.seed_key.empty()) file.seed_key = simulates ? "seed" : "run.seed";
-  const std::vector<Axis> axes = axes_of(file);
-  const std::vector<std::optional<int>> seeds = seeds_of(file.seeds);
+  std::vector<Axis> axes = make_axes(file);
+  KeyRenamer renamer(simulates ? scene_renames() : run_renames());
+  file.set = with_new_names(file.set, "set", renamer);
+  for (Axis& axis : axes) {
+    for (Alternative& a : axis.alternatives) a.keys = with_new_names(a.keys, axis.name, renamer);
+    axis.name = renamer.renamed(axis.name);
+  }
+  const std::vector<std::optional<int>> seeds = expand_seeds(file.seeds);
   std::size_t count = seeds.size();
   for (const Axis& axis : axes) {
     count *= axis.alternatives.size();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/atomic_file.hpp"
+#include "core/atomic_file.hpp"
 
 #include <cerrno>
 #include <fstream>
@@ -28,7 +28,7 @@ void write_file_atomically(const fs::path& path, const std::function<void(std::o
   errno = 0;
   std::ofstream out(partial, std::ios::binary);
   if (out) write(out);
-  out.close();  // a full disk may show only here
+  out.close();  // a full disk may be reported only here
   if (!out) fail(partial, path, errno);
   std::error_code error;
   fs::rename(partial, path, error);

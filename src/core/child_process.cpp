@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/child_process.hpp"
+#include "core/child_process.hpp"
 
 #include <fcntl.h>
 #include <spawn.h>
@@ -16,7 +16,7 @@
 namespace apvi {
 namespace {
 
-// What the process starts with: no input, output in a file, its own group, signals as by default.
+// Spawn settings: no input, output to a file, own process group, default signal handling.
 class SpawnSetup {
  public:
   explicit SpawnSetup(const std::filesystem::path& output) {
@@ -51,7 +51,7 @@ class SpawnSetup {
   posix_spawnattr_t attributes_{};
 };
 
-ChildExit exit_of(int raw) {
+ChildExit to_child_exit(int raw) {
   return WIFSIGNALED(raw) ? ChildExit{0, WTERMSIG(raw)} : ChildExit{WEXITSTATUS(raw), 0};
 }
 
@@ -65,7 +65,7 @@ std::string ChildExit::text() const {
 ChildProcess::ChildProcess(const std::vector<std::string>& arguments,
                            const std::filesystem::path& output) {
   std::vector<char*> argv;
-  // posix_spawn promises not to change the strings.
+  // posix_spawn does not modify the strings.
   for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
   argv.push_back(nullptr);
   const SpawnSetup setup(output);
@@ -73,8 +73,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments,
       posix_spawn(&pid_, argv[0], setup.actions(), setup.attributes(), argv.data(), environ);
   if (error != 0) {
     pid_ = -1;
-    fail_run("{}: cannot be started with its output in {}: {}", arguments.front(), output.string(),
-             std::generic_category().message(error));
+    fail_run("{}: cannot start this program with its output in {}: {}", arguments.front(),
+             output.string(), std::generic_category().message(error));
   }
 }
 
@@ -91,7 +91,7 @@ std::optional<ChildExit> ChildProcess::poll() {
   int raw = 0;
   if (pid_ > 0 && waitpid(pid_, &raw, WNOHANG) == pid_) {
     pid_ = -1;
-    exit_ = exit_of(raw);
+    exit_ = to_child_exit(raw);
   }
   return exit_;
 }
@@ -104,10 +104,10 @@ void ChildProcess::kill() {
   if (pid_ > 0) ::kill(pid_, SIGKILL);
 }
 
-std::filesystem::path own_program() {
+std::filesystem::path current_executable() {
   std::error_code error;
   auto path = std::filesystem::read_symlink("/proc/self/exe", error);
-  if (error) fail_run("/proc/self/exe: cannot be read: {}", error.message());
+  if (error) fail_run("/proc/self/exe: cannot read: {}", error.message());
   return path;
 }
 

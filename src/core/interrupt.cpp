@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/interrupt.hpp"
+#include "core/interrupt.hpp"
 
 #include <atomic>
 #include <csignal>
@@ -7,20 +7,20 @@
 namespace apvi {
 namespace {
 
-std::atomic<bool> signalled = false;  // signals belong to the process, hence file scope
+std::atomic<bool> signal_received = false;  // signal handlers are per process
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-extern "C" void on_signal(int number) {
-  signalled = true;
-  std::signal(number, SIG_DFL);  // a second Ctrl-C must always work
+extern "C" void handle_signal(int number) {
+  signal_received = true;
+  std::signal(number, SIG_DFL);  // a second Ctrl-C terminates the process
 }
 
 }  // namespace
 
 InterruptGuard::InterruptGuard() {
-  signalled = false;
-  std::signal(SIGINT, on_signal);
-  std::signal(SIGTERM, on_signal);
+  signal_received = false;
+  std::signal(SIGINT, handle_signal);
+  std::signal(SIGTERM, handle_signal);
 }
 
 InterruptGuard::~InterruptGuard() {
@@ -29,7 +29,7 @@ InterruptGuard::~InterruptGuard() {
 }
 
 bool InterruptGuard::interrupted() const {
-  return signalled;
+  return signal_received;
 }
 
 }  // namespace apvi

@@ -10,12 +10,12 @@
 #include <mutex>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/progress.hpp"
+#include "core/status_line.hpp"
 
 namespace apvi::log {
 namespace {
 
-// The process has one standard error, so it has one logger: the only process-wide state there is.
+// Standard error is process-wide, and therefore so is its logger.
 struct Sinks {
   std::mutex mutex;
   std::shared_ptr<spdlog::sinks::stderr_color_sink_mt> console =
@@ -73,7 +73,7 @@ void write(Level level, std::string_view message) {
   const spdlog::details::log_msg record("", to_spdlog(level),
                                         spdlog::string_view_t(message.data(), message.size()));
   if (sinks().console->should_log(record.level)) {
-    StatusLine::erase_shown();  // a log line must not be glued to a half-written status line
+    StatusLine::clear_current();  // start on a clean line
     sinks().console->log(record);
   }
   if (sinks().file) {

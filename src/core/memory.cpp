@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/memory.hpp"
+#include "core/memory.hpp"
 
 #include <sys/resource.h>
 

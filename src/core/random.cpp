@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 #include <bit>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/text.hpp"
+#include "core/text.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -11,7 +11,7 @@ namespace apvi::text {
 namespace {
 
 template <typename T>
-std::optional<T> parse_whole(std::string_view text) {
+std::optional<T> parse_number(std::string_view text) {
   text = trim(text);
   if (text.starts_with('+')) {
     text.remove_prefix(1);
@@ -62,11 +62,11 @@ void split(std::string_view line, char separator, std::vector<std::string_view>&
 }
 
 std::optional<double> parse_double(std::string_view text) {
-  return parse_whole<double>(text);
+  return parse_number<double>(text);
 }
 
 std::optional<std::int64_t> parse_int64(std::string_view text) {
-  return parse_whole<std::int64_t>(text);
+  return parse_number<std::int64_t>(text);
 }
 
 std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text) {
@@ -82,7 +82,7 @@ std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text) {
   const bool digits = std::all_of(whole.begin(), whole.end(), is_digit) &&
                       std::all_of(fraction.begin(), fraction.end(), is_digit);
   if (!digits || whole.empty() || whole.size() > 10) {
-    // Exponents ("1.4e9") and the like: a double is all that is in them.
+    // Exponents ("1.4e9") and the like are parsed as double.
     const auto seconds = parse_double(text);
     if (!seconds || !(*seconds < 9.2e9 && *seconds > -9.2e9)) return std::nullopt;
     const auto ns = static_cast<std::int64_t>(*seconds * 1e9 + (*seconds < 0 ? -0.5 : 0.5));
@@ -104,8 +104,8 @@ std::string to_lower(std::string_view text) {
   return lower;
 }
 
-std::optional<std::string> closest(std::string_view word,
-                                   const std::vector<std::string>& candidates) {
+std::optional<std::string> closest_match(std::string_view word,
+                                         const std::vector<std::string>& candidates) {
   const auto distance = [&](const std::string& c) { return edit_distance(word, c); };
   const auto best = std::min_element(
       candidates.begin(), candidates.end(),

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/dipo.hpp"
+#include "dipo/dipo.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
-#include "apvi/dipo/dvl_ping.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "dipo/dvl_ping.hpp"
 
 namespace apvi::dipo {
 namespace {
@@ -16,13 +16,12 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
-constexpr double kDegree = std::numbers::pi / 180.0;
 
-imu::World make_world(const Config& config, const Rig& rig) {
-  imu::World world;
+imu::EarthModel make_world(const Config& config, const Rig& rig) {
+  imu::EarthModel world;
   world.gravity = rig.gravity(config.gravity);
   if (!config.earth.latitude_deg) return world;
-  const double latitude = *config.earth.latitude_deg * kDegree;
+  const double latitude = *config.earth.latitude_deg * kRadiansPerDegree;
   const double up = kEarthRate * std::sin(latitude);
   const double north = config.earth.heading_deg ? kEarthRate * std::cos(latitude) : 0.0;
   world.earth_rate =
@@ -30,7 +29,7 @@ imu::World make_world(const Config& config, const Rig& rig) {
   return world;
 }
 
-CalibrationWalk make_walk(const Config& config) {
+CalibrationRandomWalk make_walk(const Config& config) {
   const auto walk = [](const CalibrationState& c) { return c.estimate ? c.walk : 0.0; };
   return {.time_offset = walk(config.dvl.time_offset),
           .scale = walk(config.dvl.scale),
@@ -39,7 +38,7 @@ CalibrationWalk make_walk(const Config& config) {
           .depth_bias = walk(config.depth.bias)};
 }
 
-imu::Noise sheet_noise(const Rig& rig) {
+imu::Noise datasheet_noise(const Rig& rig) {
   return {.gyro = rig.imu->gyro_noise_density,
           .accel = rig.imu->accel_noise_density,
           .gyro_walk = rig.imu->gyro_random_walk,
@@ -52,7 +51,8 @@ const Rig& checked(const Rig& rig) {
   return rig;
 }
 
-Timeline::Model with_noise_added(Timeline::Model model, const Measurement::Covariance& more) {
+FilterHistory::Model with_noise_added(FilterHistory::Model model,
+                                      const Measurement::Covariance& more) {
   return [model = std::move(model), more](const Eskf& at, const Kinematics& kinematics) {
     Measurement m = model(at, kinematics);
     m.R += more;
@@ -60,9 +60,9 @@ Timeline::Model with_noise_added(Timeline::Model model, const Measurement::Covar
   };
 }
 
-// The covariance is raised so that the innovation's becomes `factor` times what it was.
-Timeline::Model weakened(Timeline::Model model, const Measurement& at_gate, const Eskf& filter,
-                         double factor) {
+// Inflates R so that the covariance of the innovation grows by `factor`.
+FilterHistory::Model downweighted(FilterHistory::Model model, const Measurement& at_gate,
+                                  const Eskf& filter, double factor) {
   const Measurement::Covariance innovation =
       at_gate.H * filter.covariance() * at_gate.H.transpose() + at_gate.R;
   return with_noise_added(std::move(model), (factor - 1.0) * innovation);
@@ -74,8 +74,8 @@ std::string_view to_string(Verdict verdict) {
   switch (verdict) {
     case Verdict::accepted:
       return "accepted";
-    case Verdict::weakened:
-      return "weakened";
+    case Verdict::downweighted:
+      return "downweighted";
     case Verdict::rejected:
       return "rejected";
     case Verdict::no_lock:
@@ -94,16 +94,17 @@ Dipo::Dipo(const Config& config, const Rig& rig)
     : config_(config),
       rig_(checked(rig)),
       world_(make_world(config, rig)),
-      timeline_(world_, make_walk(config), Duration::from_seconds(config.history_s),
-                Duration::from_seconds(config.inertial.max_gap_s)),
+      history_(world_, make_walk(config), Duration::from_seconds(config.history_s),
+               Duration::from_seconds(config.inertial.max_gap_s)),
       initializer_(config, rig),
-      vibration_(config.inertial, sheet_noise(rig)),
-      stillness_(config.zero_velocity),
+      vibration_(config.inertial, datasheet_noise(rig)),
+      stationary_(config.zero_velocity),
       adapter_(config.adaptation),
       swell_(config.depth.swell_window_s),
-      dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor, config.dvl.max_rejected),
-      depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor,
-                  config.depth.max_rejected) {}
+      dvl_gate_(config.dvl.soft_gate, config.dvl.hard_gate_factor,
+                config.dvl.max_consecutive_rejections),
+      pressure_depth_gate_(config.depth.soft_gate, config.depth.hard_gate_factor,
+                           config.depth.max_consecutive_rejections) {}
 
 imu::Noise Dipo::noise_now() const {
   imu::Noise noise = vibration_.noise();
@@ -112,7 +113,7 @@ imu::Noise Dipo::noise_now() const {
 }
 
 void Dipo::add(const ImuSample& sample) {
-  if (last_imu_ && sample.stamp <= last_imu_->stamp) return;  // the reader has counted it
+  if (last_imu_ && sample.stamp <= last_imu_->stamp) return;  // counted by the reader
   if (sample.gyro.cwiseAbs().maxCoeff() > config_.inertial.max_gyro ||
       sample.accel.cwiseAbs().maxCoeff() > config_.inertial.max_accel) {
     ++saturated_samples_;
@@ -123,7 +124,7 @@ void Dipo::add(const ImuSample& sample) {
   }
   last_imu_ = sample;
   vibration_.add(sample);
-  stillness_.add(sample);
+  stationary_.add(sample);
   if (!initialized()) {
     initializer_.add(sample);
     early_imu_.push_back(sample);
@@ -132,21 +133,22 @@ void Dipo::add(const ImuSample& sample) {
     while (!early_imu_.empty() && early_imu_.front().stamp < keep) early_imu_.pop_front();
     return;
   }
-  timeline_.push(sample, noise_now());
-  take_in_pending();
-  update_if_still(sample);
+  history_.push(sample, noise_now());
+  apply_pending();
+  update_if_stationary(sample);
 }
 
 void Dipo::add(const DvlSample& sample) {
-  if (last_ping_ && same_ping(*last_ping_, sample)) {  // telemetry repeats each ping several times
+  // Some telemetry links send each ping several times.
+  if (last_ping_ && same_ping(*last_ping_, sample)) {
     report_dvl({.stamp = sample.stamp, .verdict = Verdict::repeated});
     return;
   }
   last_ping_ = sample;
-  stillness_.add(sample);
+  stationary_.add(sample);
   if (!initialized()) initializer_.add(sample);
   pending_.emplace_back(sample);
-  take_in_pending();
+  apply_pending();
 }
 
 void Dipo::report_dvl(Report report) {
@@ -157,42 +159,43 @@ void Dipo::report_dvl(Report report) {
 
 void Dipo::add(const PressureSample& sample) {
   if (!rig_.pressure) return;
-  add_depth({sample.stamp, rig_.pressure->depth(sample.pressure_pa), rig_.pressure->p_body_sensor,
-             rig_.pressure->noise_m});
+  add_pressure_depth({sample.stamp, rig_.pressure->depth(sample.pressure_pa),
+                      rig_.pressure->p_body_sensor, rig_.pressure->noise_m});
 }
 
-void Dipo::add(const DepthSample& sample) {
+void Dipo::add(const PressureDepthSample& sample) {
   if (!rig_.depth) return;
-  add_depth({sample.stamp, sample.depth_m, rig_.depth->p_body_sensor, rig_.depth->noise_m});
+  add_pressure_depth(
+      {sample.stamp, sample.depth_m, rig_.depth->p_body_sensor, rig_.depth->noise_m});
 }
 
-void Dipo::add_depth(const DepthReading& reading) {
-  if (!initialized()) initializer_.add_depth(reading.depth_m, reading.p_body_sensor);
+void Dipo::add_pressure_depth(const PressureDepthReading& reading) {
+  if (!initialized()) initializer_.add_pressure_depth(reading.depth_m, reading.p_body_sensor);
   pending_.emplace_back(reading);
-  take_in_pending();
+  apply_pending();
 }
 
 void Dipo::start(const Initializer::Start& start) {
-  timeline_.start(start.sample, Eskf(start.state, start.covariance));
+  history_.start(start.sample, Eskf(start.state, start.covariance));
   for (const ImuSample& sample : early_imu_) {
-    if (sample.stamp > start.sample.stamp) timeline_.push(sample, noise_now());
+    if (sample.stamp > start.sample.stamp) history_.push(sample, noise_now());
   }
   early_imu_.clear();
-  take_in_pending();
+  apply_pending();
 }
 
-void Dipo::take_in_pending() {
+void Dipo::apply_pending() {
   if (initialized()) {
     std::erase_if(pending_, [this](const Sample& sample) {
-      return std::visit([this](const auto& s) { return take_in(s); }, sample);
+      return std::visit([this](const auto& s) { return apply(s); }, sample);
     });
   }
-  // A DVL that never locks, or an IMU that has stopped, must not fill the memory.
-  constexpr std::size_t kMost = 4096;
-  while (pending_.size() > kMost) pending_.pop_front();
+  // Limits the memory if the DVL never locks or the IMU stops.
+  constexpr std::size_t kMaxPending = 4096;
+  while (pending_.size() > kMaxPending) pending_.pop_front();
 }
 
-Verdict Dipo::verdict_before_filter(const DvlSample& ping) const {
+Verdict Dipo::check_ping(const DvlSample& ping) const {
   if (!is_usable(ping, config_.dvl.use_beams)) return Verdict::no_lock;
   const double sigma = rig_.dvl->velocity_noise * std::sqrt(adapter_.dvl_variance_factor());
   return beam_disagreement(ping, *rig_.dvl) > config_.dvl.parity_sigmas * sigma
@@ -200,7 +203,7 @@ Verdict Dipo::verdict_before_filter(const DvlSample& ping) const {
              : Verdict::accepted;
 }
 
-Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s) const {
+FilterHistory::Model Dipo::dvl_model(const DvlSample& ping, double offset_s) const {
   const double noise = rig_.dvl->velocity_noise;
   const double variance = noise * noise * adapter_.dvl_variance_factor();
   const bool by_beam = config_.dvl.use_beams && valid_beams(ping) > 0;
@@ -210,63 +213,64 @@ Timeline::Model Dipo::dvl_model(const DvlSample& ping, double offset_s) const {
 }
 
 void Dipo::insert_displacement(const DvlSample& ping, Stamp stamp) {
-  const Eskf filter = timeline_.filter_at(stamp);
+  const Eskf filter = history_.filter_at(stamp);
   const State& x = filter.state();
-  const Vector3d gyro = timeline_.kinematics_at(stamp).gyro - x.nav.gyro_bias;
+  const Vector3d gyro = history_.kinematics_at(stamp).gyro - x.nav.gyro_bias;
   const Vector3d v_body =
       x.R_body_dvl * rig_.dvl->true_velocity(ping.velocity) / (1.0 + x.dvl_scale_error) -
       gyro.cross(x.p_body_dvl);
   const auto last = std::exchange(last_used_ping_, UsedPing{stamp, x.nav.R_world_body, v_body});
   if (!last || stamp <= last->stamp) return;
   const double dt = seconds_between(last->stamp, stamp);
-  constexpr double kLongest_s = 2.0;  // beyond it two velocities say little about the way between
-  if (dt > kLongest_s) return;
+  constexpr double kMaxInterval_s =
+      2.0;  // over longer intervals the trapezoidal rule is too inaccurate
+  if (dt > kMaxInterval_s) return;
   const Vector3d v_last = x.nav.R_world_body.conjugate() * (last->R_world_body * last->v_body);
   const Vector3d displacement = 0.5 * dt * (v_last + v_body);
-  // Two independent velocities, used a second time, and a way that is not straight.
+  // Noise of two independent velocities, used a second time, and the curvature of the path.
   constexpr double kCurvature = 0.1;
   const double noise = rig_.dvl->velocity_noise;
-  const double variance = config_.dvl.displacement_inflation * 0.5 * noise * noise * dt * dt +
+  const double variance = config_.dvl.displacement_variance_factor * 0.5 * noise * noise * dt * dt +
                           std::pow(kCurvature * dt * (v_body - v_last).norm(), 2);
-  timeline_.insert(stamp, [=](const Eskf& at, const Kinematics&) {
+  history_.insert(stamp, [=](const Eskf& at, const Kinematics&) {
     return dvl_displacement(at.state(), displacement, variance * Matrix3d::Identity());
   });
 }
 
-std::optional<Timeline::Model> Dipo::judge(Stamp stamp, Timeline::Model model,
-                                           MeasurementGate& gate, Report& report) const {
-  if (!timeline_.covers(stamp)) {
+std::optional<FilterHistory::Model> Dipo::validate(Stamp stamp, FilterHistory::Model model,
+                                                   MeasurementGate& gate, Report& report) const {
+  if (!history_.covers(stamp)) {
     report.verdict = Verdict::too_old;
     return std::nullopt;
   }
-  const Eskf filter = timeline_.filter_at(stamp);
-  const Measurement m = model(filter, timeline_.kinematics_at(stamp));
+  const Eskf filter = history_.filter_at(stamp);
+  const Measurement m = model(filter, history_.kinematics_at(stamp));
   report.nis = filter.nis(m);
   report.rows = m.rows();
-  const auto factor = gate.judge(report.nis);
+  const auto factor = gate.validate(report.nis);
   if (!factor) {
     report.verdict = Verdict::rejected;
     return std::nullopt;
   }
   if (*factor <= 1.0) return model;
-  report.verdict = Verdict::weakened;
-  return weakened(std::move(model), m, filter, *factor);
+  report.verdict = Verdict::downweighted;
+  return downweighted(std::move(model), m, filter, *factor);
 }
 
-bool Dipo::take_in(const DvlSample& ping) {
-  const double offset_s = timeline_.newest_filter().state().dvl_time_offset_s;
+bool Dipo::apply(const DvlSample& ping) {
+  const double offset_s = history_.newest_filter().state().dvl_time_offset_s;
   const Stamp stamp = ping.stamp - Duration::from_seconds(offset_s);
-  if (stamp > timeline_.newest()) return false;
-  Report report{.stamp = ping.stamp, .verdict = verdict_before_filter(ping)};
+  if (stamp > history_.newest()) return false;
+  Report report{.stamp = ping.stamp, .verdict = check_ping(ping)};
   if (report.verdict == Verdict::accepted) {
-    if (auto model = judge(stamp, dvl_model(ping, offset_s), dvl_gate_, report)) {
+    if (auto model = validate(stamp, dvl_model(ping, offset_s), dvl_gate_, report)) {
       if (ping.valid) {
         const Vector3d expected =
-            predict_dvl(timeline_.filter_at(stamp).state(), timeline_.kinematics_at(stamp).gyro);
+            predict_dvl(history_.filter_at(stamp).state(), history_.kinematics_at(stamp).gyro);
         adapter_.add(rig_.dvl->true_velocity(ping.velocity) - expected, report.nis, report.rows);
-        if (config_.dvl.displacement) insert_displacement(ping, stamp);
+        if (config_.dvl.use_displacement) insert_displacement(ping, stamp);
       }
-      timeline_.insert(stamp, std::move(*model), config_.dvl.displacement);
+      history_.insert(stamp, std::move(*model), config_.dvl.use_displacement);
     }
   }
   report_dvl(report);
@@ -280,35 +284,36 @@ double Dipo::swell_m() const {
   return std::sqrt(std::max(0.0, std::pow(swell_.sigma_m(), 2) - noise * noise));
 }
 
-bool Dipo::take_in(const DepthReading& reading) {
-  if (reading.stamp > timeline_.newest()) return false;
-  const double sign = rig_.depth_sign();
+bool Dipo::apply(const PressureDepthReading& reading) {
+  if (reading.stamp > history_.newest()) return false;
+  const double sign = rig_.down_sign();
   const double swell = std::pow(swell_m(), 2);
   const double variance = reading.noise_m * reading.noise_m + swell;
-  Timeline::Model depth_model = [=](const Eskf& at, const Kinematics&) {
-    return depth(at.state(), reading.p_body_sensor, sign, reading.depth_m, variance);
+  FilterHistory::Model depth_model = [=](const Eskf& at, const Kinematics&) {
+    return pressure_depth(at.state(), reading.p_body_sensor, sign, reading.depth_m, variance);
   };
   Report report{.stamp = reading.stamp};
-  if (auto model = judge(reading.stamp, std::move(depth_model), depth_gate_, report)) {
-    // The gate asks how far off one reading may be; the filter, what one more of them is worth.
-    const Measurement::Covariance repeated =
-        Measurement::Covariance::Constant(1, 1, (swell_.repeats() - 1.0) * swell);
-    timeline_.insert(reading.stamp, with_noise_added(std::move(*model), repeated));
+  if (auto model = validate(reading.stamp, std::move(depth_model), pressure_depth_gate_, report)) {
+    // The gate uses the variance of a single reading; the filter accounts for the correlation of
+    // consecutive readings.
+    const Measurement::Covariance correlated =
+        Measurement::Covariance::Constant(1, 1, (swell_.correlated_samples() - 1.0) * swell);
+    history_.insert(reading.stamp, with_noise_added(std::move(*model), correlated));
   }
-  if (timeline_.covers(reading.stamp)) {
-    const imu::NavState nav = timeline_.filter_at(reading.stamp).state().nav;
+  if (history_.covers(reading.stamp)) {
+    const imu::NavState nav = history_.filter_at(reading.stamp).state().nav;
     const double lever = (nav.R_world_body * reading.p_body_sensor).z();
     swell_.add(reading.stamp, reading.depth_m - sign * lever,
                sign * (nav.R_world_body * nav.v_body).z());
   }
-  depth_reports_.push_back(report);
+  pressure_depth_reports_.push_back(report);
   return true;
 }
 
-void Dipo::update_if_still(const ImuSample& sample) {
-  if (!stillness_.is_still()) return;
+void Dipo::update_if_stationary(const ImuSample& sample) {
+  if (!stationary_.is_stationary()) return;
   const double variance = config_.zero_velocity.sigma * config_.zero_velocity.sigma;
-  timeline_.insert(sample.stamp, [variance](const Eskf& at, const Kinematics&) {
+  history_.insert(sample.stamp, [variance](const Eskf& at, const Kinematics&) {
     return zero_velocity(at.state(), variance);
   });
   ++zero_velocity_updates_;
@@ -329,15 +334,15 @@ std::string Dipo::waiting_for() const {
 
 std::optional<Estimate> Dipo::latest() const {
   if (!initialized()) return std::nullopt;
-  const Eskf& filter = timeline_.newest_filter();
-  return Estimate{timeline_.newest(), filter.state(), filter.covariance()};
+  const Eskf& filter = history_.newest_filter();
+  return Estimate{history_.newest(), filter.state(), filter.covariance()};
 }
 
 std::optional<Estimate> Dipo::at(Stamp stamp) const {
-  if (!initialized() || stamp < timeline_.oldest() || stamp > timeline_.newest()) {
+  if (!initialized() || stamp < history_.oldest() || stamp > history_.newest()) {
     return std::nullopt;
   }
-  const Eskf filter = timeline_.filter_at(stamp);
+  const Eskf filter = history_.filter_at(stamp);
   return Estimate{stamp, filter.state(), filter.covariance()};
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/dvl_ping.hpp"
+#include "dipo/dvl_ping.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -11,8 +11,8 @@ using Eigen::Matrix3d;
 
 constexpr int kAllBeams = static_cast<int>(kDvlBeams);
 
-// All beams in lock at once; `common` is noise that they share, as a covariance in the DVL frame.
-Measurement beams_measurement(const State& x, const Kinematics& k, const imu::World& world,
+// All beams in lock; `common` is the covariance of noise shared by all beams, in the DVL frame.
+Measurement beams_measurement(const State& x, const Kinematics& k, const imu::EarthModel& world,
                               const DvlCalibration& dvl, const DvlSample& ping, double variance,
                               const Matrix3d& common) {
   Measurement all(valid_beams(ping));
@@ -62,7 +62,7 @@ double beam_disagreement(const DvlSample& ping, const DvlCalibration& dvl) {
   return (b - E * (E.transpose() * E).ldlt().solve(E.transpose() * b)).norm();
 }
 
-Measurement ping_measurement(const Eskf& filter, const Kinematics& k, const imu::World& world,
+Measurement ping_measurement(const Eskf& filter, const Kinematics& k, const imu::EarthModel& world,
                              const DvlCalibration& dvl, const DvlSample& ping, bool by_beam,
                              double variance, double offset_s) {
   const State& x = filter.state();
@@ -70,7 +70,7 @@ Measurement ping_measurement(const Eskf& filter, const Kinematics& k, const imu:
   Measurement m = by_beam ? beams_measurement(x, k, world, dvl, ping, variance, noise)
                           : dvl_velocity(x, k, world, dvl.true_velocity(ping.velocity),
                                          variance * Matrix3d::Identity() + noise);
-  // Where the offset has moved since the ping was put in its place, its column makes up for it.
+  // Correct to first order if the offset estimate has changed since the stamp was computed.
   m.residual -= m.H.col(kTimeOffset) * (x.dvl_time_offset_s - offset_s);
   return m;
 }

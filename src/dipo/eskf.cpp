@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/eskf.hpp"
+#include "dipo/eskf.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -22,12 +22,12 @@ State boxplus(const State& state, const Vector& delta) {
 }
 
 void Eskf::propagate(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt,
-                     const imu::World& world, const imu::Noise& noise,
-                     const CalibrationWalk& walk) {
+                     const imu::EarthModel& world, const imu::Noise& noise,
+                     const CalibrationRandomWalk& walk) {
   constexpr int kRest = kSize - kNavSize;
   imu::NavMatrix F;
   state_.nav = imu::propagate(state_.nav, gyro, accel, dt, world, F);
-  // Calibration does not move by itself: only the blocks that the motion touches are computed.
+  // The calibration has no dynamics: only the blocks affected by the motion are computed.
   P_.topLeftCorner<kNavSize, kNavSize>() =
       F * P_.topLeftCorner<kNavSize, kNavSize>() * F.transpose() + imu::process_noise(F, noise, dt);
   P_.topRightCorner<kNavSize, kRest>() = F * P_.topRightCorner<kNavSize, kRest>().eval();
@@ -42,7 +42,7 @@ void Eskf::propagate(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, 
   add(kDepthBias, 1, walk.depth_bias);
 }
 
-void Eskf::coast(double dt, const Unknown& unknown) {
+void Eskf::coast(double dt, const CoastUncertainty& uncertainty) {
   imu::NavMatrix F = imu::NavMatrix::Identity();
   const Eigen::Matrix3d R = state_.nav.R_world_body.toRotationMatrix();
   F.block<3, 3>(imu::kPosition, imu::kTheta) = -dt * R * so3::hat(state_.nav.v_body);
@@ -50,8 +50,8 @@ void Eskf::coast(double dt, const Unknown& unknown) {
   state_.nav.p_world += dt * (R * state_.nav.v_body);
   P_.topRows<kNavSize>() = F * P_.topRows<kNavSize>().eval();
   P_.leftCols<kNavSize>() = P_.leftCols<kNavSize>().eval() * F.transpose();
-  const double turn = unknown.turn * unknown.turn;
-  const double speed = unknown.speed_change * unknown.speed_change;
+  const double turn = uncertainty.turn * uncertainty.turn;
+  const double speed = uncertainty.speed_change * uncertainty.speed_change;
   inflate(imu::kTheta, 3, turn);
   inflate(imu::kVelocity, 3, speed);
   inflate(imu::kPosition, 3, (speed + turn * state_.nav.v_body.squaredNorm()) * dt * dt);
@@ -70,12 +70,11 @@ void Eskf::update(const Measurement& m) {
   const Vector delta = K * m.residual;
   state_ = boxplus(state_, delta);
 
-  // Joseph's form keeps P symmetric and positive: (I - KH) P (I - KH)ᵀ + K R Kᵀ.
+  // The Joseph form keeps P symmetric and positive semidefinite: (I - KH) P (I - KH)ᵀ + K R Kᵀ.
   const Matrix I_KH = Matrix::Identity() - K * m.H;
   P_ = I_KH * P_ * I_KH.transpose() + K * m.R * K.transpose();
 
-  // The error is now measured from the new rotation (Sola, Eq. 287), for attitude and mounting
-  // alike.
+  // Reset of the error state (Sola, Eq. 287), for attitude and mounting.
   Matrix G = Matrix::Identity();
   G.block<3, 3>(imu::kTheta, imu::kTheta) = so3::right_jacobian(delta.segment<3>(imu::kTheta));
   G.block<3, 3>(kMounting, kMounting) = so3::right_jacobian(delta.segment<3>(kMounting));

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/initializer.hpp"
+#include "dipo/initializer.hpp"
 
 #include <algorithm>
-#include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "apvi/imu/preintegration.hpp"
+#include "imu/preintegration.hpp"
 
 namespace apvi::dipo {
 namespace {
@@ -13,14 +13,12 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
+constexpr double kPositionSigma = 1e-3;         // the origin is the initial position by definition
+constexpr double kVelocitySigma = 0.3;          // [m/s], first ping with unknown delay
+constexpr double kPressureDepthSigma_m = 0.05;  // [m]
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kPositionSigma = 1e-3;  // the origin is where the vehicle starts, by definition
-constexpr double kVelocitySigma = 0.3;   // [m/s], the first ping with its unknown delay
-constexpr double kDepthSigma = 0.05;     // [m]
-
-// Index of the last sample not after the stamp; there must be one.
-std::size_t last_until(const std::deque<ImuSample>& imu, Stamp stamp) {
+// Index of the last sample not after the stamp, which must exist.
+std::size_t last_not_after(const std::deque<ImuSample>& imu, Stamp stamp) {
   const auto it = std::upper_bound(imu.begin(), imu.end(), stamp,
                                    [](Stamp value, const ImuSample& s) { return value < s.stamp; });
   return static_cast<std::size_t>(it - imu.begin()) - 1;
@@ -39,7 +37,7 @@ void Initializer::add(const DvlSample& sample) {
   if (sample.valid && !imu_.empty() && sample.stamp >= imu_.front().stamp) pings_.push_back(sample);
 }
 
-void Initializer::add_depth(double depth_m, const Vector3d& p_body_sensor) {
+void Initializer::add_pressure_depth(double depth_m, const Vector3d& p_body_sensor) {
   depth_ = Depth{depth_m, p_body_sensor};
 }
 
@@ -62,17 +60,18 @@ std::optional<Initializer::Start> Initializer::try_start() const {
   };
   const auto last = std::find_if(pings_.begin(), pings_.end(), reaches);
   if (last == pings_.end()) return std::nullopt;
-  const std::size_t from = last_until(imu_, first.stamp);
-  const std::size_t to = last_until(imu_, last->stamp);
+  const std::size_t from = last_not_after(imu_, first.stamp);
+  const std::size_t to = last_not_after(imu_, last->stamp);
   if (to <= from) return std::nullopt;
 
   imu::Preintegration sum({}, Vector3d::Zero(), Vector3d::Zero());
   for (std::size_t i = from + 1; i <= to; ++i) sum.integrate(imu_[i - 1], imu_[i]);
   const Vector3d v_from = body_velocity(first, imu_[from].gyro);
   const Vector3d v_to = sum.delta().rotation * body_velocity(*last, imu_[to].gyro);
-  // Δv = R_iᵀ (v_j - v_i - g T): what was felt beyond the change of velocity held the vehicle up.
+  // Δv = R_iᵀ (v_j - v_i - g T): the specific force not explained by the change of velocity
+  // compensates gravity.
   const Vector3d force = (sum.delta().velocity - (v_to - v_from)) / sum.duration_s();
-  // A gyro's bias turns the velocity at the end and what was felt on the way.
+  // The gyro bias rotates the final velocity and the integrated specific force.
   const Eigen::Matrix<double, 9, 6> by_bias = sum.bias_jacobian();
   Eigen::Matrix<double, 3, 6> force_by_bias = by_bias.middleRows<3>(imu::Preintegration::kVelocity);
   force_by_bias += so3::hat(v_to) * sum.delta().rotation.toRotationMatrix() *
@@ -85,7 +84,7 @@ std::optional<Initializer::Start> Initializer::try_start() const {
 State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body) const {
   State state;
   const double heading =
-      config_.earth.heading_deg.value_or(config_.initialization.heading_deg) * kDegree;
+      config_.earth.heading_deg.value_or(config_.initialization.heading_deg) * kRadiansPerDegree;
   const Vector3d gravity = rig_.gravity(config_.gravity);
   state.nav.R_world_body =
       so3::exp(Vector3d(0.0, 0.0, heading)) * so3::level_attitude(force_body, gravity);
@@ -95,7 +94,7 @@ State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body
   state.p_body_dvl = rig_.dvl->T_body_dvl.translation;
   if (depth_) {
     const Vector3d lever = state.nav.R_world_body * depth_->p_body_sensor;
-    state.nav.p_world.z() = rig_.depth_sign() * depth_->depth_m - lever.z();
+    state.nav.p_world.z() = rig_.down_sign() * depth_->depth_m - lever.z();
   }
   state.p_last_ping = state.nav.p_world;
   return state;
@@ -108,13 +107,13 @@ Matrix Initializer::make_covariance(const State& state, const Vector3d& force_bo
     P.diagonal().segment(index, count).setConstant(sigma * sigma);
   };
   const InitializationConfig& init = config_.initialization;
-  // Roll and pitch are uncertain; heading is given: the variance lies across the vertical.
+  // Roll and pitch are uncertain, heading is given: the variance is in the horizontal axes.
   const Matrix3d Rt = state.nav.R_world_body.conjugate().toRotationMatrix();
-  const double tilt = init.tilt_sigma_deg * kDegree;
+  const double tilt = init.tilt_sigma_deg * kRadiansPerDegree;
   P.topLeftCorner<3, 3>() =
       Rt * Vector3d(tilt * tilt, tilt * tilt, 1e-10).asDiagonal() * Rt.transpose();
   set(imu::kPosition, 3, kPositionSigma);
-  if (depth_) set(imu::kPosition + 2, 1, kDepthSigma);
+  if (depth_) set(imu::kPosition + 2, 1, kPressureDepthSigma_m);
   set(imu::kVelocity, 3, kVelocitySigma);
   set(imu::kGyroBias, 3, init.gyro_bias_sigma.value_or(rig_.imu->gyro_noise_density));
   set(imu::kAccelBias, 3, init.accel_bias_sigma);
@@ -126,7 +125,7 @@ Matrix Initializer::make_covariance(const State& state, const Vector3d& force_bo
   set_if(kMounting, 3, config_.dvl.mounting);
   set_if(kLeverArm, 3, config_.dvl.lever_arm);
   set_if(kDepthBias, 1, config_.depth.bias);
-  // Biases that the start took for zero have tilted it: tilt = (d force) x force / |force|^2.
+  // Biases assumed zero cause a tilt error: tilt = (d force) x force / |force|^2.
   const Eigen::Matrix<double, 3, 6> tilt_by_bias =
       -so3::hat(force_body) * force_by_bias / force_body.squaredNorm();
   const Eigen::Matrix<double, 6, 6> biases = P.block<6, 6>(imu::kGyroBias, imu::kGyroBias);

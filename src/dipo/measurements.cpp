@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/measurements.hpp"
+#include "dipo/measurements.hpp"
 
 #include "apvi/geometry/so3.hpp"
 
@@ -16,20 +16,20 @@ using imu::kVelocity;
 
 using Jacobian3 = Eigen::Matrix<double, 3, kSize>;
 
-// Velocity of the point where the DVL sits, in the body frame.
+// Velocity of the DVL in the body frame.
 Vector3d sensor_velocity(const State& x, const Vector3d& gyro) {
   return x.nav.v_body + (gyro - x.nav.gyro_bias).cross(x.p_body_dvl);
 }
 
-// Its time derivative in the (turning) body frame.
-Vector3d sensor_acceleration(const State& x, const Kinematics& k, const imu::World& world) {
+// Time derivative of the above in the rotating body frame.
+Vector3d sensor_acceleration(const State& x, const Kinematics& k, const imu::EarthModel& world) {
   const Eigen::Quaterniond Rt = x.nav.R_world_body.conjugate();
   const Vector3d rate = k.gyro - x.nav.gyro_bias + Rt * world.earth_rate;
   return k.accel - x.nav.accel_bias + Rt * world.gravity - rate.cross(x.nav.v_body) +
          k.angular_acceleration.cross(x.p_body_dvl);
 }
 
-Jacobian3 dvl_jacobian(const State& x, const Kinematics& k, const imu::World& world) {
+Jacobian3 dvl_jacobian(const State& x, const Kinematics& k, const imu::EarthModel& world) {
   const Matrix3d Rt = (1.0 + x.dvl_scale_error) * x.R_body_dvl.conjugate().toRotationMatrix();
   const Vector3d v_dvl = x.R_body_dvl.conjugate() * sensor_velocity(x, k.gyro);
   Jacobian3 H = Jacobian3::Zero();
@@ -48,7 +48,7 @@ Vector3d predict_dvl(const State& x, const Vector3d& gyro) {
   return (1.0 + x.dvl_scale_error) * (x.R_body_dvl.conjugate() * sensor_velocity(x, gyro));
 }
 
-Measurement dvl_velocity(const State& x, const Kinematics& k, const imu::World& world,
+Measurement dvl_velocity(const State& x, const Kinematics& k, const imu::EarthModel& world,
                          const Vector3d& velocity, const Matrix3d& noise) {
   Measurement m(3);
   m.residual = velocity - predict_dvl(x, k.gyro);
@@ -57,11 +57,11 @@ Measurement dvl_velocity(const State& x, const Kinematics& k, const imu::World& 
   return m;
 }
 
-Matrix3d time_offset_noise(const Eskf& filter, const Kinematics& k, const imu::World& world) {
+Matrix3d time_offset_noise(const Eskf& filter, const Kinematics& k, const imu::EarthModel& world) {
   const State& x = filter.state();
   const double offset_variance = filter.covariance()(kTimeOffset, kTimeOffset);
   if (offset_variance <= 0.0) return Matrix3d::Zero();
-  // How the sensor's acceleration depends on what is not known well.
+  // Jacobian of the sensor acceleration by the uncertain states.
   const Eigen::Quaterniond Rt = x.nav.R_world_body.conjugate();
   const Vector3d rate = k.gyro - x.nav.gyro_bias + Rt * world.earth_rate;
   Jacobian3 A = Jacobian3::Zero();
@@ -75,7 +75,7 @@ Matrix3d time_offset_noise(const Eskf& filter, const Kinematics& k, const imu::W
   return offset_variance * R.transpose() * acceleration * R;
 }
 
-Measurement dvl_beam(const State& x, const Kinematics& k, const imu::World& world,
+Measurement dvl_beam(const State& x, const Kinematics& k, const imu::EarthModel& world,
                      const Vector3d& beam, double velocity, double variance) {
   Measurement m(1);
   m.residual(0) = velocity - beam.dot(predict_dvl(x, k.gyro));
@@ -96,14 +96,14 @@ Measurement dvl_displacement(const State& x, const Vector3d& displacement, const
   return m;
 }
 
-Measurement depth(const State& x, const Vector3d& p_body_sensor, double depth_sign, double depth_m,
-                  double variance) {
+Measurement pressure_depth(const State& x, const Vector3d& p_body_sensor, double down_sign,
+                           double depth_m, double variance) {
   Measurement m(1);
   const Matrix3d R = x.nav.R_world_body.toRotationMatrix();
   const double height = (x.nav.p_world + R * p_body_sensor).z();
-  m.residual(0) = depth_m - (depth_sign * height + x.depth_bias_m);
-  m.H(0, kPosition + 2) = depth_sign;
-  m.H.block<1, 3>(0, kTheta) = -depth_sign * (R * so3::hat(p_body_sensor)).row(2);
+  m.residual(0) = depth_m - (down_sign * height + x.depth_bias_m);
+  m.H(0, kPosition + 2) = down_sign;
+  m.H.block<1, 3>(0, kTheta) = -down_sign * (R * so3::hat(p_body_sensor)).row(2);
   m.H(0, kDepthBias) = 1.0;
   m.R(0, 0) = variance;
   return m;
@@ -117,7 +117,7 @@ Measurement zero_velocity(const State& x, double variance) {
   return m;
 }
 
-Measurement zero_rate(const State& x, const Vector3d& gyro, const imu::World& world,
+Measurement zero_rate(const State& x, const Vector3d& gyro, const imu::EarthModel& world,
                       double variance) {
   Measurement m(3);
   const Vector3d earth = x.nav.R_world_body.conjugate() * world.earth_rate;
@@ -128,7 +128,7 @@ Measurement zero_rate(const State& x, const Vector3d& gyro, const imu::World& wo
   return m;
 }
 
-Measurement zero_acceleration(const State& x, const Vector3d& accel, const imu::World& world,
+Measurement zero_acceleration(const State& x, const Vector3d& accel, const imu::EarthModel& world,
                               double variance) {
   Measurement m(3);
   const Vector3d gravity = x.nav.R_world_body.conjugate() * world.gravity;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/noise_tracker.hpp"
+#include "dipo/noise_tracker.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Sample variance summed over the axes, of one member of the samples.
+// Sample variance of one member, summed over the axes.
 template <typename Member>
 double spread(const std::deque<ImuSample>& samples, Member member) {
   Vector3d mean = Vector3d::Zero();
@@ -25,26 +25,26 @@ double spread(const std::deque<ImuSample>& samples, Member member) {
 
 struct Difference {
   double t_s;
-  double descent;  // [m/s]
-  double m;        // depth as measured less as swum
+  double descent_rate;  // [m/s]
+  double m;             // measured - integrated depth
 };
 
-// Robust sigma of the differences about what drifts, which a line follows, and about what comes
-// late, which goes with the descent. Least squares, once with everything and once without what then
-// lies over three sigma off.
-double unexplained_spread(const std::vector<Difference>& differences) {
-  constexpr double kWeakly = 1e-6;  // without a change of descent nothing can come late
+// Robust sigma of the differences after fitting an offset, a linear drift and a delay (proportional
+// to the descent rate) by least squares. The second pass excludes differences beyond three sigma of
+// the first fit.
+double residual_sigma(const std::vector<Difference>& differences) {
+  constexpr double kRegularization = 1e-6;  // keeps the fit regular at a constant descent rate
   double sigma = std::numeric_limits<double>::infinity();
   Vector3d fit = Vector3d::Zero();
   const auto off = [&fit](const Difference& d) {
-    return std::abs(d.m - fit.dot(Vector3d(1.0, d.t_s, d.descent)));
+    return std::abs(d.m - fit.dot(Vector3d(1.0, d.t_s, d.descent_rate)));
   };
   for (int pass = 0; pass < 2; ++pass) {
-    Eigen::Matrix3d A = Vector3d(0.0, 0.0, kWeakly).asDiagonal();
+    Eigen::Matrix3d A = Vector3d(0.0, 0.0, kRegularization).asDiagonal();
     Vector3d b = Vector3d::Zero();
     for (const Difference& d : differences) {
       if (off(d) > 3.0 * sigma) continue;
-      const Vector3d row(1.0, d.t_s, d.descent);
+      const Vector3d row(1.0, d.t_s, d.descent_rate);
       A += row * row.transpose();
       b += row * d.m;
     }
@@ -53,7 +53,7 @@ double unexplained_spread(const std::vector<Difference>& differences) {
     for (const Difference& d : differences) sizes.push_back(off(d));
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
     std::nth_element(sizes.begin(), middle, sizes.end());
-    sigma = 1.4826 * *middle;  // of a normal distribution
+    sigma = 1.4826 * *middle;  // for a normal distribution
   }
   return sigma;
 }
@@ -64,8 +64,8 @@ void VibrationTracker::add(const ImuSample& sample) {
   last_.push_back(sample);
   if (last_.size() < 3) return;
   if (last_.size() > 3) last_.pop_front();
-  // The second difference of white noise has six times its variance; three axes are summed. Motion
-  // itself is too slow to show in it.
+  // The second difference of white noise has six times its variance; three axes are summed. The
+  // motion of the vehicle is too slow to contribute.
   const Vector3d accel = last_[2].accel - 2.0 * last_[1].accel + last_[0].accel;
   const Vector3d gyro = last_[2].gyro - 2.0 * last_[1].gyro + last_[0].gyro;
   const double weight = ++count_ < 100 ? 1.0 / count_ : 0.01;
@@ -76,27 +76,28 @@ void VibrationTracker::add(const ImuSample& sample) {
 
 imu::Noise VibrationTracker::noise() const {
   const double k = config_.vibration_factor * config_.vibration_factor * period_s_;
-  imu::Noise noise = sheet_;
-  noise.gyro = std::hypot(sheet_.gyro * config_.gyro_noise_factor, std::sqrt(k * gyro_variance_));
+  imu::Noise noise = datasheet_;
+  noise.gyro =
+      std::hypot(datasheet_.gyro * config_.gyro_noise_factor, std::sqrt(k * gyro_variance_));
   noise.accel =
-      std::hypot(sheet_.accel * config_.accel_noise_factor, std::sqrt(k * accel_variance_));
+      std::hypot(datasheet_.accel * config_.accel_noise_factor, std::sqrt(k * accel_variance_));
   return noise;
 }
 
-void StillnessDetector::add(const ImuSample& sample) {
+void StationaryDetector::add(const ImuSample& sample) {
   if (!config_.enabled) return;
   imu_.push_back(sample);
-  // Twice the window, so that a full window is there whenever it is asked for.
+  // Slightly more than the window, so that a full window is available when tested.
   const Stamp keep = sample.stamp - Duration::from_seconds(1.1 * config_.window_s);
   while (imu_.front().stamp < keep) imu_.pop_front();
   while (!pings_.empty() && pings_.front().stamp < keep) pings_.pop_front();
 }
 
-void StillnessDetector::add(const DvlSample& sample) {
+void StationaryDetector::add(const DvlSample& sample) {
   if (config_.enabled && sample.valid) pings_.push_back(sample);
 }
 
-bool StillnessDetector::is_still() {
+bool StationaryDetector::is_stationary() {
   if (!config_.enabled || imu_.empty()) return false;
   if (seconds_between(imu_.front().stamp, imu_.back().stamp) < config_.window_s) return false;
   const bool dvl_agrees =
@@ -106,44 +107,46 @@ bool StillnessDetector::is_still() {
   const bool still =
       dvl_agrees && spread(imu_, &ImuSample::gyro) <= config_.max_gyro_std * config_.max_gyro_std &&
       spread(imu_, &ImuSample::accel) <= config_.max_accel_std * config_.max_accel_std;
-  imu_.clear();  // one verdict per window
+  imu_.clear();  // one decision per window
   return still;
 }
 
-void SwellTracker::add(Stamp stamp, double depth_m, double descent) {
+void SwellTracker::add(Stamp stamp, double depth_m, double descent_rate) {
   if (window_s_ <= 0.0 || (last_ && stamp <= *last_)) return;
-  if (last_) swum_m_ += descent * seconds_between(*last_, stamp);
+  if (last_) integrated_depth_m_ += descent_rate * seconds_between(*last_, stamp);
   last_ = stamp;
-  readings_.push_back({stamp, depth_m - swum_m_, descent});
+  readings_.push_back({stamp, depth_m - integrated_depth_m_, descent_rate});
   const Stamp keep = stamp - Duration::from_seconds(window_s_);
   while (readings_.front().stamp < keep) readings_.pop_front();
-  constexpr double kEvery_s = 0.25;
-  if (measured_ && seconds_between(*measured_, stamp) < kEvery_s) return;
-  measured_ = stamp;
+  constexpr double kMeasurePeriod_s = 0.25;
+  if (last_measured_ && seconds_between(*last_measured_, stamp) < kMeasurePeriod_s) return;
+  last_measured_ = stamp;
   measure();
 }
 
 void SwellTracker::measure() {
-  constexpr double kLeastSpan_s = 3.0;
-  constexpr double kFirstGuess_m = 0.0075;  // the start must not follow a wave
-  constexpr double kStretch_s = 1.0;        // a sixth of a swell's period: one side of one crest
+  constexpr double kMinSpan_s = 3.0;
+  constexpr double kInitialSigma_m = 0.0075;  // prevents the initial state from following a wave
+  constexpr double kCorrelationTime_s =
+      1.0;  // a sixth of a typical swell period: one side of one crest
   const double span = seconds_between(readings_.front().stamp, readings_.back().stamp);
   if (span > 0.0) {
-    repeats_ = std::max(1.0, kStretch_s * static_cast<double>(readings_.size()) / span);
+    correlated_samples_ =
+        std::max(1.0, kCorrelationTime_s * static_cast<double>(readings_.size()) / span);
   }
-  if (span < std::min(kLeastSpan_s, 0.5 * window_s_) || readings_.size() < 5) {
-    sigma_m_ = std::max(sigma_m_, kFirstGuess_m);
+  if (span < std::min(kMinSpan_s, 0.5 * window_s_) || readings_.size() < 5) {
+    sigma_m_ = std::max(sigma_m_, kInitialSigma_m);
     return;
   }
   std::vector<Difference> differences;
   for (const Reading& r : readings_) {
     differences.push_back(
-        {seconds_between(readings_.front().stamp, r.stamp), r.descent, r.difference_m});
+        {seconds_between(readings_.front().stamp, r.stamp), r.descent_rate, r.difference_m});
   }
-  sigma_m_ = unexplained_spread(differences);
+  sigma_m_ = residual_sigma(differences);
 }
 
-std::optional<double> MeasurementGate::judge(double nis) {
+std::optional<double> MeasurementGate::validate(double nis) {
   if (nis > hard_gate_ && rejected_ < max_rejected_) {
     ++rejected_;
     return std::nullopt;
@@ -154,16 +157,16 @@ std::optional<double> MeasurementGate::judge(double nis) {
 
 void NoiseAdapter::add(const Vector3d& innovation, double nis, int rows) {
   if (!config_.enabled) return;
-  constexpr double kMemory = 0.1;       // of the running means, per ping
-  constexpr double kMostPerPing = 5.0;  // an outlier must not speak for all
-  product_ += kMemory * (innovation.dot(last_) - product_);
-  power_ += kMemory * (innovation.squaredNorm() - power_);
+  constexpr double kSmoothing = 0.1;   // smoothing of the running means, per ping
+  constexpr double kMaxPerPing = 5.0;  // limits the influence of an outlier
+  product_ += kSmoothing * (innovation.dot(last_) - product_);
+  power_ += kSmoothing * (innovation.squaredNorm() - power_);
   last_ = innovation;
-  const double excess = std::min(nis / rows, kMostPerPing) - 1.0;
-  // Trust is lost quickly and won back slowly: the next manoeuvre will be like the last one.
+  const double excess = std::min(nis / rows, kMaxPerPing) - 1.0;
+  // The noise grows fast and decays slowly, as further maneuvers of the same kind are likely.
   const double step = std::exp((excess > 0.0 ? config_.rate : config_.recovery_rate) * excess);
   const bool motion_lags = product_ > -0.1 * power_;
-  // What is too small grows where the blame lies; what is too large shrinks everywhere.
+  // Growth applies to the noise at fault only, decay to both.
   if (motion_lags || excess < 0.0) {
     accel_factor_ = std::clamp(accel_factor_ * std::sqrt(step), 1.0, config_.max_accel_factor);
   }

@@ -18,8 +18,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
 
-constexpr std::size_t kFewest = 30;
-constexpr double kSlow = 0.03;  // rms velocity that tells nothing [m/s]
+constexpr std::size_t kMinPings = 30;
+constexpr double kMinRmsSpeed = 0.03;  // below this the velocity is not informative [m/s]
 
 Beams matrix_of(const std::array<Vector3d, kDvlBeams>& beams) {
   Beams m;
@@ -27,7 +27,7 @@ Beams matrix_of(const std::array<Vector3d, kDvlBeams>& beams) {
   return m;
 }
 
-// The combination of beams that is zero whatever the velocity.
+// The combination of beams that is zero for every velocity.
 Vector4d parity_of(const Beams& beams) {
   return Eigen::JacobiSVD<Beams>(beams, Eigen::ComputeFullU).matrixU().col(3);
 }
@@ -37,12 +37,12 @@ double parity_rms(const BeamMoments& moments, const Vector4d& parity) {
   return std::sqrt(std::max(0.0, sum) / static_cast<double>(moments.count));
 }
 
-// Orders of the beams, as their parity sees them: which one is opposite to the first.
+// Finds a beam order with small parity error: which beam is opposite to the first.
 std::string opposite_of_first(const BeamMoments& moments, double rms) {
   const std::array<Vector4d, 3> signs = {Vector4d(1, 1, -1, -1) / 2.0, Vector4d(1, -1, 1, -1) / 2.0,
                                          Vector4d(1, -1, -1, 1) / 2.0};
   for (std::size_t i = 0; i < signs.size(); ++i) {
-    // Of opposite beams the sum is the same as of the other two.
+    // Both pairs of opposite beams have the same sum.
     if (parity_rms(moments, signs[i]) < 0.3 * rms) {
       return fmt::format("; with beam 0 opposite to beam {} it would be {:.3g} m/s", i + 1,
                          parity_rms(moments, signs[i]));
@@ -51,13 +51,13 @@ std::string opposite_of_first(const BeamMoments& moments, double rms) {
   return "";
 }
 
-void check_parity(const Case& c, const Beams& beams, Report& report) {
-  const BeamMoments& moments = c.seen.dvl.beams;
+void check_parity(const CheckInput& c, const Beams& beams, Report& report) {
+  const BeamMoments& moments = c.observed.dvl.beams;
   const double rms = parity_rms(moments, parity_of(beams));
   Finding f{Severity::ok,
             "dvl0",
             "beam parity",
-            fmt::format("what no velocity can explain is {:.3g} m/s rms", rms),
+            fmt::format("beam velocities are inconsistent by {:.3g} m/s RMS", rms),
             "",
             {{"rms_m_s", rms}}};
   const double noise = c.rig.dvl->velocity_noise;
@@ -65,9 +65,8 @@ void check_parity(const Case& c, const Beams& beams, Report& report) {
     const std::string order = opposite_of_first(moments, rms);
     f.severity = Severity::warning;
     f.message += order;
-    f.advice = order.empty()
-                   ? "a beam is bad, or dvl0.beams in the rig is not this device's geometry"
-                   : "put dvl0.beams of the rig in the order of the device";
+    f.advice = order.empty() ? "a beam is bad, or dvl0.beams in the rig does not match this device"
+                             : "reorder dvl0.beams in the rig to match the device";
   } else if (rms > 3.0 * noise) {
     f.severity = Severity::note;
     f.advice = fmt::format("set dvl0.velocity_noise in the rig to about {:.2g}", rms);
@@ -81,7 +80,7 @@ double misfit_rms(const BeamMoments& m, const Beams& beams) {
   return std::sqrt(std::max(0.0, sum) / (4.0 * static_cast<double>(m.count)));
 }
 
-// Every way to turn or mirror axes onto axes.
+// All rotations and reflections that map axes to axes.
 std::vector<Matrix3d> axis_maps() {
   std::vector<Matrix3d> maps;
   std::array<int, 3> order = {0, 1, 2};
@@ -102,8 +101,8 @@ std::string describe(const Matrix3d& map) {
   Eigen::Index axis = 0;
   const double along = turn.axis().cwiseAbs().maxCoeff(&axis);
   const double angle = turn.angle() * 180.0 / std::numbers::pi;
-  if (along < 0.99) return fmt::format("turned by {:.0f} deg about an oblique axis", angle);
-  return fmt::format("turned by {:.0f} deg about {}", angle, "xyz"[axis]);
+  if (along < 0.99) return fmt::format("rotated by {:.0f} deg about an oblique axis", angle);
+  return fmt::format("rotated by {:.0f} deg about {}", angle, "xyz"[axis]);
 }
 
 std::string as_yaml(const Beams& beams) {
@@ -115,12 +114,13 @@ std::string as_yaml(const Beams& beams) {
   return text + "]";
 }
 
-void check_against_velocity(const Case& c, const Beams& beams, Report& report) {
-  BeamMoments m = c.seen.dvl.beams;
+void check_against_velocity(const CheckInput& c, const Beams& beams, Report& report) {
+  BeamMoments m = c.observed.dvl.beams;
   const Matrix3d signs = c.rig.dvl->axis_signs.asDiagonal();
   m.velocity_beam = signs * m.velocity_beam;
   m.velocity_velocity = signs * m.velocity_velocity * signs;
-  if (m.velocity_velocity.trace() < kSlow * kSlow * static_cast<double>(m.count)) return;
+  if (m.velocity_velocity.trace() < kMinRmsSpeed * kMinRmsSpeed * static_cast<double>(m.count))
+    return;
   const double rms = misfit_rms(m, beams);
   Matrix3d best = Matrix3d::Identity();
   double lowest = rms;
@@ -134,28 +134,30 @@ void check_against_velocity(const Case& c, const Beams& beams, Report& report) {
   Finding f{Severity::ok,
             "dvl0",
             "beams, velocity",
-            fmt::format("the beams agree with the velocity to {:.3g} m/s rms", rms),
+            fmt::format("the beams agree with the velocity to {:.3g} m/s RMS", rms),
             "",
             {{"rms_m_s", rms}, {"best_rms_m_s", lowest}}};
   if (rms > 2.0 * lowest + 0.01) {
     f.severity = Severity::warning;
-    f.message = fmt::format("the beams are {} against the velocity: {:.3g} m/s rms, else {:.3g}",
-                            describe(best), lowest, rms);
+    f.message =
+        fmt::format("the beams are {} relative to the velocity: {:.3g} m/s RMS, corrected {:.3g}",
+                    describe(best), lowest, rms);
     f.advice =
-        "the device turns its velocity by a mount offset but not its beams; set dvl0.beams in "
+        "the device applies a mounting offset to its velocity but not to its beams; set dvl0.beams "
+        "in "
         "the rig to " +
         as_yaml(beams * best);
   } else if (rms > std::max(5.0 * c.rig.dvl->velocity_noise, 0.05)) {
     f.severity = Severity::warning;
-    f.advice = "dvl0.beams in the rig is not this device's geometry";
+    f.advice = "dvl0.beams in the rig does not match this device";
   }
   report.add(std::move(f));
 }
 
 }  // namespace
 
-void check_beams(const Case& c, Report& report) {
-  if (!c.rig.dvl || c.seen.dvl.beams.count < kFewest) return;
+void check_beams(const CheckInput& c, Report& report) {
+  if (!c.rig.dvl || c.observed.dvl.beams.count < kMinPings) return;
   const Beams beams = matrix_of(c.rig.dvl->beams);
   check_parity(c, beams, report);
   check_against_velocity(c, beams, report);

@@ -11,19 +11,19 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kBaseline = 2.0;    // [s]
-constexpr double kLongestGap = 2.5;  // of the DVL [s]
-constexpr double kReach = 1.0;       // of the scan [s]
-constexpr double kStep = 0.05;       // [s]
-constexpr std::size_t kFewestPairs = 60;
-constexpr double kLeastChange = 0.002;  // [m]
+constexpr double kBaseline = 2.0;   // [s]
+constexpr double kMaxGap = 2.5;     // of the DVL [s]
+constexpr double kScanRange = 1.0;  // of the scan [s]
+constexpr double kStep = 0.05;      // [s]
+constexpr std::size_t kMinPairs = 60;
+constexpr double kMinDepthChange = 0.002;  // [m]
 constexpr int kGroups = 8;
 
-// How deep the DVL says the body is, against the first ping, at each ping.
-struct Dive {
+// Depth relative to the first ping, integrated from DVL velocities.
+struct DvlDepth {
   std::vector<double> t;
   std::vector<double> depth;
-  std::vector<int> holes;
+  std::vector<int> gaps;
 
   std::optional<double> change(double from, double to) const {
     const auto a = at(from);
@@ -38,26 +38,26 @@ struct Dive {
     if (after == t.begin() || after == t.end()) return std::nullopt;
     const auto i = static_cast<std::size_t>(after - t.begin());
     const double u = (when - t[i - 1]) / (t[i] - t[i - 1]);
-    return std::pair{depth[i - 1] + u * (depth[i] - depth[i - 1]), holes[u < 0.5 ? i - 1 : i]};
+    return std::pair{depth[i - 1] + u * (depth[i] - depth[i - 1]), gaps[u < 0.5 ? i - 1 : i]};
   }
 };
 
-Dive dive(const InertialPath& path, const std::vector<DvlPing>& pings, const DvlMounting& rig,
-          double late_s) {
-  Dive result;
+DvlDepth integrate_depth(const InertialPath& path, const std::vector<DvlPing>& pings,
+                         const DvlMounting& rig, double delay_s) {
+  DvlDepth result;
   double before = 0.0;
   for (const DvlPing& ping : pings) {
     const double t = path.seconds(ping.stamp);
-    const auto state = path.at(t - late_s);
-    const auto rate = path.rate_at(t - late_s);
+    const auto state = path.at(t - delay_s);
+    const auto rate = path.rate_at(t - delay_s);
     if (!state || !rate) continue;
     const Vector3d body = rig.matrix * ping.velocity - rate->cross(rig.lever_arm);
     const double down = -state->up_body.dot(body);
     const bool first = result.t.empty();
     const double dt = first ? 0.0 : t - result.t.back();
-    const bool hole = dt > kLongestGap;
+    const bool gap = dt > kMaxGap;
     result.depth.push_back(first ? 0.0 : result.depth.back() + 0.5 * dt * (before + down));
-    result.holes.push_back(first ? 0 : result.holes.back() + (hole ? 1 : 0));
+    result.gaps.push_back(first ? 0 : result.gaps.back() + (gap ? 1 : 0));
     result.t.push_back(t);
     before = down;
   }
@@ -109,11 +109,12 @@ struct Moments {
 
 using Groups = std::vector<Moments>;
 
-Groups compare(const std::vector<Change>& changes, const Dive& dive, double late_s) {
+Groups compare(const std::vector<Change>& changes, const DvlDepth& integrate_depth,
+               double delay_s) {
   Groups groups(kGroups);
   for (std::size_t i = 0; i < changes.size(); ++i) {
-    // Stamps that are `late_s` late show at t + late_s what happened at t.
-    const auto change = dive.change(changes[i].from + late_s, changes[i].to + late_s);
+    // With stamps delayed by `delay_s`, data of time t have the stamp t + delay_s.
+    const auto change = integrate_depth.change(changes[i].from + delay_s, changes[i].to + delay_s);
     if (change) groups[i * kGroups / changes.size()].add(*change, changes[i].depth);
   }
   return groups;
@@ -141,7 +142,7 @@ Minimum best_of(const std::vector<double>& offsets, const std::vector<Groups>& s
     const double r = sum(groups, without).correlation();
     costs.push_back(-r * r);
   }
-  return lowest(offsets, costs);
+  return find_minimum(offsets, costs);
 }
 
 }  // namespace
@@ -153,17 +154,17 @@ std::optional<DepthLag> fit_dvl_against_depth(const InertialPath& path,
                                               const Vector3d& p_sensor) {
   if (path.empty() || pings.size() < 2) return std::nullopt;
   const std::vector<Change> changes = depth_changes(path, depths, p_sensor);
-  if (changes.size() < kFewestPairs) return std::nullopt;
-  const std::vector<double> offsets = steps(-kReach, kReach, kStep);
+  if (changes.size() < kMinPairs) return std::nullopt;
+  const std::vector<double> offsets = steps(-kScanRange, kScanRange, kStep);
   std::vector<Groups> scan;
   scan.reserve(offsets.size());
   for (const double late : offsets)
-    scan.push_back(compare(changes, dive(path, pings, rig, late), late));
+    scan.push_back(compare(changes, integrate_depth(path, pings, rig, late), late));
   const Minimum best = best_of(offsets, scan, -1);
   const Moments moments = sum(scan[best.index]);
   DepthLag lag;
   lag.depth_change = std::sqrt(moments.yy / std::max(1.0, moments.n));
-  if (moments.n < static_cast<double>(kFewestPairs) || lag.depth_change < kLeastChange ||
+  if (moments.n < static_cast<double>(kMinPairs) || lag.depth_change < kMinDepthChange ||
       !best.inside) {
     return std::nullopt;
   }

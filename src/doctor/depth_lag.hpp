@@ -9,16 +9,16 @@
 
 namespace apvi::doctor {
 
-/// The DVL's vertical velocity, levelled by the IMU, against changes of depth over two seconds.
+/// Fit of the DVL's vertical velocity, rotated by the IMU attitude, to depth changes over 2 s.
 struct DepthLag {
-  double time_offset_s = 0.0;  ///< by how much the DVL's stamps are late against the depth sensor's
+  double time_offset_s = 0.0;  ///< delay of the DVL's stamps relative to the depth sensor's
   double time_offset_sigma_s = 0.0;
-  double correlation = 0.0;   ///< at that offset; negative when one of them has the wrong sign
-  double depth_change = 0.0;  ///< rms of the changes [m]
+  double correlation = 0.0;   ///< at that offset; negative when one sign is wrong
+  double depth_change = 0.0;  ///< RMS of the depth changes [m]
 };
 
-/// `p_sensor` is the depth sensor in the body frame [m]. Nothing when there is too little data or
-/// the depth hardly changes.
+/// `p_sensor` is the depth sensor's position in the body frame [m]. Empty when there is too little
+/// data or the depth hardly changes.
 std::optional<DepthLag> fit_dvl_against_depth(const InertialPath& path,
                                               const std::vector<DvlPing>& pings,
                                               const DvlMounting& rig,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/doctor/doctor.hpp"
+#include "doctor/doctor.hpp"
 
 #include <fmt/format.h>
 
@@ -24,7 +24,7 @@ void add_problem(Report& report, const std::string& sensor, const std::string& c
   report.add({Severity::error, sensor, check, what, "", {}});
 }
 
-// What can be opened of a recording of which not everything can: each kind of sensor by itself.
+// Opens the sensors that can be opened, when not all of the recording can.
 Reader open_part(const io::DatasetConfig& config, const InputError& why, Report& report) {
   const std::vector<std::pair<std::string, std::vector<std::string>>> kinds = {
       {"imu", {"imu0"}},
@@ -60,28 +60,26 @@ Reader open(const io::DatasetConfig& config, Report& report) {
   }
 }
 
-void judge_rig(const config::Node& node, Case& c, Report& report) {
+void check_rig(const config::Node& node, CheckInput& c, Report& report) {
   if (node.is_null()) {
-    report.add(
-        {Severity::warning,
-         "rig",
-         "file",
-         "the recording has no calibration",
-         "write rig.yaml beside mav0, or give one with --rig; docs/formats.md has an example",
-         {}});
+    report.add({Severity::warning,
+                "rig",
+                "file",
+                "the recording has no calibration",
+                "write a rig.yaml next to mav0, or use --rig; docs/formats.md has an example",
+                {}});
     return;
   }
   try {
     c.rig = make_rig(node);
     c.has_rig = true;
-    report.add(
-        {Severity::ok, "rig", "file", "read; rotations are rotations, units in range", "", {}});
+    report.add({Severity::ok, "rig", "file", "valid", "", {}});
   } catch (const InputError& e) {
     add_problem(report, "rig", "file", e.what());
   }
 }
 
-// The reader leaves out cameras that the rig does not describe.
+// The reader skips cameras that the rig does not describe.
 void check_left_out_cameras(const io::DatasetConfig& config, const config::Node& rig,
                             Report& report) {
   for (const char* name : {"cam0", "cam1"}) {
@@ -92,8 +90,9 @@ void check_left_out_cameras(const io::DatasetConfig& config, const config::Node&
         {Severity::warning,
          name,
          "rig",
-         "is recorded, but the rig does not describe it",
-         fmt::format("calibrate it and add a {} section to rig.yaml, or it is not used", name),
+         "recorded, but the rig does not describe it",
+         fmt::format("calibrate it and add a {} section to rig.yaml; otherwise it is not used",
+                     name),
          {}});
   }
 }
@@ -110,7 +109,8 @@ void read_all(io::SequenceReader& reader, const Options& options, Collector& col
         report.add({Severity::note,
                     "recording",
                     "interrupted",
-                    fmt::format("only the first {:.0f} % were read", 100.0 * reader.fraction()),
+                    fmt::format("only the first {:.0f} % of the recording was read",
+                                100.0 * reader.fraction()),
                     "",
                     {}});
         return;
@@ -130,7 +130,7 @@ std::optional<Trajectory> reference_of(const io::SequenceReader& reader, Report&
   }
 }
 
-// Findings of one sensor together, in the order in which sensors are usually named.
+// Groups findings by sensor, in a fixed order.
 void sort_by_sensor(Report& report) {
   const std::vector<std::string> order = {"rig",    "recording", "imu0", "dvl0",  "pressure0",
                                           "depth0", "cam0",      "cam1", "gnss0", "reference"};
@@ -147,14 +147,14 @@ Report examine(const io::DatasetConfig& config, const Options& options) {
   Report report;
   report.dataset = config.path;
   const Reader reader = open(config, report);
-  Case c;
-  judge_rig(reader->rig(), c, report);
+  CheckInput c;
+  check_rig(reader->rig(), c, report);
   check_left_out_cameras(config, reader->rig(), report);
   Collector collector(c.rig);
   read_all(*reader, options, collector, report);
-  c.seen = collector.take();
-  c.seen.streams = reader->report();
-  c.seen.reference = reference_of(*reader, report);
+  c.observed = collector.take();
+  c.observed.streams = reader->report();
+  c.observed.reference = reference_of(*reader, report);
   check_timing(c, report);
   check_imu(c, report);
   check_dvl(c, report);

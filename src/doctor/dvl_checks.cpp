@@ -8,12 +8,12 @@
 namespace apvi::doctor {
 namespace {
 
-constexpr double kFewValid = 0.5;
-constexpr double kManyValid = 0.9;
+constexpr double kLowValidFraction = 0.5;
+constexpr double kHighValidFraction = 0.9;
 constexpr double kLongDropout = 5.0;  // [s]
-constexpr double kSomeZeros = 0.01;
-constexpr double kTooFast = 15.0;    // [m/s]
-constexpr double kNoSolution = 2.6;  // figures of merit that mean "none": 2.66, 2.71, 10, 17.49 m/s
+constexpr double kMaxZeroFraction = 0.01;
+constexpr double kMaxSpeed = 15.0;   // [m/s]
+constexpr double kNoSolution = 2.6;  // devices report 2.66, 2.71, 10 or 17.49 m/s for "none"
 
 void check_validity(const DvlObservations& dvl, Report& report) {
   const double share = static_cast<double>(dvl.valid) / static_cast<double>(dvl.timing.count);
@@ -25,10 +25,10 @@ void check_validity(const DvlObservations& dvl, Report& report) {
             {{"share", share}}};
   if (dvl.valid == 0) {
     f.severity = Severity::error;
-    f.advice = "was it in the water, within range of the bottom, and switched on?";
-  } else if (share < kManyValid) {
-    f.severity = share < kFewValid ? Severity::warning : Severity::note;
-    f.advice = "check altitude and range mode; invalid pings are not used, whatever they say";
+    f.advice = "check that it was in the water, within bottom range, and switched on";
+  } else if (share < kHighValidFraction) {
+    f.severity = share < kLowValidFraction ? Severity::warning : Severity::note;
+    f.advice = "check altitude and range mode; invalid pings are not used";
   }
   report.add(std::move(f));
 }
@@ -48,20 +48,20 @@ void check_dropouts(const DvlObservations& dvl, Report& report) {
             {{"longest_s", longest}}};
   if (longest > kLongDropout) {
     f.severity = Severity::warning;
-    f.advice = "position drifts there with the IMU alone; expect it in the result";
+    f.advice = "expect position drift there, with the IMU alone";
   }
   report.add(std::move(f));
 }
 
 void check_zeros(const DvlObservations& dvl, Report& report) {
   const double share = static_cast<double>(dvl.zero) / static_cast<double>(dvl.valid);
-  if (share < kSomeZeros) return;
+  if (share < kMaxZeroFraction) return;
   report.add({Severity::warning,
               "dvl0",
               "zeros",
               fmt::format("{} pings ({:.1f} %) are valid and exactly zero on all axes", dvl.zero,
                           100.0 * share),
-              "drivers fill in zeros when there is no lock: mark those pings invalid",
+              "some drivers report zeros without bottom lock: mark those pings invalid",
               {{"share", share}}});
 }
 
@@ -71,12 +71,12 @@ void check_speed(const DvlObservations& dvl, Report& report) {
   Finding f{Severity::ok, "dvl0",
             "speed",      fmt::format("median {:.3g} m/s, 99 % below {:.3g} m/s", median, highest),
             "",           {{"median_m_s", median}, {"p99_m_s", highest}}};
-  if (median > kTooFast) {
+  if (median > kMaxSpeed) {
     f.severity = Severity::error;
-    f.advice = "no vehicle is that fast: are these mm/s or cm/s?";
-  } else if (highest > kTooFast) {
+    f.advice = "too fast for any vehicle: are these mm/s or cm/s?";
+  } else if (highest > kMaxSpeed) {
     f.severity = Severity::warning;
-    f.advice = "some pings are outliers; the gate will have to find them";
+    f.advice = "some pings are outliers; outlier rejection must handle them";
   }
   report.add(std::move(f));
 }
@@ -84,7 +84,7 @@ void check_speed(const DvlObservations& dvl, Report& report) {
 void check_figure_of_merit(const DvlObservations& dvl, Report& report) {
   const LogHistogram& fom = dvl.figure_of_merit;
   if (fom.count() == 0) return;
-  const double none = fom.share_from(kNoSolution);
+  const double none = fom.fraction_at_least(kNoSolution);
   Finding f{
       Severity::ok,
       "dvl0",
@@ -94,9 +94,11 @@ void check_figure_of_merit(const DvlObservations& dvl, Report& report) {
       {{"median_m_s", fom.median()}, {"no_solution_share", none}}};
   if (none > 0.0) {
     f.severity = Severity::note;
-    f.message += fmt::format("; {:.2g} % of the valid pings say {} or more, that is: no solution",
-                             100.0 * none, kNoSolution);
-    f.advice = "go by validity and innovations: firmwares differ thirtyfold in this figure";
+    f.message +=
+        fmt::format("; {:.2g} % of the valid pings report {} or more, which means no solution",
+                    100.0 * none, kNoSolution);
+    f.advice =
+        "rely on validity and innovations: this value differs by a factor of 30 between firmwares";
   }
   report.add(std::move(f));
 }
@@ -104,7 +106,7 @@ void check_figure_of_merit(const DvlObservations& dvl, Report& report) {
 void check_beam_share(const DvlObservations& dvl, Report& report) {
   if (dvl.with_beams == 0) return;
   const double share = static_cast<double>(dvl.four_beams) / static_cast<double>(dvl.with_beams);
-  report.add({share < kFewValid ? Severity::note : Severity::ok,
+  report.add({share < kLowValidFraction ? Severity::note : Severity::ok,
               "dvl0",
               "beams",
               fmt::format("all four valid in {:.1f} % of the valid pings", 100.0 * share),
@@ -114,8 +116,8 @@ void check_beam_share(const DvlObservations& dvl, Report& report) {
 
 }  // namespace
 
-void check_dvl(const Case& c, Report& report) {
-  const DvlObservations& dvl = c.seen.dvl;
+void check_dvl(const CheckInput& c, Report& report) {
+  const DvlObservations& dvl = c.observed.dvl;
   if (dvl.timing.count == 0) return;
   check_validity(dvl, report);
   if (dvl.valid == 0) return;

@@ -19,26 +19,26 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kNear = 0.12;  // between the pings of a change of velocity [s]
-constexpr double kFar = 0.9;    // the same [s]
-constexpr double kReach = 1.0;  // of the scan over time offsets [s]
-constexpr double kCoarse = 0.05;
-constexpr double kFineReach = 0.1;  // of the second one
-constexpr double kFine = 0.02;
-constexpr std::size_t kFewestBlocks = 2;
-// How much lower than the rest of the scan its minimum must be, to be a minimum of anything.
-constexpr double kClearDip = 0.97;
+constexpr double kShortSpan = 0.12;  // between the pings of a velocity change [s]
+constexpr double kLongSpan = 0.9;    // between the pings of a velocity change [s]
+constexpr double kScanRange = 1.0;   // of the coarse scan over time offsets [s]
+constexpr double kCoarseStep = 0.05;
+constexpr double kFineRange = 0.1;  // of the fine scan [s]
+constexpr double kFineStep = 0.02;
+constexpr std::size_t kMinBlocks = 2;
+// Required ratio of the scan's minimum to its median, for the minimum to be significant.
+constexpr double kMaxDipRatio = 0.97;
 constexpr std::size_t kGroups = 10;
-constexpr double kTurned = 20.0 * std::numbers::pi / 180.0;
+constexpr double kMaxMountingChange = 20.0 * std::numbers::pi / 180.0;
 
-// What solutions of a scan have in common.
+// Solutions of a scan over time offsets.
 struct Scan {
   std::vector<double> offsets;
   std::vector<ChangeSolution> solutions;
-  std::vector<Matrix3d> mountings;  // of each solution; constrained models only
+  std::vector<Matrix3d> mountings;  // of each solution; rigid models only
   Minimum best;
   ChangeSpans spans;
-  double dip = 1.0;  // rms at the minimum over the median of the scan
+  double dip = 1.0;  // RMS at the minimum over the scan's median
 };
 
 ChangeVector as_vector(const Matrix3d& mounting) {
@@ -55,12 +55,11 @@ ChangeModel free_model() {
   ChangeModel model;
   model.basis = ChangeMatrix::Identity();
   model.prior = Eigen::VectorXd::Constant(kChangeSize, 1e-6);
-  model.prior.tail<3>().setConstant(
-      1e-4);  // an accelerometer is good to a metre per second squared
+  model.prior.tail<3>().setConstant(1e-4);  // weak prior on the accelerometer bias
   return model;
 }
 
-// Unknown: a small rotation (body side), lever arm, accelerometer bias.
+// Unknowns: a small rotation in the body frame, lever arm, accelerometer bias.
 ChangeModel rigid_model(const Matrix3d& mounting) {
   ChangeModel model;
   model.base = as_vector(mounting);
@@ -73,7 +72,7 @@ ChangeModel rigid_model(const Matrix3d& mounting) {
   return model;
 }
 
-ChangeModel given_model(const DvlMounting& rig) {
+ChangeModel rig_model(const DvlMounting& rig) {
   ChangeModel model;
   model.base = as_vector(rig.matrix);
   model.base.segment<3>(kLever) = rig.lever_arm;
@@ -83,40 +82,40 @@ ChangeModel given_model(const DvlMounting& rig) {
   return model;
 }
 
-void find_best(Scan& scan) {
+void find_scan_minimum(Scan& scan) {
   std::vector<double> costs;
   costs.reserve(scan.solutions.size());
   for (const ChangeSolution& s : scan.solutions) costs.push_back(s.rms * s.rms);
-  scan.best = lowest(scan.offsets, costs);
+  scan.best = find_minimum(scan.offsets, costs);
 }
 
 std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPing>& pings,
                               const ChangeSpans& spans) {
   Scan scan;
   scan.spans = spans;
-  scan.offsets = steps(-kReach, kReach, kCoarse);
+  scan.offsets = steps(-kScanRange, kScanRange, kCoarseStep);
   std::vector<double> rms;
   for (const double offset : scan.offsets) {
     const auto blocks = velocity_changes(path, pings, offset, spans);
-    if (blocks.size() < kFewestBlocks) return std::nullopt;
+    if (blocks.size() < kMinBlocks) return std::nullopt;
     scan.solutions.push_back(solve(blocks, free_model()));
     rms.push_back(scan.solutions.back().rms);
   }
-  find_best(scan);
+  find_scan_minimum(scan);
   const auto middle = rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2);
   std::nth_element(rms.begin(), middle, rms.end());
   scan.dip = std::sqrt(std::max(0.0, scan.best.value)) / std::max(1e-12, *middle);
-  if (!scan.best.inside || scan.dip > kClearDip) return std::nullopt;
+  if (!scan.best.inside || scan.dip > kMaxDipRatio) return std::nullopt;
   return scan;
 }
 
-// From ping to ping the accelerometer is at its best, over a second the DVL is: the one that tells
-// the time offset more clearly serves.
+// Short spans favor the accelerometer's accuracy, long ones the DVL's: uses the span with the
+// clearer minimum over time offsets.
 std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPing>& pings) {
   const double span = path.seconds(pings.back().stamp) - path.seconds(pings.front().stamp);
   const double block = std::clamp(span / 4.0, 5.0, 20.0);
-  auto near = scan_free(path, pings, {.shortest_s = kNear, .block_s = block});
-  auto far = scan_free(path, pings, {.shortest_s = kFar, .block_s = block});
+  auto near = scan_free(path, pings, {.shortest_s = kShortSpan, .block_s = block});
+  auto far = scan_free(path, pings, {.shortest_s = kLongSpan, .block_s = block});
   if (!far) return near;
   return near && near->dip < far->dip ? near : far;
 }
@@ -126,7 +125,7 @@ Scan scan_rigid(const InertialPath& path, const std::vector<DvlPing>& pings, con
   Scan scan;
   scan.spans = coarse.spans;
   const double around = coarse.best.at;
-  scan.offsets = steps(around - kFineReach, around + kFineReach, kFine);
+  scan.offsets = steps(around - kFineRange, around + kFineRange, kFineStep);
   for (const double offset : scan.offsets) {
     const auto blocks = velocity_changes(path, pings, offset, scan.spans);
     Matrix3d m = mounting;
@@ -138,7 +137,7 @@ Scan scan_rigid(const InertialPath& path, const std::vector<DvlPing>& pings, con
     scan.solutions.push_back(std::move(solution));
     scan.mountings.push_back(m);
   }
-  find_best(scan);
+  find_scan_minimum(scan);
   return scan;
 }
 
@@ -154,7 +153,7 @@ ChangeNormal sum_without(const std::vector<ChangeNormal>& normals, std::size_t g
   return sum;
 }
 
-// Standard errors of the free mounting matrix's numbers.
+// Standard errors of the entries of the free mounting matrix.
 Matrix3d free_sigma(const ChangeSolution& solution) {
   const std::size_t groups = std::min(kGroups, solution.normals.size());
   std::vector<Eigen::VectorXd> left_out;
@@ -172,8 +171,8 @@ Matrix3d free_sigma(const ChangeSolution& solution) {
   return sigma;
 }
 
-// The orthogonal matrix nearest to a mounting matrix; nothing when that is lost in its noise.
-std::optional<Matrix3d> clean_mounting(const ChangeSolution& solution) {
+// The orthogonal matrix nearest to the free mounting matrix; empty when it is not significant.
+std::optional<Matrix3d> nearest_orthogonal(const ChangeSolution& solution) {
   const Matrix3d m = matrix_in(solution.x);
   const Eigen::JacobiSVD<Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const double sigma = free_sigma(solution).maxCoeff();
@@ -199,7 +198,7 @@ void set_sigmas(const Scan& scan, DvlImuFit& fit) {
       costs.push_back(s.sum);
       xs.push_back(s.x);
     }
-    const Minimum best = lowest(scan.offsets, costs);
+    const Minimum best = find_minimum(scan.offsets, costs);
     offsets.push_back(best.at);
     for (std::size_t k = 0; k < numbers.size(); ++k) {
       numbers[k].push_back(xs[best.index](static_cast<Eigen::Index>(k)));
@@ -212,8 +211,8 @@ void set_sigmas(const Scan& scan, DvlImuFit& fit) {
   }
 }
 
-// Regression of what is felt on the velocity's change and the other way round, everything else
-// eliminated: noise pulls the first towards zero and the second away from it.
+// Regression of the force change on the velocity change and vice versa, with all other unknowns
+// eliminated: noise biases the first slope toward zero and the second away from it.
 void set_scale(const ChangeSolution& solution, const Matrix3d& mounting, DvlImuFit& fit) {
   ChangeNormal sum;
   for (const ChangeNormal& n : solution.normals) {
@@ -237,7 +236,8 @@ void set_scale(const ChangeSolution& solution, const Matrix3d& mounting, DvlImuF
 
 std::size_t pairs_in(const std::vector<ChangeBlock>& blocks) {
   std::size_t pairs = 0;
-  for (const ChangeBlock& block : blocks) pairs += static_cast<std::size_t>(block.felt.size() / 3);
+  for (const ChangeBlock& block : blocks)
+    pairs += static_cast<std::size_t>(block.force_change.size() / 3);
   return pairs;
 }
 
@@ -251,13 +251,13 @@ std::optional<DvlImuFit> fit_dvl_against_imu(const InertialPath& path,
   if (!coarse) return std::nullopt;
   const double scale = std::cbrt(std::abs(rig.matrix.determinant()));
   const Matrix3d given = rig.matrix / scale;
-  const auto found = clean_mounting(coarse->solutions[coarse->best.index]);
+  const auto found = nearest_orthogonal(coarse->solutions[coarse->best.index]);
   DvlImuFit fit;
   Matrix3d start = given;
   if (found) {
     const bool reflected = found->determinant() * given.determinant() < 0.0;
-    fit.mounting_is_free = true;
-    if (reflected || angle_between(*found, given) > kTurned) start = *found;
+    fit.mounting_is_observable = true;
+    if (reflected || angle_between(*found, given) > kMaxMountingChange) start = *found;
   }
   const Scan fine = scan_rigid(path, pings, *coarse, scale * start);
   const ChangeSolution& best = fine.solutions[fine.best.index];
@@ -267,9 +267,9 @@ std::optional<DvlImuFit> fit_dvl_against_imu(const InertialPath& path,
   fit.rms = best.rms;
   set_sigmas(fine, fit);
   set_scale(best, fine.mountings[fine.best.index], fit);
-  const auto as_rig = velocity_changes(path, pings, rig.time_offset_s, fine.spans);
-  fit.rms_as_rig = solve(as_rig, given_model(rig)).rms;
-  fit.pairs = pairs_in(as_rig);
+  const auto with_rig = velocity_changes(path, pings, rig.time_offset_s, fine.spans);
+  fit.rms_with_rig = solve(with_rig, rig_model(rig)).rms;
+  fit.pairs = pairs_in(with_rig);
   return fit;
 }
 

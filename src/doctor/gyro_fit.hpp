@@ -3,14 +3,13 @@
 
 #include <vector>
 
-#include "apvi/doctor/report.hpp"
 #include "apvi/sensors/samples.hpp"
+#include "doctor/report.hpp"
 
 namespace apvi::doctor {
 
-/// Whether the gyro turns as the accelerometer's gravity does: carried along by the gyro, the
-/// direction of gravity stays where it is over two seconds. Tried with the gyro as it is, reversed,
-/// and taken as deg/s.
+/// Checks gyro against accelerometer: rotated by the gyro, the direction of gravity must stay
+/// constant over two seconds. Tests the gyro as it is, reversed, and interpreted as deg/s.
 void check_gyro(const std::vector<ImuSample>& samples, Report& report);
 
 }  // namespace apvi::doctor

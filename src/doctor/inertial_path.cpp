@@ -11,10 +11,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGap = 0.25;        // nothing is said across longer steps [s]
-constexpr double kNodeStep = 0.004;  // of what is kept; every sample counts [s]
-constexpr double kTiltTime = 20.0;   // of the complementary filter [s]
-constexpr double kBiasTime = 60.0;   // of its bias [s]
+constexpr double kGap = 0.25;        // longer steps count as gaps [s]
+constexpr double kNodeStep = 0.004;  // spacing of stored nodes; all samples are integrated [s]
+constexpr double kTiltTime = 20.0;   // time constant of the complementary filter [s]
+constexpr double kBiasTime = 60.0;   // time constant of its bias [s]
 constexpr double kRateSpan = 0.06;   // [s]
 
 // Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group", 2008,
@@ -52,7 +52,7 @@ double step_between(const ImuSample& a, const ImuSample& b) {
   return seconds_between(a.stamp, b.stamp);
 }
 
-// Mean of the filter's bias over the second half, when it has settled.
+// Mean of the filter's bias over the second half, after convergence.
 Vector3d estimate_bias(const std::vector<ImuSample>& samples) {
   TiltFilter filter(first_up(samples), Vector3d::Zero());
   Vector3d sum = Vector3d::Zero();
@@ -127,7 +127,7 @@ std::optional<Vector3d> InertialPath::rate_at(double t) const {
   return Vector3d(so3::log(turned) / kRateSpan);
 }
 
-bool InertialPath::unbroken(double from, double to) const {
+bool InertialPath::is_continuous(double from, double to) const {
   if (empty() || !(from >= 0.0 && to <= nodes_.back().t && from <= to)) return false;
   return nodes_[index_before(from)].gaps_before == nodes_[index_before(to) + 1].gaps_before;
 }

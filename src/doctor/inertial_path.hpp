@@ -12,20 +12,21 @@
 
 namespace apvi::doctor {
 
-/// What the inertial sensor alone says, summed up from the first sample. The frame "start" is the
-/// body's at the first sample, carried on by the gyro; gravity is not taken out, so it drifts as
-/// the gyro does and serves for differences over seconds.
+/// Integrals of the IMU data from the first sample. The frame "start" is the body frame at the
+/// first sample, propagated by the gyro; gravity is not removed. It drifts with the gyro and is
+/// only valid for differences over seconds.
 struct InertialState {
   Eigen::Quaterniond R_start_body = Eigen::Quaterniond::Identity();
   Eigen::Vector3d force_integral = Eigen::Vector3d::Zero();     ///< of R f dt [m/s]
   Eigen::Matrix3d rotation_integral = Eigen::Matrix3d::Zero();  ///< of R dt [s]
-  Eigen::Vector3d up_body = Eigen::Vector3d::UnitZ();  ///< against gravity, complementary filter
+  Eigen::Vector3d up_body =
+      Eigen::Vector3d::UnitZ();  ///< opposite to gravity, from a complementary filter
 };
 
 class InertialPath {
  public:
-  /// `samples` in order of time. Estimates the gyro's bias from how gravity appears to turn (what
-  /// lies along gravity it cannot see).
+  /// `samples` in order of time. Estimates the gyro bias from the apparent rotation of gravity (the
+  /// component along gravity is unobservable).
   explicit InertialPath(const std::vector<ImuSample>& samples);
 
   bool empty() const { return nodes_.size() < 2; }
@@ -33,12 +34,12 @@ class InertialPath {
   Stamp end() const { return empty() ? Stamp{} : nodes_.back().stamp; }
   /// Seconds from the start.
   double seconds(Stamp stamp) const { return seconds_between(start(), stamp); }
-  /// Nothing outside the span or inside a gap of the IMU.
+  /// Empty outside the time span or inside an IMU gap.
   std::optional<InertialState> at(double t) const;
-  /// Angular velocity of the body, mean over 60 ms [rad/s].
+  /// Mean angular velocity of the body over 60 ms [rad/s].
   std::optional<Eigen::Vector3d> rate_at(double t) const;
-  /// Whether the IMU has no gap between two times.
-  bool unbroken(double from, double to) const;
+  /// Whether the IMU data have no gap between two times.
+  bool is_continuous(double from, double to) const;
   const Eigen::Vector3d& gyro_bias() const { return gyro_bias_; }
 
  private:

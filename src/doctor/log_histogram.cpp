@@ -8,7 +8,7 @@ namespace apvi::doctor {
 namespace {
 
 constexpr double kLowest = 1e-9;
-constexpr std::size_t kBins = 4170;  // ln(1e18) / ln(1.01), and one for zero
+constexpr std::size_t kBins = 4170;  // ln(1e18) / ln(1.01), plus one for zero
 
 }  // namespace
 
@@ -38,7 +38,7 @@ double LogHistogram::quantile(double q) const {
   return 0.0;
 }
 
-double LogHistogram::share_from(double value) const {
+double LogHistogram::fraction_at_least(double value) const {
   if (count_ == 0) return 0.0;
   std::size_t above = 0;
   for (std::size_t i = index_of(value); i < bins_.size(); ++i) above += bins_[i].count;

@@ -6,21 +6,20 @@
 
 namespace apvi::doctor {
 
-/// Quantiles of any number of positive values in bounded memory: bins one percent wide from 1e-9 to
-/// 1e9, each with the mean of what fell into it, so that a value that repeats is given back
-/// exactly.
+/// Quantiles of positive values in bounded memory: bins of 1 % width from 1e-9 to 1e9 that store
+/// the mean of their values, so that a repeated value is returned exactly.
 class LogHistogram {
  public:
   LogHistogram();
 
-  /// Zero, negative and NaN count as zero; what is out of range goes to the outermost bins.
+  /// Zero, negative values and NaN count as zero; values out of range go to the outermost bins.
   void add(double value);
   std::size_t count() const { return count_; }
   /// Mean of the bin that holds the quantile `q` in [0, 1]; zero when empty.
   double quantile(double q) const;
   double median() const { return quantile(0.5); }
-  /// Share of the values that are at least `value`, to the width of a bin; zero when empty.
-  double share_from(double value) const;
+  /// Fraction of values that are at least `value`, within a bin's width; zero when empty.
+  double fraction_at_least(double value) const;
 
  private:
   struct Bin {

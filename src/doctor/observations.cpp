@@ -8,14 +8,14 @@
 namespace apvi::doctor {
 namespace {
 
-// The fits look at this much of a recording, from the first ping that moves (or the beginning).
+// The fits use this much of a recording, from the first DVL ping with motion (or the beginning).
 constexpr double kWindow = 600.0;      // [s]
 constexpr double kBeforeWindow = 5.0;  // [s]
-// For sensors that report faster than any real one does.
-constexpr std::size_t kMostBuffered = 1'500'000;
-constexpr double kMovingSpeed = 0.02;   // [m/s]
-constexpr double kFastestDive = 5.0;    // [m/s]
-constexpr double kAboveSurface = -0.5;  // [m]
+// Limits memory for implausibly high sample rates.
+constexpr std::size_t kMaxBuffered = 1'500'000;
+constexpr double kMovingSpeed = 0.02;      // [m/s]
+constexpr double kMaxVerticalSpeed = 5.0;  // [m/s]
+constexpr double kAboveSurface = -0.5;     // [m]
 
 template <typename T>
 void drop_before(std::vector<T>& buffer, Stamp stamp) {
@@ -71,13 +71,13 @@ void Collector::add(const SensorEvent& event) {
   if (const auto* dvl = std::get_if<DvlSample>(&event)) add_dvl(*dvl);
   if (const auto* p = std::get_if<PressureSample>(&event)) {
     const PressureCalibration calibration = rig_.pressure.value_or(PressureCalibration{});
-    add_depth(seen_.pressure, p->stamp, p->pressure_pa, calibration.depth(p->pressure_pa));
+    add_depth(observed_.pressure, p->stamp, p->pressure_pa, calibration.depth(p->pressure_pa));
   }
-  if (const auto* d = std::get_if<DepthSample>(&event)) {
-    add_depth(seen_.depth, d->stamp, std::abs(d->depth_m), d->depth_m);
+  if (const auto* d = std::get_if<PressureDepthSample>(&event)) {
+    add_depth(observed_.depth, d->stamp, std::abs(d->depth_m), d->depth_m);
   }
   if (const auto* image = std::get_if<ImageFrame>(&event)) add_image(*image);
-  if (const auto* gnss = std::get_if<GnssSample>(&event)) seen_.gnss.add(gnss->stamp, false);
+  if (const auto* gnss = std::get_if<GnssSample>(&event)) observed_.gnss.add(gnss->stamp, false);
 }
 
 bool Collector::in_window(Stamp stamp) {
@@ -88,81 +88,83 @@ bool Collector::in_window(Stamp stamp) {
 void Collector::start_window(Stamp stamp) {
   window_fixed_ = true;
   const Stamp from = stamp - Duration::from_seconds(kBeforeWindow);
-  drop_before(seen_.imu.buffer, from);
-  drop_before(seen_.pressure.buffer, from);
-  drop_before(seen_.depth.buffer, from);
+  drop_before(observed_.imu.buffer, from);
+  drop_before(observed_.pressure.buffer, from);
+  drop_before(observed_.depth.buffer, from);
   window_end_ = stamp + Duration::from_seconds(kWindow);
 }
 
 void Collector::add_imu(const ImuSample& sample) {
-  ImuObservations& seen = seen_.imu;
+  ImuObservations& observed = observed_.imu;
   const bool repeats =
       last_imu_ && last_imu_->gyro == sample.gyro && last_imu_->accel == sample.accel;
-  seen.timing.add(sample.stamp, repeats);
-  seen.accel_norm.add(sample.accel.norm());
-  seen.gyro_norm.add(sample.gyro.norm());
-  seen.accel_sum += sample.accel;
+  observed.timing.add(sample.stamp, repeats);
+  observed.accel_norm.add(sample.accel.norm());
+  observed.gyro_norm.add(sample.gyro.norm());
+  observed.accel_sum += sample.accel;
   last_imu_ = sample;
-  if (in_window(sample.stamp) && seen.buffer.size() < kMostBuffered) seen.buffer.push_back(sample);
+  if (in_window(sample.stamp) && observed.buffer.size() < kMaxBuffered)
+    observed.buffer.push_back(sample);
 }
 
 void Collector::add_dvl(const DvlSample& sample) {
-  DvlObservations& seen = seen_.dvl;
+  DvlObservations& observed = observed_.dvl;
   const bool repeats = last_dvl_ && same(*last_dvl_, sample);
-  seen.timing.add(sample.stamp, repeats);
+  observed.timing.add(sample.stamp, repeats);
   last_dvl_ = sample;
   if (!sample.valid) return;
-  ++seen.valid;
-  const Stamp since = seen.last_valid.value_or(seen.timing.first);
-  if (seconds_between(since, sample.stamp) > seen.longest_dropout) {
-    seen.longest_dropout = seconds_between(since, sample.stamp);
-    seen.dropout_at = since;
+  ++observed.valid;
+  const Stamp since = observed.last_valid.value_or(observed.timing.first);
+  if (seconds_between(since, sample.stamp) > observed.longest_dropout) {
+    observed.longest_dropout = seconds_between(since, sample.stamp);
+    observed.dropout_at = since;
   }
-  seen.last_valid = sample.stamp;
-  seen.speed.add(sample.velocity.norm());
-  if (sample.figure_of_merit) seen.figure_of_merit.add(*sample.figure_of_merit);
-  if (sample.velocity.isZero(0.0)) ++seen.zero;
+  observed.last_valid = sample.stamp;
+  observed.speed.add(sample.velocity.norm());
+  if (sample.figure_of_merit) observed.figure_of_merit.add(*sample.figure_of_merit);
+  if (sample.velocity.isZero(0.0)) ++observed.zero;
   const auto beams = std::count_if(sample.beams.begin(), sample.beams.end(),
                                    [](const auto& beam) { return beam.has_value(); });
   const auto valid = std::count_if(sample.beams.begin(), sample.beams.end(),
                                    [](const auto& beam) { return beam && beam->valid; });
-  if (beams > 0) ++seen.with_beams;
-  if (valid == static_cast<int>(kDvlBeams)) ++seen.four_beams;
+  if (beams > 0) ++observed.with_beams;
+  if (valid == static_cast<int>(kDvlBeams)) ++observed.four_beams;
   if (repeats) return;
-  seen.beams.add(sample);
+  observed.beams.add(sample);
   if (!window_fixed_ && sample.velocity.norm() > kMovingSpeed) start_window(sample.stamp);
-  if (window_fixed_ && in_window(sample.stamp) && seen.buffer.size() < kMostBuffered) {
-    seen.buffer.push_back({sample.stamp, sample.velocity});
+  if (window_fixed_ && in_window(sample.stamp) && observed.buffer.size() < kMaxBuffered) {
+    observed.buffer.push_back({sample.stamp, sample.velocity});
   }
 }
 
-void Collector::add_depth(DepthObservations& seen, Stamp stamp, double value, double depth) {
-  const auto last = last_depth_.find(&seen);
+void Collector::add_depth(DepthObservations& observed, Stamp stamp, double value, double depth) {
+  const auto last = last_depth_.find(&observed);
   const bool first = last == last_depth_.end();
   const double step = first ? 0.0 : std::abs(depth - last->second.depth);
-  seen.timing.add(stamp, !first && step == 0.0);
-  seen.value.add(value);
-  if (step > 0.0) seen.depth_step.add(step);
-  // A tenth of a metre of slack, for coarse sensors that report fast.
-  if (!first && step > 0.1 + kFastestDive * seconds_between(last->second.stamp, stamp))
-    ++seen.spikes;
-  if (depth < kAboveSurface) ++seen.negative;
-  seen.lowest = first ? depth : std::min(seen.lowest, depth);
-  seen.highest = first ? depth : std::max(seen.highest, depth);
-  last_depth_[&seen] = {stamp, depth};
-  if (in_window(stamp) && seen.buffer.size() < kMostBuffered) seen.buffer.push_back({stamp, depth});
+  observed.timing.add(stamp, !first && step == 0.0);
+  observed.value.add(value);
+  if (step > 0.0) observed.depth_step.add(step);
+  // Tolerates 0.1 m for sensors with coarse resolution and high rate.
+  if (!first && step > 0.1 + kMaxVerticalSpeed * seconds_between(last->second.stamp, stamp))
+    ++observed.spikes;
+  if (depth < kAboveSurface) ++observed.negative;
+  observed.lowest = first ? depth : std::min(observed.lowest, depth);
+  observed.highest = first ? depth : std::max(observed.highest, depth);
+  last_depth_[&observed] = {stamp, depth};
+  if (in_window(stamp) && observed.buffer.size() < kMaxBuffered)
+    observed.buffer.push_back({stamp, depth});
 }
 
 void Collector::add_image(const ImageFrame& frame) {
   if (frame.camera < 0 || frame.camera > 1) return;
-  CameraObservations& seen = seen_.cameras[static_cast<std::size_t>(frame.camera)];
-  seen.timing.add(frame.stamp, false);
-  if (seen.timing.count > 1) return;
+  CameraObservations& observed = observed_.cameras[static_cast<std::size_t>(frame.camera)];
+  observed.timing.add(frame.stamp, false);
+  if (observed.timing.count > 1) return;
   try {
     const cv::Mat image = frame.decode();
-    seen.size = {image.cols, image.rows};
+    observed.size = {image.cols, image.rows};
   } catch (const std::exception& e) {
-    seen.damage = e.what();
+    observed.decode_error = e.what();
   }
 }
 

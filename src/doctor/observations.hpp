@@ -16,15 +16,15 @@
 
 namespace apvi::doctor {
 
-/// When a sensor reported.
+/// Timing statistics of a sensor.
 struct Timing {
   std::size_t count = 0;
   Stamp first;
   Stamp last;
-  LogHistogram steps;         ///< between neighbours [s]
+  LogHistogram steps;         ///< between consecutive samples [s]
   double longest_step = 0.0;  ///< [s]
-  Stamp longest_at;           ///< where the longest step begins
-  std::size_t repeated = 0;   ///< samples equal to the one before in every number
+  Stamp longest_at;           ///< start of the longest step
+  std::size_t repeated = 0;   ///< samples identical to the previous one
 
   void add(Stamp stamp, bool repeats);
   double span_s() const { return count > 1 ? seconds_between(first, last) : 0.0; }
@@ -67,20 +67,20 @@ struct DvlObservations {
   LogHistogram speed;            ///< of valid pings [m/s]
   LogHistogram figure_of_merit;  ///< of valid pings [m/s]
   BeamMoments beams;
-  std::vector<DvlPing> buffer;  ///< valid ones that do not repeat the one before
+  std::vector<DvlPing> buffer;  ///< valid pings that differ from the previous one
 };
 
 struct DepthPoint {
   Stamp stamp;
-  double depth = 0.0;  ///< of the sensor [m]
+  double depth = 0.0;  ///< at the sensor [m]
 };
 
-/// Of a pressure or a depth sensor.
+/// Observations of a pressure or depth sensor.
 struct DepthObservations {
   Timing timing;
   LogHistogram value;        ///< pressure [Pa], or |depth| [m]
-  LogHistogram depth_step;   ///< |change| between neighbours where it is not zero [m]
-  std::size_t spikes = 0;    ///< faster than any vehicle dives
+  LogHistogram depth_step;   ///< nonzero |change| between consecutive samples [m]
+  std::size_t spikes = 0;    ///< changes too fast for any vehicle
   std::size_t negative = 0;  ///< clearly above the surface
   double lowest = 0.0;       ///< depth [m]
   double highest = 0.0;      ///< depth [m]
@@ -90,10 +90,10 @@ struct DepthObservations {
 struct CameraObservations {
   Timing timing;
   std::optional<std::array<int, 2>> size;  ///< of the first image [px]
-  std::string damage;                      ///< why the first image cannot be decoded
+  std::string decode_error;                ///< error of decoding the first image
 };
 
-/// What one pass over a recording leaves.
+/// Observations of one pass over a recording.
 struct Observations {
   ImuObservations imu;
   DvlObservations dvl;
@@ -105,25 +105,25 @@ struct Observations {
   std::optional<Trajectory> reference;
 };
 
-/// Gathers observations from events in order of time.
+/// Collects observations from events in order of time.
 class Collector {
  public:
   explicit Collector(const Rig& rig) : rig_(rig) {}
   void add(const SensorEvent& event);
-  Observations take() { return std::move(seen_); }
+  Observations take() { return std::move(observed_); }
 
  private:
   void add_imu(const ImuSample& sample);
   void add_dvl(const DvlSample& sample);
-  void add_depth(DepthObservations& seen, Stamp stamp, double value, double depth);
+  void add_depth(DepthObservations& observed, Stamp stamp, double value, double depth);
   void add_image(const ImageFrame& frame);
   void start_window(Stamp stamp);
   bool in_window(Stamp stamp);
 
   Rig rig_;
-  Observations seen_;
+  Observations observed_;
   std::optional<Stamp> window_end_;
-  bool window_fixed_ = false;  // by a DVL ping that moves
+  bool window_fixed_ = false;  // set by the first DVL ping with motion
   std::optional<ImuSample> last_imu_;
   std::optional<DvlSample> last_dvl_;
   std::map<const DepthObservations*, DepthPoint> last_depth_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/doctor/report.hpp"
+#include "doctor/report.hpp"
 
 #include <fmt/format.h>
 
@@ -11,9 +11,9 @@ namespace apvi::doctor {
 namespace {
 
 constexpr std::size_t kLineLength = 110;
-constexpr std::size_t kTextColumn = 31;  // where messages begin
+constexpr std::size_t kTextColumn = 31;  // start column of messages
 
-// Appends words to `out` so that no line is longer than kLineLength, further lines indented.
+// Appends words to `out`, wrapped at kLineLength with indented continuation lines.
 void append_wrapped(std::string& out, std::string_view words, std::string_view lead) {
   std::string line(lead);
   std::size_t at = 0;
@@ -113,7 +113,7 @@ std::string to_json(const Report& report) {
                                        {"errors", report.count(Severity::error)},
                                        {"warnings", report.count(Severity::warning)},
                                        {"findings", findings}};
-  // A path may hold bytes that are no UTF-8.
+  // Paths may contain bytes that are not UTF-8.
   return root.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

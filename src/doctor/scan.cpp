@@ -16,7 +16,7 @@ std::vector<double> steps(double from, double to, double step) {
   return values;
 }
 
-Minimum lowest(const std::vector<double>& at, const std::vector<double>& values) {
+Minimum find_minimum(const std::vector<double>& at, const std::vector<double>& values) {
   APVI_CHECK(!values.empty() && at.size() == values.size());
   const auto it = std::min_element(values.begin(), values.end());
   const auto i = static_cast<std::size_t>(it - values.begin());

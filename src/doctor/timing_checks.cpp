@@ -9,47 +9,47 @@
 namespace apvi::doctor {
 namespace {
 
-constexpr double kRateNote = 0.02;
-constexpr double kRateWarning = 0.1;
+constexpr double kRateNoteFraction = 0.02;
+constexpr double kRateWarningFraction = 0.1;
 constexpr double kGapOfMedian = 4.0;
 constexpr double kRepeatedShare = 0.05;
-constexpr double kStartsLate = 5.0;  // [s]
+constexpr double kMaxStartDelay = 5.0;  // [s]
 
 struct Sensor {
   std::string name;
   std::string stream;  // key of the reader's report
   const Timing* timing;
   bool in_rig;
-  double nominal_hz;  // zero: the rig does not say
-  double bad_gap_s;   // longer ones are warned of
+  double nominal_hz;  // zero: not in the rig
+  double bad_gap_s;   // longer gaps are warnings
   bool repeats_matter;
 };
 
-std::vector<Sensor> sensors_of(const Case& c) {
+std::vector<Sensor> sensors_of(const CheckInput& c) {
   const Rig& rig = c.rig;
   const auto camera_rate = [&rig](std::size_t i) {
     return rig.cameras.size() > i ? rig.cameras[i].rate_hz : 0.0;
   };
-  return {
-      {"imu0", "imu", &c.seen.imu.timing, rig.imu.has_value(), rig.imu ? rig.imu->rate_hz : 0.0,
-       0.1, true},
-      {"dvl0", "dvl", &c.seen.dvl.timing, rig.dvl.has_value(), 0.0, 5.0, true},
-      {"pressure0", "pressure", &c.seen.pressure.timing, rig.pressure.has_value(), 0.0, 5.0, false},
-      {"depth0", "depth", &c.seen.depth.timing, rig.depth.has_value(), 0.0, 5.0, false},
-      {"cam0", "camera", &c.seen.cameras[0].timing, !rig.cameras.empty(), camera_rate(0), 1.0,
-       false},
-      {"cam1", "camera", &c.seen.cameras[1].timing, rig.cameras.size() > 1, camera_rate(1), 1.0,
-       false},
-      {"gnss0", "gnss", &c.seen.gnss, true, 0.0, 60.0, false}};
+  return {{"imu0", "imu", &c.observed.imu.timing, rig.imu.has_value(),
+           rig.imu ? rig.imu->rate_hz : 0.0, 0.1, true},
+          {"dvl0", "dvl", &c.observed.dvl.timing, rig.dvl.has_value(), 0.0, 5.0, true},
+          {"pressure0", "pressure", &c.observed.pressure.timing, rig.pressure.has_value(), 0.0, 5.0,
+           false},
+          {"depth0", "depth", &c.observed.depth.timing, rig.depth.has_value(), 0.0, 5.0, false},
+          {"cam0", "camera", &c.observed.cameras[0].timing, !rig.cameras.empty(), camera_rate(0),
+           1.0, false},
+          {"cam1", "camera", &c.observed.cameras[1].timing, rig.cameras.size() > 1, camera_rate(1),
+           1.0, false},
+          {"gnss0", "gnss", &c.observed.gnss, true, 0.0, 60.0, false}};
 }
 
 std::string_view section_of(const Sensor& s) {
   return s.name;
 }
 
-void check_presence(const Case& c, const Sensor& s, Report& report) {
-  const auto stream = c.seen.streams.find(s.stream);
-  const bool opened = stream != c.seen.streams.end() && s.name != "cam1";
+void check_presence(const CheckInput& c, const Sensor& s, Report& report) {
+  const auto stream = c.observed.streams.find(s.stream);
+  const bool opened = stream != c.observed.streams.end() && s.name != "cam1";
   const bool claimed = c.has_rig && s.in_rig && s.name != "gnss0";
   if (s.timing->count > 0) {
     if (!c.has_rig || s.in_rig) return;
@@ -58,7 +58,7 @@ void check_presence(const Case& c, const Sensor& s, Report& report) {
          s.name,
          "rig",
          fmt::format("reports {} samples, but the rig does not describe it", s.timing->count),
-         fmt::format("add a {} section to rig.yaml, or it is not used", section_of(s)),
+         fmt::format("add a {} section to rig.yaml; otherwise it is not used", section_of(s)),
          {}});
   } else if (opened || claimed) {
     report.add({claimed ? Severity::error : Severity::warning,
@@ -66,7 +66,7 @@ void check_presence(const Case& c, const Sensor& s, Report& report) {
                 "presence",
                 opened ? "never reports: its file or topic holds no usable sample"
                        : "never reports, but the rig describes it",
-                fmt::format("record it, or take {} out of the rig and out of sensors.use", s.name),
+                fmt::format("record it, or remove {} from the rig and from sensors.use", s.name),
                 {{"samples", 0.0}}});
   }
 }
@@ -77,18 +77,18 @@ void check_rate(const Sensor& s, Report& report) {
   Finding f{Severity::ok, s.name, "rate", "", "", {{"median_hz", t.rate_hz()}, {"mean_hz", mean}}};
   f.message = fmt::format("{:.4g} Hz", t.rate_hz());
   if (std::abs(mean - t.rate_hz()) > 0.05 * t.rate_hz()) {
-    f.message += fmt::format(" by the median step, {:.4g} Hz in the mean", mean);
+    f.message += fmt::format(" by the median step, {:.4g} Hz on average", mean);
   }
   f.message += fmt::format("; {} samples over {:.1f} s", t.count, t.span_s());
   if (s.nominal_hz > 0.0) {
-    // A sensor whose stamps jitter has its nominal rate in the mean, one with gaps in the median.
+    // With jitter the mean rate matches the nominal one, with gaps the median rate.
     const double off =
         std::min(std::abs(t.rate_hz() / s.nominal_hz - 1.0), std::abs(mean / s.nominal_hz - 1.0));
     f.message += fmt::format("; nominal {:.4g} Hz", s.nominal_hz);
-    if (off > kRateNote) {
-      f.severity = off > kRateWarning ? Severity::warning : Severity::note;
-      f.advice = fmt::format("set {}.rate_hz in the rig to what is measured, or find what is lost",
-                             s.name);
+    if (off > kRateNoteFraction) {
+      f.severity = off > kRateWarningFraction ? Severity::warning : Severity::note;
+      f.advice = fmt::format(
+          "set {}.rate_hz in the rig to the measured rate, or look for lost samples", s.name);
     }
   }
   report.add(std::move(f));
@@ -104,7 +104,7 @@ void check_gaps(const Sensor& s, Report& report) {
   if (longest <= kGapOfMedian * median) {
     f.message = fmt::format("none; longest step {:.3g} s", longest);
   } else {
-    const double share = t.steps.share_from(kGapOfMedian * median);
+    const double share = t.steps.fraction_at_least(kGapOfMedian * median);
     f.values.emplace_back("share", share);
     f.message += fmt::format("; {:.2g} % of the steps are over {:.0f} times the median",
                              100.0 * share, kGapOfMedian);
@@ -112,8 +112,8 @@ void check_gaps(const Sensor& s, Report& report) {
     if (f.severity == Severity::warning) {
       f.advice =
           s.name == "imu0"
-              ? "what moved meanwhile is lost: look for an overloaded logger or a loose cable"
-              : "the estimate drifts meanwhile: look for an overloaded logger or a lost link";
+              ? "motion in the gap is lost: look for an overloaded logger or a loose cable"
+              : "the estimate drifts in the gap: look for an overloaded logger or a lost link";
     }
   }
   report.add(std::move(f));
@@ -126,12 +126,13 @@ void check_jitter(const Sensor& s, Report& report) {
   const double median = t.steps.median();
   if (t.count < 20 || !(median > 0.0)) return;
   const double spread = (high - low) / median;
-  Finding f{Severity::ok, s.name,
-            "jitter",     fmt::format("9 of 10 steps lie between {:.3g} and {:.3g} s", low, high),
-            "",           {{"low_s", low}, {"high_s", high}}};
+  Finding f{
+      Severity::ok, s.name,
+      "jitter",     fmt::format("90 % of the steps are between {:.3g} and {:.3g} s", low, high),
+      "",           {{"low_s", low}, {"high_s", high}}};
   if (spread > 0.5) {
     f.severity = Severity::note;
-    f.advice = "these look like times of arrival; stamps made by the device serve better";
+    f.advice = "these look like arrival times; use the device's own stamps";
   }
   report.add(std::move(f));
 }
@@ -145,13 +146,13 @@ void check_repeats(const Sensor& s, Report& report) {
   const bool frozen = t.repeated + 1 == t.count;
   Finding f{frozen ? Severity::error : Severity::warning, s.name, "repeats", "", "",
             {{"share", share}, {"fresh_hz", fresh}}};
-  f.message = frozen ? "every sample is the same in every number"
+  f.message = frozen ? "all samples are identical"
                      : fmt::format(
-                           "{:.1f} % of the samples repeat the one before in every number: new "
-                           "ones come at {:.3g} Hz",
+                           "{:.1f} % of the samples repeat the previous one exactly; new ones "
+                           "arrive at {:.3g} Hz",
                            100.0 * share, fresh);
   f.advice = frozen ? "the device or its driver hangs"
-                    : "log each measurement once: an estimator takes repeats for independent ones";
+                    : "log each measurement once: repeats would count as independent measurements";
   report.add(std::move(f));
 }
 
@@ -168,24 +169,24 @@ void check_drops(const Sensor& s, const io::StreamReport& stream, Report& report
               "",
               "",
               {{"dropped", static_cast<double>(count)}}};
-    f.message = fmt::format("{} of {} samples are useless", count, stream.delivered + dropped);
+    f.message = fmt::format("{} of {} samples are invalid", count, stream.delivered + dropped);
     if (where != stream.first_drop.end()) f.message += ", first at " + where->second;
-    f.advice = "they are left out when reading";
+    f.advice = "they are skipped when reading";
     if (reason == io::DropReason::out_of_order || reason == io::DropReason::broken_stamp) {
-      f.advice += "; was a clock set while recording?";
+      f.advice += "; was a clock changed while recording?";
     }
     report.add(std::move(f));
   }
 }
 
-// The two cameras share one report of the reader.
-bool owns_stream(const Case& c, const Sensor& s) {
+// Both cameras share one stream report of the reader.
+bool owns_stream(const CheckInput& c, const Sensor& s) {
   if (s.name == "cam1") return false;
-  return c.seen.streams.count(s.stream) > 0;
+  return c.observed.streams.count(s.stream) > 0;
 }
 
-void check_common_time(const Case& c, const Sensor& s, Report& report) {
-  const Timing& imu = c.seen.imu.timing;
+void check_common_time(const CheckInput& c, const Sensor& s, Report& report) {
+  const Timing& imu = c.observed.imu.timing;
   const Timing& t = *s.timing;
   if (s.name == "imu0" || imu.count == 0 || t.count == 0) return;
   const double late = seconds_between(imu.first, t.first);
@@ -196,10 +197,10 @@ void check_common_time(const Case& c, const Sensor& s, Report& report) {
     report.add({Severity::error,
                 s.name,
                 "common time",
-                fmt::format("shares no time with imu0; they are {:.1f} s apart", apart),
-                "are both on one clock?",
+                fmt::format("no time overlap with imu0; they are {:.1f} s apart", apart),
+                "do both use the same clock?",
                 {{"apart_s", apart}}});
-  } else if (late > kStartsLate || early > kStartsLate) {
+  } else if (late > kMaxStartDelay || early > kMaxStartDelay) {
     report.add({Severity::note,
                 s.name,
                 "common time",
@@ -211,14 +212,14 @@ void check_common_time(const Case& c, const Sensor& s, Report& report) {
 
 }  // namespace
 
-void check_timing(const Case& c, Report& report) {
+void check_timing(const CheckInput& c, Report& report) {
   for (const Sensor& s : sensors_of(c)) {
     check_presence(c, s, report);
-    if (owns_stream(c, s)) check_drops(s, c.seen.streams.at(s.stream), report);
+    if (owns_stream(c, s)) check_drops(s, c.observed.streams.at(s.stream), report);
     if (s.timing->count == 0) continue;
     check_common_time(c, s, report);
     if (s.timing->count < 2) {
-      report.add({Severity::warning, s.name, "rate", "one sample only", "record longer", {}});
+      report.add({Severity::warning, s.name, "rate", "only one sample", "record longer", {}});
       continue;
     }
     check_rate(s, report);

@@ -15,56 +15,56 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Row = Eigen::Matrix<double, 3, kChangeSize>;
 
-constexpr double kLongest = 2.6;  // between the pings of a change [s]
-constexpr Eigen::Index kFewestInBlock = 5;
+constexpr double kMaxSpan = 2.6;  // maximum, between the pings of a change [s]
+constexpr Eigen::Index kMinChangesPerBlock = 5;
 constexpr int kReweightings = 4;
 
-// One ping at its true time, everything in the frame "start".
-struct Instant {
+// Quantities at one ping's corrected time, in the frame "start".
+struct PingState {
   double t = 0.0;
   Matrix3d R;
-  Row velocity;  // d (velocity of the IMU) / d unknowns; linear, so times the unknowns it is that
-  Vector3d felt;
+  Row velocity;  // Jacobian of the IMU velocity, which is linear in the unknowns
+  Vector3d force_change;
 };
 
-std::optional<Instant> instant(const InertialPath& path, const DvlPing& ping, double offset_s) {
+std::optional<PingState> ping_state(const InertialPath& path, const DvlPing& ping,
+                                    double offset_s) {
   const double t = path.seconds(ping.stamp) - offset_s;
   const auto state = path.at(t);
   const auto rate = path.rate_at(t);
   if (!state || !rate) return std::nullopt;
-  Instant now{t, state->R_start_body.toRotationMatrix(), Row::Zero(), state->force_integral};
+  PingState now{t, state->R_start_body.toRotationMatrix(), Row::Zero(), state->force_integral};
   for (int j = 0; j < 3; ++j) {
     now.velocity.block<3, 3>(0, kMounting + 3 * j) = ping.velocity(j) * now.R;
   }
   now.velocity.block<3, 3>(0, kLever) = -now.R * so3::hat(*rate);
-  // A bias b adds ∫R b dt to what is felt, and so the same, on this side, to the change of
-  // velocity.
+  // A bias b adds ∫R b dt to the force change, moved here to the side of the velocity change.
   now.velocity.block<3, 3>(0, kAccelBias) = state->rotation_integral;
   return now;
 }
 
-std::vector<Instant> instants(const InertialPath& path, const std::vector<DvlPing>& pings,
-                              double offset_s) {
-  std::vector<Instant> result;
+std::vector<PingState> ping_states(const InertialPath& path, const std::vector<DvlPing>& pings,
+                                   double offset_s) {
+  std::vector<PingState> result;
   for (const DvlPing& ping : pings) {
-    if (auto now = instant(path, ping, offset_s)) result.push_back(std::move(*now));
+    if (auto now = ping_state(path, ping, offset_s)) result.push_back(std::move(*now));
   }
   return result;
 }
 
 struct Pair {
-  const Instant* from;
-  const Instant* to;
+  const PingState* from;
+  const PingState* to;
 };
 
-std::vector<Pair> pairs_of(const InertialPath& path, const std::vector<Instant>& all,
+std::vector<Pair> pairs_of(const InertialPath& path, const std::vector<PingState>& all,
                            double shortest_s) {
   std::vector<Pair> pairs;
   std::size_t j = 0;
-  for (const Instant& from : all) {
+  for (const PingState& from : all) {
     while (j < all.size() && all[j].t < from.t + shortest_s) ++j;
     if (j == all.size()) break;
-    if (all[j].t > from.t + kLongest || !path.unbroken(from.t, all[j].t)) continue;
+    if (all[j].t > from.t + kMaxSpan || !path.is_continuous(from.t, all[j].t)) continue;
     pairs.push_back({&from, &all[j]});
   }
   return pairs;
@@ -75,7 +75,7 @@ ChangeBlock make_block(const Pair* begin, const Pair* end, double block_s) {
   ChangeBlock block;
   block.unknowns.resize(3 * n, kChangeSize);
   block.gravity.resize(3 * n, 6);
-  block.felt.resize(3 * n);
+  block.force_change.resize(3 * n);
   const double middle = 0.5 * (begin->from->t + (end - 1)->to->t);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Pair& pair = begin[i];
@@ -84,12 +84,12 @@ ChangeBlock make_block(const Pair* begin, const Pair* end, double block_s) {
     block.unknowns.middleRows<3>(3 * i) = pair.to->velocity - pair.from->velocity;
     block.gravity.block<3, 3>(3 * i, 0) = dt * Matrix3d::Identity();
     block.gravity.block<3, 3>(3 * i, 3) = dt * late * Matrix3d::Identity();
-    block.felt.segment<3>(3 * i) = pair.to->felt - pair.from->felt;
+    block.force_change.segment<3>(3 * i) = pair.to->force_change - pair.from->force_change;
   }
   return block;
 }
 
-// Weights of the changes of a block, one a change.
+// Weights of the changes of a block, one per change.
 using Weights = Eigen::VectorXd;
 
 Eigen::VectorXd root_per_row(const Weights& weights) {
@@ -98,7 +98,7 @@ Eigen::VectorXd root_per_row(const Weights& weights) {
   return root;
 }
 
-// Takes out what any gravity could explain.
+// Projects out everything that gravity can explain.
 Eigen::MatrixXd without_gravity(const ChangeBlock& block, const Eigen::VectorXd& root,
                                 const Eigen::MatrixXd& columns) {
   const Eigen::MatrixXd gravity = root.asDiagonal() * block.gravity;
@@ -110,19 +110,19 @@ Eigen::MatrixXd without_gravity(const ChangeBlock& block, const Eigen::VectorXd&
 }
 
 ChangeNormal reduce(const ChangeBlock& block, const Weights& weights) {
-  Eigen::MatrixXd columns(block.felt.size(), kChangeSize + 1);
-  columns << block.unknowns, block.felt;
+  Eigen::MatrixXd columns(block.force_change.size(), kChangeSize + 1);
+  columns << block.unknowns, block.force_change;
   const Eigen::MatrixXd clean = without_gravity(block, root_per_row(weights), columns);
   const auto X = clean.leftCols(kChangeSize);
   const auto y = clean.col(kChangeSize);
   return {X.transpose() * X, X.transpose() * y, y.squaredNorm()};
 }
 
-// Length of the residual of every change of a block.
+// Residual norm of every change of a block.
 Eigen::VectorXd lengths(const ChangeBlock& block, const Weights& weights,
                         const ChangeVector& unknowns) {
   const Eigen::VectorXd root = root_per_row(weights);
-  const Eigen::VectorXd rest = block.felt - block.unknowns * unknowns;
+  const Eigen::VectorXd rest = block.force_change - block.unknowns * unknowns;
   const Eigen::VectorXd clean = without_gravity(block, root, rest);
   Eigen::VectorXd result(weights.size());
   for (Eigen::Index i = 0; i < weights.size(); ++i) {
@@ -162,7 +162,7 @@ double huber_rms(const std::vector<Eigen::VectorXd>& residuals, double limit) {
 std::vector<ChangeBlock> velocity_changes(const InertialPath& path,
                                           const std::vector<DvlPing>& pings, double offset_s,
                                           const ChangeSpans& spans) {
-  const std::vector<Instant> all = instants(path, pings, offset_s);
+  const std::vector<PingState> all = ping_states(path, pings, offset_s);
   const std::vector<Pair> pairs = pairs_of(path, all, spans.shortest_s);
   std::vector<ChangeBlock> blocks;
   const auto span_of = [&spans](const Pair& pair) {
@@ -171,7 +171,7 @@ std::vector<ChangeBlock> velocity_changes(const InertialPath& path,
   for (std::size_t i = 0; i < pairs.size();) {
     std::size_t end = i;
     while (end < pairs.size() && span_of(pairs[end]) == span_of(pairs[i])) ++end;
-    if (static_cast<Eigen::Index>(end - i) >= kFewestInBlock) {
+    if (static_cast<Eigen::Index>(end - i) >= kMinChangesPerBlock) {
       blocks.push_back(make_block(pairs.data() + i, pairs.data() + end, spans.block_s));
     }
     i = end;
@@ -193,7 +193,8 @@ ChangeSolution solve(const ChangeNormal& normal, const ChangeModel& model) {
 ChangeSolution solve(const std::vector<ChangeBlock>& blocks, const ChangeModel& model) {
   std::vector<Weights> weights;
   weights.reserve(blocks.size());
-  for (const ChangeBlock& b : blocks) weights.emplace_back(Weights::Ones(b.felt.size() / 3));
+  for (const ChangeBlock& b : blocks)
+    weights.emplace_back(Weights::Ones(b.force_change.size() / 3));
   ChangeSolution solution;
   for (int round = 0; round < kReweightings; ++round) {
     std::vector<ChangeNormal> normals;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "alignment.hpp"
+#include "eval/alignment.hpp"
 
 #include <Eigen/Geometry>
 
-#include "apvi/geometry/umeyama.hpp"
+#include "geometry/umeyama.hpp"
 
 namespace apvi::eval {
 namespace {

@@ -3,21 +3,20 @@
 
 #include <vector>
 
-#include "apvi/eval/association.hpp"
-#include "apvi/eval/trajectory_metrics.hpp"
+#include "eval/association.hpp"
+#include "eval/trajectory_metrics.hpp"
 
 namespace apvi::eval {
 
-/// The motion that takes the estimate to the reference. Not `determined` when another rotation
-/// would do as well, as for positions on a line; the positions then still fit as closely as they
-/// can.
+/// The alignment transform. Not `determined` when the rotation is ambiguous, as for collinear
+/// positions; the positions are then still aligned optimally.
 struct Fit {
   SE3 T_reference_estimate;
   bool determined = true;
 };
 
-/// `pairs` is not empty. A planar problem is turned about the vertical only, for in the plane a
-/// free rotation can turn the estimate upside down and fit its mirror image.
+/// `pairs` must not be empty. A planar problem is rotated about the vertical only, since a free
+/// rotation could flip the estimate and fit its mirror image.
 Fit fit(const std::vector<PosePair>& pairs, Alignment alignment, bool planar);
 
 }  // namespace apvi::eval

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/association.hpp"
+#include "eval/association.hpp"
 
 #include <algorithm>
 
@@ -23,7 +23,7 @@ bool estimate_is_denser(const Trajectory& reference, const Trajectory& estimate)
   return count_within(estimate, from, to) >= count_within(reference, from, to);
 }
 
-// The nearest in time; of two equally near, the earlier.
+// The pose nearest in time; of two equally near, the earlier.
 const StampedPose& nearest_to(const Trajectory& trajectory, Stamp stamp) {
   const Iterator after = first_not_before(trajectory, stamp);
   if (after == trajectory.poses.begin()) return *after;

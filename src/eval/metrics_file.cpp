@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/metrics_file.hpp"
+#include "eval/metrics_file.hpp"
 
 #include <cmath>
 #include <fstream>
@@ -15,7 +15,7 @@ void put(Json& json, const char* key, const std::optional<double>& value) {
   if (value && std::isfinite(*value)) json[key] = *value;
 }
 
-// An object without its numbers that are not finite: JSON would show them as null.
+// Removes non-finite numbers, which JSON would write as null.
 Json without_non_finite(const Json& json) {
   if (!json.is_object()) return json;
   Json clean = Json::object();
@@ -26,8 +26,8 @@ Json without_non_finite(const Json& json) {
   return clean;
 }
 
-std::optional<double> rmse(const Figure& figure) {
-  return figure.value ? std::optional(figure.value->rmse) : std::nullopt;
+std::optional<double> rmse(const ErrorMetric& metric) {
+  return metric.value ? std::optional(metric.value->rmse) : std::nullopt;
 }
 
 }  // namespace
@@ -73,7 +73,7 @@ Json read_metrics(const std::filesystem::path& file) {
   if (!in) fail_input("{}: cannot open", file.string());
   Json json = Json::parse(in, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
-    fail_input("{}: this is no JSON object; delete it and evaluate again", file.string());
+    fail_input("{}: not a JSON object; delete it and evaluate again", file.string());
   }
   return json;
 }

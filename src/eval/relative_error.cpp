@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "relative_error.hpp"
+#include "eval/relative_error.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kTolerance = 0.1;  // of the span, as evo's default
 
-// From every pose to the one whose `position` (rising) is `span` further, to a tolerance.
+// From every pose to the one whose `position` (increasing) is `span` further, within a tolerance.
 IndexPairs all_pairs(const std::vector<double>& position, double span) {
   IndexPairs found;
   for (std::size_t i = 0; i + 1 < position.size(); ++i) {
@@ -25,7 +25,7 @@ IndexPairs all_pairs(const std::vector<double>& position, double span) {
   return found;
 }
 
-std::vector<double> travelled(const std::vector<PosePair>& pairs) {
+std::vector<double> path_lengths(const std::vector<PosePair>& pairs) {
   std::vector<double> distance(pairs.size(), 0.0);
   for (std::size_t i = 1; i < pairs.size(); ++i) {
     distance[i] = distance[i - 1] +
@@ -42,7 +42,7 @@ IndexPairs pairs_by_time(const std::vector<PosePair>& pairs, double seconds) {
     time.push_back(seconds_between(pairs.front().stamp, pair.stamp));
   }
   IndexPairs found = all_pairs(time, seconds);
-  // The last poses have none a full span later; by distance, evo's definition keeps those it can.
+  // Drops pairs of the last poses, which have no pose a full span later (unlike evo by distance).
   constexpr double kJitter = 0.01;  // of the span
   std::erase_if(found, [&](const auto& ends) {
     return time[ends.first] + seconds > time.back() + kJitter * seconds;
@@ -50,13 +50,13 @@ IndexPairs pairs_by_time(const std::vector<PosePair>& pairs, double seconds) {
   return found;
 }
 
-IndexPairs consecutive_pairs_by_path(const std::vector<PosePair>& pairs, double metres) {
+IndexPairs consecutive_pairs_by_path(const std::vector<PosePair>& pairs, double distance_m) {
   IndexPairs found;
   std::size_t start = 0;
   double path = 0.0;
   for (std::size_t i = 1; i < pairs.size(); ++i) {
     path += (pairs[i].estimate.translation - pairs[i - 1].estimate.translation).norm();
-    if (path < metres) continue;
+    if (path < distance_m) continue;
     if (start > 0) found.emplace_back(start, i);
     start = i;
     path = 0.0;
@@ -64,8 +64,8 @@ IndexPairs consecutive_pairs_by_path(const std::vector<PosePair>& pairs, double 
   return found;
 }
 
-IndexPairs all_pairs_by_path(const std::vector<PosePair>& pairs, double metres) {
-  return all_pairs(travelled(pairs), metres);
+IndexPairs all_pairs_by_path(const std::vector<PosePair>& pairs, double distance_m) {
+  return all_pairs(path_lengths(pairs), distance_m);
 }
 
 std::vector<double> relative_errors(const std::vector<PosePair>& pairs, const IndexPairs& indices) {

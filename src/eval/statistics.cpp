@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/statistics.hpp"
+#include "eval/statistics.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@ std::optional<Statistics> summarize(std::vector<double> errors) {
   s.count = n;
   s.mean = sum / count;
   s.rmse = std::sqrt(squares / count);
-  double deviations = 0.0;  // in a second pass: mean squares minus squared mean would cancel
+  double deviations = 0.0;  // second pass, avoids cancellation
   for (const double e : errors) deviations += (e - s.mean) * (e - s.mean);
   s.std = std::sqrt(deviations / count);
   s.median = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/sweep_summary.hpp"
+#include "eval/sweep_summary.hpp"
 
 #include <fmt/format.h>
 
@@ -13,21 +13,21 @@ namespace {
 
 using State = SweepRow::State;
 
-const std::vector<std::string> kUsualColumns{"trajectory.ate_rmse_m",
-                                             "trajectory.ate_percent_of_path",
-                                             "trajectory.rpe_10m_rmse_m",
-                                             "trajectory.coverage",
-                                             "trajectory.dipo.ate_rmse_m",
-                                             "trajectory.vio.ate_rmse_m",
-                                             "vio.failures",
-                                             "mapping.psnr_db",
-                                             "mapping.ssim",
-                                             "mapping.lpips",
-                                             "mapping.depth_rmse_m",
-                                             "medium.error_percent",
-                                             "speed.realtime_factor"};
+const std::vector<std::string> kDefaultColumns{"trajectory.ate_rmse_m",
+                                               "trajectory.ate_percent_of_path",
+                                               "trajectory.rpe_10m_rmse_m",
+                                               "trajectory.coverage",
+                                               "trajectory.dipo.ate_rmse_m",
+                                               "trajectory.vio.ate_rmse_m",
+                                               "vio.failures",
+                                               "mapping.psnr_db",
+                                               "mapping.ssim",
+                                               "mapping.lpips",
+                                               "mapping.depth_rmse_m",
+                                               "medium.error_percent",
+                                               "speed.realtime_factor"};
 
-// Of a list of numbers, its mean and its largest.
+// Adds mean and maximum of a list of numbers.
 void add_list(const Json& list, const std::string& name,
               std::vector<std::pair<std::string, double>>& numbers) {
   const auto is_number = [](const Json& value) { return value.is_number(); };
@@ -82,7 +82,7 @@ std::string choice(const SweepRow& row, const std::string& axis) {
   return "";
 }
 
-// A bar would end the cell.
+// Escapes vertical bars.
 std::string markdown_cell(std::string text) {
   for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2) {
     text.insert(at, "\\");
@@ -209,7 +209,7 @@ std::string sweep_table(const std::vector<SweepRow>& rows, std::vector<std::stri
     }
   }
   if (columns.empty()) {
-    for (const std::string& name : kUsualColumns) {
+    for (const std::string& name : kDefaultColumns) {
       const bool known = std::any_of(rows.begin(), rows.end(), [&](const SweepRow& row) {
         return find(row, name).has_value();
       });

@@ -6,16 +6,16 @@
 #include <utility>
 #include <vector>
 
-#include "apvi/eval/metrics_file.hpp"
+#include "eval/metrics_file.hpp"
 
 namespace apvi::eval {
 namespace {
 
 using Cell = std::function<std::string(const TrajectoryMetrics&)>;
 
-Cell statistic(Figure TrajectoryMetrics::*figure, double Statistics::*which) {
+Cell statistic(ErrorMetric TrajectoryMetrics::*metric, double Statistics::*which) {
   return [=](const TrajectoryMetrics& m) {
-    const Figure& f = m.*figure;
+    const ErrorMetric& f = m.*metric;
     if (f.value) return fmt::format("{:.4f}", *f.value.*which);
     return m.matched ? fmt::format("- ({})", to_string(f.reason)) : std::string("-");
   };
@@ -69,7 +69,7 @@ std::string to_table(const RunTrajectories& metrics) {
   for (const auto& [label, cell] : rows()) {
     const bool any = std::any_of(columns.begin(), columns.end(),
                                  [&](const auto& column) { return cell(*column.second) != "-"; });
-    if (!any) continue;  // without a reference most figures make no sense, and no reason is needed
+    if (!any) continue;  // without a reference most metrics do not apply
     add_line(label, [&](const std::string&, const TrajectoryMetrics& m) { return cell(m); });
   }
   return table;

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/trajectory_metrics.hpp"
+#include "eval/trajectory_metrics.hpp"
 
 #include <fmt/format.h>
 
 #include <numbers>
 
-#include "alignment.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "relative_error.hpp"
+#include "eval/alignment.hpp"
+#include "eval/relative_error.hpp"
 
 namespace apvi::eval {
 namespace {
 
 using Eigen::Vector3d;
 
-// What is compared, both in a world with z up.
-struct Problem {
+// The associated trajectories, both in a z-up world.
+struct Comparison {
   std::vector<PosePair> pairs;
   bool planar = false;
   bool oriented = true;
@@ -37,20 +37,20 @@ bool overlap(const Trajectory& a, const Trajectory& b) {
          b.poses.front().stamp <= a.poses.back().stamp;
 }
 
-Figure position_error(const Problem& problem, const SE3& T_reference_estimate) {
+ErrorMetric position_error(const Comparison& comparison, const SE3& T_reference_estimate) {
   std::vector<double> errors;
-  for (const PosePair& pair : problem.pairs) {
-    errors.push_back(problem.length_of(T_reference_estimate * pair.estimate.translation -
-                                       pair.reference.translation));
+  for (const PosePair& pair : comparison.pairs) {
+    errors.push_back(comparison.length_of(T_reference_estimate * pair.estimate.translation -
+                                          pair.reference.translation));
   }
   return {summarize(std::move(errors))};
 }
 
-Figure rotation_error(const Problem& problem, const Fit& alignment) {
-  if (!problem.oriented) return {{}, Reason::no_orientation};
+ErrorMetric rotation_error(const Comparison& comparison, const Fit& alignment) {
+  if (!comparison.oriented) return {{}, Reason::no_orientation};
   if (!alignment.determined) return {{}, Reason::undetermined};
   std::vector<double> errors;
-  for (const PosePair& pair : problem.pairs) {
+  for (const PosePair& pair : comparison.pairs) {
     const SE3 aligned = alignment.T_reference_estimate * pair.estimate;
     errors.push_back(so3::angle_between(pair.reference.rotation, aligned.rotation) * 180.0 /
                      std::numbers::pi);
@@ -58,55 +58,55 @@ Figure rotation_error(const Problem& problem, const Fit& alignment) {
   return {summarize(std::move(errors))};
 }
 
-Figure relative_error(const Problem& problem, const IndexPairs& indices) {
-  if (!problem.oriented) return {{}, Reason::no_orientation};
-  if (problem.planar) return {{}, Reason::no_height};
+ErrorMetric relative_error(const Comparison& comparison, const IndexPairs& indices) {
+  if (!comparison.oriented) return {{}, Reason::no_orientation};
+  if (comparison.planar) return {{}, Reason::no_height};
   if (indices.empty()) return {{}, Reason::too_short};
-  return {summarize(relative_errors(problem.pairs, indices))};
+  return {summarize(relative_errors(comparison.pairs, indices))};
 }
 
-double reference_length(const Problem& problem) {
+double reference_length(const Comparison& comparison) {
   double length = 0.0;
-  for (std::size_t i = 1; i < problem.pairs.size(); ++i) {
-    length += problem.length_of(problem.pairs[i].reference.translation -
-                                problem.pairs[i - 1].reference.translation);
+  for (std::size_t i = 1; i < comparison.pairs.size(); ++i) {
+    length += comparison.length_of(comparison.pairs[i].reference.translation -
+                                   comparison.pairs[i - 1].reference.translation);
   }
   return length;
 }
 
-void fill_absolute(const Problem& problem, Alignment alignment, TrajectoryMetrics& metrics) {
-  const auto figures = [&](Alignment mode, Figure& position, Figure* rotation) {
-    if (mode == Alignment::first && !problem.oriented) {
+void fill_absolute(const Comparison& comparison, Alignment alignment, TrajectoryMetrics& metrics) {
+  const auto fill = [&](Alignment mode, ErrorMetric& position, ErrorMetric* rotation) {
+    if (mode == Alignment::first && !comparison.oriented) {
       position.reason = Reason::no_orientation;
       if (rotation != nullptr) rotation->reason = Reason::no_orientation;
       return;
     }
-    const Fit aligned = fit(problem.pairs, mode, problem.planar);
-    position = position_error(problem, aligned.T_reference_estimate);
-    if (rotation != nullptr) *rotation = rotation_error(problem, aligned);
+    const Fit aligned = fit(comparison.pairs, mode, comparison.planar);
+    position = position_error(comparison, aligned.T_reference_estimate);
+    if (rotation != nullptr) *rotation = rotation_error(comparison, aligned);
   };
-  figures(alignment, metrics.ate, &metrics.rotation_deg);
-  figures(Alignment::first, metrics.ate_first_pose, nullptr);
-  metrics.path_length_m = reference_length(problem);
+  fill(alignment, metrics.ate, &metrics.rotation_deg);
+  fill(Alignment::first, metrics.ate_first_pose, nullptr);
+  metrics.path_length_m = reference_length(comparison);
   if (metrics.ate.value && *metrics.path_length_m > 0.0) {
     metrics.ate_percent_of_path = 100.0 * metrics.ate.value->rmse / *metrics.path_length_m;
   }
 }
 
-void fill_relative(const Problem& problem, TrajectoryMetrics& metrics) {
-  const auto& pairs = problem.pairs;
-  metrics.rpe_time = relative_error(problem, pairs_by_time(pairs, kRelativeTime));
+void fill_relative(const Comparison& comparison, TrajectoryMetrics& metrics) {
+  const auto& pairs = comparison.pairs;
+  metrics.rpe_time = relative_error(comparison, pairs_by_time(pairs, kRpeTime_s));
   metrics.rpe_distance =
-      relative_error(problem, consecutive_pairs_by_path(pairs, kRelativeDistance));
+      relative_error(comparison, consecutive_pairs_by_path(pairs, kRpeDistance_m));
   metrics.rpe_distance_all_pairs =
-      relative_error(problem, all_pairs_by_path(pairs, kRelativeDistance));
+      relative_error(comparison, all_pairs_by_path(pairs, kRpeDistance_m));
 }
 
-void give_up(Reason reason, TrajectoryMetrics& metrics) {
-  for (Figure* figure :
+void set_reason(Reason reason, TrajectoryMetrics& metrics) {
+  for (ErrorMetric* metric :
        {&metrics.ate, &metrics.ate_first_pose, &metrics.rotation_deg, &metrics.rpe_time,
         &metrics.rpe_distance, &metrics.rpe_distance_all_pairs}) {
-    figure->reason = reason;
+    metric->reason = reason;
   }
 }
 
@@ -132,32 +132,32 @@ std::string_view to_string(Reason reason) {
   return "";
 }
 
-std::size_t needed_matches(Alignment alignment) {
+std::size_t min_matches(Alignment alignment) {
   return alignment == Alignment::se3 ? 3 : 2;
 }
 
 TrajectoryMetrics evaluate(const Trajectory& reference, const Trajectory& estimate,
                            const EvalOptions& options) {
-  TrajectoryMetrics metrics = evaluate_alone(estimate);
-  const Trajectory truth = to_z_up(finite_part(reference), options.reference_world);
-  const Trajectory guess = to_z_up(finite_part(estimate), options.estimate_world);
-  const Problem problem{.pairs = associate(truth, guess, options.association),
-                        .planar = !truth.has_height || !guess.has_height,
-                        .oriented = truth.has_rotation && guess.has_rotation};
-  metrics.matched = problem.pairs.size();
-  metrics.coverage = coverage(truth, guess, options.association.max_gap_s);
-  if (!overlap(truth, guess)) {
-    give_up(Reason::no_overlap, metrics);
-  } else if (problem.pairs.size() < needed_matches(options.alignment)) {
-    give_up(Reason::too_few_matches, metrics);
+  TrajectoryMetrics metrics = evaluate_without_reference(estimate);
+  const Trajectory reference_up = to_z_up(finite_part(reference), options.reference_world);
+  const Trajectory estimate_up = to_z_up(finite_part(estimate), options.estimate_world);
+  const Comparison comparison{.pairs = associate(reference_up, estimate_up, options.association),
+                              .planar = !reference_up.has_height || !estimate_up.has_height,
+                              .oriented = reference_up.has_rotation && estimate_up.has_rotation};
+  metrics.matched = comparison.pairs.size();
+  metrics.coverage = coverage(reference_up, estimate_up, options.association.max_gap_s);
+  if (!overlap(reference_up, estimate_up)) {
+    set_reason(Reason::no_overlap, metrics);
+  } else if (comparison.pairs.size() < min_matches(options.alignment)) {
+    set_reason(Reason::too_few_matches, metrics);
   } else {
-    fill_absolute(problem, options.alignment, metrics);
-    fill_relative(problem, metrics);
+    fill_absolute(comparison, options.alignment, metrics);
+    fill_relative(comparison, metrics);
   }
   return metrics;
 }
 
-TrajectoryMetrics evaluate_alone(const Trajectory& estimate) {
+TrajectoryMetrics evaluate_without_reference(const Trajectory& estimate) {
   TrajectoryMetrics metrics;
   const Trajectory finite = finite_part(estimate);
   if (finite.empty()) return metrics;
@@ -179,21 +179,21 @@ Trajectory within(const Trajectory& trajectory, Stamp from, Stamp to) {
   return part;
 }
 
-Trajectory seen_part(const Trajectory& reference, Stamp first_sample, double duration_s) {
+Trajectory clip_to_run(const Trajectory& reference, Stamp first_sample, double duration_s) {
   const Stamp end =
       duration_s > 0.0 ? first_sample + Duration::from_seconds(duration_s) : Stamp::max();
   return within(reference, first_sample, end);
 }
 
 Trajectory to_z_up(const Trajectory& trajectory, WorldFrame world) {
-  Trajectory turned = trajectory;
-  if (world == WorldFrame::up) return turned;
-  // East, north, up in terms of north, east, down: half a turn about the axis north-east.
+  Trajectory converted = trajectory;
+  if (world == WorldFrame::up) return converted;
+  // NED to ENU: rotation by 180 degrees about the north-east axis.
   const SE3 T_up_ned{
       Eigen::Quaterniond(0.0, std::numbers::sqrt2 / 2.0, std::numbers::sqrt2 / 2.0, 0.0),
       Vector3d::Zero()};
-  for (StampedPose& pose : turned.poses) pose.T_world_body = T_up_ned * pose.T_world_body;
-  return turned;
+  for (StampedPose& pose : converted.poses) pose.T_world_body = T_up_ned * pose.T_world_body;
+  return converted;
 }
 
 std::string describe_spans(const Trajectory& reference, const Trajectory& estimate) {

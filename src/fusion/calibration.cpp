@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/calibration.hpp"
+#include "fusion/calibration.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "apvi/fusion/discriminator.hpp"
+#include "fusion/discriminator.hpp"
 
 namespace apvi::fusion {
 namespace {
 
-// The largest threshold, at most `edge`, that at most `share` of the values are below.
-double lowered(double edge, std::vector<double> values, double share) {
-  const auto allowed = static_cast<std::size_t>(share * static_cast<double>(values.size()));
+// The largest threshold, at most `edge`, with at most a fraction `fraction` of the values below it.
+double lower_to_fraction(double edge, std::vector<double> values, double fraction) {
+  const auto allowed = static_cast<std::size_t>(fraction * static_cast<double>(values.size()));
   const auto first_kept = values.begin() + static_cast<std::ptrdiff_t>(allowed);
   std::nth_element(values.begin(), first_kept, values.end());
   return std::min(edge, *first_kept);
@@ -24,57 +24,60 @@ int directions_above(const Eigenvalues& e, const EigenThresholds& thresholds) {
 
 }  // namespace
 
-Eigenvalues normalised(const RecordedFrame& frame, Normalisation normalisation) {
-  return normalisation == Normalisation::per_inlier ? per_inlier(frame.eigenvalues, frame.inliers)
+Eigenvalues normalized(const RecordedFrame& frame, Normalization normalization) {
+  return normalization == Normalization::per_inlier ? per_inlier(frame.eigenvalues, frame.inliers)
                                                     : frame.eigenvalues;
 }
 
-FineOutcome outcome(const std::vector<RecordedFrame>& frames, const EigenThresholds& thresholds,
-                    Normalisation normalisation, int min_directions) {
-  FineOutcome result{.frames = frames.size()};
+ThresholdOutcome evaluate_thresholds(const std::vector<RecordedFrame>& frames,
+                                     const EigenThresholds& thresholds, Normalization normalization,
+                                     int min_directions) {
+  ThresholdOutcome result{.frames = frames.size()};
   if (frames.empty()) return result;
   std::size_t rejected = 0;
-  std::size_t given_up = 0;
+  std::size_t below_min_directions = 0;
   int directions = 0;
   for (const RecordedFrame& frame : frames) {
-    const Eigenvalues e = normalised(frame, normalisation);
+    const Eigenvalues e = normalized(frame, normalization);
     const int above = directions_above(e, thresholds);
-    rejected += fine(e, thresholds).accepted() ? 0 : 1;
-    given_up += above < min_directions ? 1 : 0;
+    rejected += check_degeneracy(e, thresholds).accepted() ? 0 : 1;
+    below_min_directions += above < min_directions ? 1 : 0;
     directions += above;
   }
   const double n = static_cast<double>(frames.size());
   result.rejected = static_cast<double>(rejected) / n;
-  result.rejected_by_remap = static_cast<double>(given_up) / n;
+  result.rejected_by_remap = static_cast<double>(below_min_directions) / n;
   result.directions = directions / n;
   return result;
 }
 
-std::optional<FineCalibration> calibrate_fine(const RecordedFrames& frames,
-                                              Normalisation normalisation, double max_false_alarm,
-                                              int min_directions) {
+std::optional<DegeneracyCalibration> calibrate_degeneracy(const RecordedFrames& frames,
+                                                          Normalization normalization,
+                                                          double max_false_alarm,
+                                                          int min_directions) {
   std::vector<Eigenvalues> samples;
   std::vector<double> rotation;
   std::vector<double> position;
   for (const RecordedFrame& frame : frames.healthy) {
-    samples.push_back(normalised(frame, normalisation));
+    samples.push_back(normalized(frame, normalization));
     rotation.push_back(samples.back().rotation.minCoeff());
     position.push_back(samples.back().position.minCoeff());
   }
   if (samples.size() < 2) return std::nullopt;
   const auto fit = fit_semicircle(samples);
   if (!fit) return std::nullopt;
-  const double share = 0.5 * max_false_alarm;
-  FineCalibration result{.normalisation = normalisation,
-                         .fit = *fit,
-                         .thresholds = {lowered(fit->rotation.lower_edge, rotation, share),
-                                        lowered(fit->position.lower_edge, position, share)},
-                         .healthy = {},
-                         .blind = {},
-                         .healthy_at_edge = {},
-                         .blind_at_edge = {}};
+  const double fraction = 0.5 * max_false_alarm;
+  DegeneracyCalibration result{
+      .normalization = normalization,
+      .fit = *fit,
+      .thresholds = {lower_to_fraction(fit->rotation.lower_edge, rotation, fraction),
+                     lower_to_fraction(fit->position.lower_edge, position, fraction)},
+      .healthy = {},
+      .blind = {},
+      .healthy_at_edge = {},
+      .blind_at_edge = {}};
   const auto tested = [&](const std::vector<RecordedFrame>& of, const EigenThresholds& thresholds) {
-    return outcome(of, thresholds, normalisation, min_directions);
+    return evaluate_thresholds(of, thresholds, normalization, min_directions);
   };
   result.healthy = tested(frames.healthy, result.thresholds);
   result.blind = tested(frames.blind, result.thresholds);

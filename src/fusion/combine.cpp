@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/combine.hpp"
+#include "fusion/combine.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -15,7 +15,7 @@ double log_determinant(const Matrix6& m) {
   return 2.0 * Matrix6(llt.matrixL()).diagonal().array().log().sum();
 }
 
-// The weight that makes the information's determinant largest; it is concave in the weight.
+// The weight that maximizes the determinant of the information, which is log-concave in the weight.
 double best_weight(const Matrix6& first, const Matrix6& second) {
   constexpr double kGolden = 0.6180339887498949;
   const auto value = [&](double w) { return log_determinant(w * first + (1.0 - w) * second); };
@@ -31,7 +31,7 @@ double best_weight(const Matrix6& first, const Matrix6& second) {
     }
   }
   const double inside = 0.5 * (low + high);
-  // At the ends, where golden sections never quite arrive.
+  // The golden-section search never reaches the ends of the interval: test them.
   if (value(1.0) >= value(inside)) return 1.0;
   return value(0.0) >= value(inside) ? 0.0 : inside;
 }
@@ -48,7 +48,8 @@ PoseEstimate fuse_independent(const PoseEstimate& dipo, const SE3& vio,
   return {boxplus(dipo.T_world_body, correction), symmetric(lu.solve(P))};
 }
 
-Intersection intersect(const PoseEstimate& dipo, const SE3& vio, const Matrix6& information) {
+CovarianceIntersection intersect_covariances(const PoseEstimate& dipo, const SE3& vio,
+                                             const Matrix6& information) {
   const Matrix6 first = symmetric(dipo.covariance.ldlt().solve(Matrix6::Identity()));
   const Matrix6 second = symmetric(information);
   const double weight = best_weight(first, second);

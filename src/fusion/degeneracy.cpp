@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/degeneracy.hpp"
+#include "fusion/degeneracy.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -18,7 +18,7 @@ Matrix3d block(const Matrix6& information, int at) {
 
 }  // namespace
 
-Eigenvalues split(const Matrix6& information) {
+Eigenvalues block_eigenvalues(const Matrix6& information) {
   return {Solver(block(information, 0), Eigen::EigenvaluesOnly).eigenvalues(),
           Solver(block(information, 3), Eigen::EigenvaluesOnly).eigenvalues()};
 }
@@ -38,7 +38,7 @@ WellConditioned well_conditioned(const Matrix6& information, const EigenThreshol
     const Solver solver(block(information, at));
     for (int i = 0; i < 3; ++i) {
       if (solver.eigenvalues()(i) < threshold) continue;
-      // Columns are eigenvectors here; the paper has them as rows.
+      // Eigenvectors are columns here, rows in the paper.
       const Vector3d direction = solver.eigenvectors().col(i);
       result.projection.block<3, 3>(at, at) += direction * direction.transpose();
       kept.block<3, 1>(at, count++) = direction;

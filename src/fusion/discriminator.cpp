@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/discriminator.hpp"
+#include "fusion/discriminator.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -27,8 +27,9 @@ constexpr std::array<std::string_view, 13> kReasons{"none",
                                                     "position_degenerate"};
 static_assert(kReasons.size() == static_cast<std::size_t>(Reason::position_degenerate) + 1);
 
-// Of a change of variance: more along one axis does not make up for less along another.
-double size_of(const Eigen::Matrix3d& change) {
+// Nuclear norm of a change of covariance: an increase along one axis does not cancel a decrease
+// along another.
+double nuclear_norm(const Eigen::Matrix3d& change) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(change, Eigen::EigenvaluesOnly);
   return axes.eigenvalues().cwiseAbs().sum();
 }
@@ -43,7 +44,7 @@ std::string_view to_string(Reason reason) {
   return kReasons.at(static_cast<std::size_t>(reason));
 }
 
-Verdict coarse(const vio::FrameStatistics& statistics, const CoarseConfig& config) {
+Verdict check_tracking(const vio::FrameStatistics& statistics, const TrackingCheckConfig& config) {
   const double features = statistics.tracked + statistics.detected;
   const double stable = statistics.stable;
   if (!(features > config.min_features)) {
@@ -53,51 +54,51 @@ Verdict coarse(const vio::FrameStatistics& statistics, const CoarseConfig& confi
   if (!(stable > config.min_stable_ratio * features)) {
     return {Level::coarse, Reason::too_few_stable, stable / features, config.min_stable_ratio};
   }
-  if (statistics.spread < config.min_spread) {
-    return {Level::coarse, Reason::too_little_spread, statistics.spread, config.min_spread};
+  if (statistics.spread < config.min_grid_coverage) {
+    return {Level::coarse, Reason::too_little_spread, statistics.spread, config.min_grid_coverage};
   }
   return {};
 }
 
-Verdict medium(const SE3& dipo, const SE3& vio, const MediumConfig& config) {
-  const Eigen::Vector3d apart = dipo.translation - vio.translation;
-  const double distance = apart.norm();
+Verdict check_agreement(const SE3& dipo, const SE3& vio, const AgreementCheckConfig& config) {
+  const Eigen::Vector3d difference = dipo.translation - vio.translation;
+  const double distance = difference.norm();
   if (!(distance < config.max_position_m)) {
     return {Level::medium, Reason::position_differs, distance, config.max_position_m};
   }
-  const double height = std::abs(apart.z());
+  const double height = std::abs(difference.z());
   if (!(height < config.max_height_m)) {
     return {Level::medium, Reason::height_differs, height, config.max_height_m};
   }
-  const double turned = so3::angle_between(dipo.rotation, vio.rotation) / kRadiansPerDegree;
-  if (!(turned < config.max_rotation_deg)) {
-    return {Level::medium, Reason::rotation_differs, turned, config.max_rotation_deg};
+  const double angle_deg = so3::angle_between(dipo.rotation, vio.rotation) / kRadiansPerDegree;
+  if (!(angle_deg < config.max_rotation_deg)) {
+    return {Level::medium, Reason::rotation_differs, angle_deg, config.max_rotation_deg};
   }
   return {};
 }
 
-void Wander::add(const PoseEstimate& before, const PoseEstimate& after) {
-  const Eigen::Matrix3d moved = (after.covariance - before.covariance).bottomRightCorner<3, 3>();
-  rotation += size_of(world_rotation_covariance(after) - world_rotation_covariance(before));
-  position += size_of(moved);
-  height += std::abs(moved(2, 2));
+void DriftVariance::add(const PoseEstimate& before, const PoseEstimate& after) {
+  const Eigen::Matrix3d change = (after.covariance - before.covariance).bottomRightCorner<3, 3>();
+  rotation += nuclear_norm(world_rotation_covariance(after) - world_rotation_covariance(before));
+  position += nuclear_norm(change);
+  height += std::abs(change(2, 2));
 }
 
-Wander Wander::since(const Wander& then) const {
-  return {rotation - then.rotation, position - then.position, height - then.height};
+DriftVariance DriftVariance::since(const DriftVariance& earlier) const {
+  return {rotation - earlier.rotation, position - earlier.position, height - earlier.height};
 }
 
-MediumConfig widened(const MediumConfig& config, const Wander& dipo) {
+AgreementCheckConfig widen_limits(const AgreementCheckConfig& config, const DriftVariance& dipo) {
   const double sigmas = config.dipo_sigmas;
-  MediumConfig wide = config;
-  wide.max_position_m = std::max(config.max_position_m, sigmas * std::sqrt(dipo.position));
-  wide.max_height_m = std::max(config.max_height_m, sigmas * std::sqrt(dipo.height));
-  wide.max_rotation_deg =
+  AgreementCheckConfig widened = config;
+  widened.max_position_m = std::max(config.max_position_m, sigmas * std::sqrt(dipo.position));
+  widened.max_height_m = std::max(config.max_height_m, sigmas * std::sqrt(dipo.height));
+  widened.max_rotation_deg =
       std::max(config.max_rotation_deg, sigmas * std::sqrt(dipo.rotation) / kRadiansPerDegree);
-  return wide;
+  return widened;
 }
 
-Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) {
+Verdict check_degeneracy(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) {
   const double rotation = eigenvalues.rotation.minCoeff();
   if (thresholds.rotation > 0.0 && !(rotation >= thresholds.rotation)) {
     return {Level::fine, Reason::rotation_degenerate, rotation, thresholds.rotation};
@@ -109,19 +110,19 @@ Verdict fine(const Eigenvalues& eigenvalues, const EigenThresholds& thresholds) 
   return {};
 }
 
-FineConfig for_camera(const FineConfig& config, double focal_px) {
-  FineConfig scaled = config;
-  if (config.focal_px <= 0.0 || focal_px <= 0.0) return scaled;
-  const double ratio = focal_px / config.focal_px;
-  scaled.min_rotation *= ratio * ratio;
-  scaled.min_position *= ratio * ratio;
-  scaled.focal_px = focal_px;
+DegeneracyCheckConfig scale_to_camera(const DegeneracyCheckConfig& config, double focal_px) {
+  DegeneracyCheckConfig scaled = config;
+  if (config.reference_focal_px <= 0.0 || focal_px <= 0.0) return scaled;
+  const double ratio = focal_px / config.reference_focal_px;
+  scaled.min_rotation_eigenvalue *= ratio * ratio;
+  scaled.min_position_eigenvalue *= ratio * ratio;
+  scaled.reference_focal_px = focal_px;
   return scaled;
 }
 
-Eigenvalues tested_eigenvalues(const VioEstimate& vio, const FineConfig& config) {
-  const Eigenvalues plain = split(vio.window_information.value_or(vio.information));
-  return config.normalisation == Normalisation::per_inlier ? per_inlier(plain, vio.inliers) : plain;
+Eigenvalues tested_eigenvalues(const VioEstimate& vio, const DegeneracyCheckConfig& config) {
+  const Eigenvalues plain = block_eigenvalues(vio.window_information.value_or(vio.information));
+  return config.normalization == Normalization::per_inlier ? per_inlier(plain, vio.inliers) : plain;
 }
 
 }  // namespace apvi::fusion

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/freeze_policy.hpp"
+#include "fusion/freeze_policy.hpp"
 
 #include <array>
 
@@ -20,21 +20,23 @@ std::string_view to_string(Action action) {
 }
 
 bool Hysteresis::update(bool good) {
-  against_ = good == good_ ? 0 : against_ + 1;
-  if (against_ > 0 && against_ >= (good ? config_.good_frames : config_.bad_frames)) set(good);
+  contradicting_frames_ = good == good_ ? 0 : contradicting_frames_ + 1;
+  if (contradicting_frames_ > 0 &&
+      contradicting_frames_ >= (good ? config_.good_frames : config_.bad_frames))
+    set(good);
   return good_;
 }
 
 void Hysteresis::set(bool good) {
   good_ = good;
-  against_ = 0;
+  contradicting_frames_ = 0;
 }
 
 FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
                                             const Stability& dipo) {
-  follow_features(now, verdict);
-  // An odometry that is silent for a moment (saturated inertial samples) is no worse for it.
-  const bool silent = dipo.reason == StabilityReason::absent && has_dipo_;
+  track_features_back(now, verdict);
+  // A short interruption of DIPO (saturated inertial samples) does not make it unstable.
+  const bool interrupted = dipo.reason == StabilityReason::absent && has_dipo_;
   has_dipo_ = has_dipo_ || dipo.reason != StabilityReason::absent;
   good_in_a_row_ = verdict.accepted() ? good_in_a_row_ + 1 : 0;
   Decision decision;
@@ -43,12 +45,12 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
       if (working) phase_ = Phase::running;
       break;
     case Phase::running:
-      if (!working && !(silent && verdict.reason != Reason::diverged)) {
+      if (!working && !(interrupted && verdict.reason != Reason::diverged)) {
         decision = fail(now, verdict, dipo);
       }
       break;
     case Phase::frozen:
-      decision = while_frozen(now, verdict, dipo);
+      decision = update_frozen(now, verdict, dipo);
       break;
     case Phase::dropped:
       if (good_in_a_row_ >= config_.release_frames) recover(now);
@@ -65,25 +67,25 @@ FreezePolicy::Decision FreezePolicy::fail(Stamp now, const Verdict& verdict,
   ++counts_.failures;
   good_in_a_row_ = 0;
   outages_.push_back({.failed = now, .features_back = {}, .recovered = {}});
-  follow_features(now, verdict);
+  track_features_back(now, verdict);
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
   if (dipo.reason == StabilityReason::absent) {
-    phase_ = Phase::dropped;  // it goes on with what it has: a new start would know no more
+    phase_ = Phase::dropped;  // without DIPO, re-initialization would not improve the estimate
     return {};
   }
-  if (!dipo.stable()) return reset("DIPO is not stable");
-  if (!config_.enabled) return reset("freezing is off");
+  if (!dipo.stable()) return reset("DIPO is unstable");
+  if (!config_.enabled) return reset("freezing is disabled");
   phase_ = Phase::frozen;
-  return {.action = Action::freeze, .phase = phase_, .why = to_string(verdict.reason)};
+  return {.action = Action::freeze, .phase = phase_, .reason = to_string(verdict.reason)};
 }
 
-FreezePolicy::Decision FreezePolicy::while_frozen(Stamp now, const Verdict& verdict,
-                                                  const Stability& dipo) {
+FreezePolicy::Decision FreezePolicy::update_frozen(Stamp now, const Verdict& verdict,
+                                                   const Stability& dipo) {
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
-  if (!dipo.stable() && dipo.reason != StabilityReason::absent) return reset("DIPO is not stable");
+  if (!dipo.stable() && dipo.reason != StabilityReason::absent) return reset("DIPO is unstable");
   if (good_in_a_row_ >= config_.release_frames) {
     recover(now);
-    return {.action = Action::release, .phase = phase_, .why = "VIO passes again"};
+    return {.action = Action::release, .phase = phase_, .reason = "VIO recovered"};
   }
   const double frozen_s = seconds_between(outages_.back().failed, now);
   if (config_.max_frozen_s > 0.0 && frozen_s > config_.max_frozen_s)
@@ -91,11 +93,11 @@ FreezePolicy::Decision FreezePolicy::while_frozen(Stamp now, const Verdict& verd
   return {};
 }
 
-FreezePolicy::Decision FreezePolicy::reset(std::string_view why) {
+FreezePolicy::Decision FreezePolicy::reset(std::string_view reason) {
   phase_ = Phase::dropped;
   good_in_a_row_ = 0;
   ++counts_.resets;
-  return {.action = Action::reset, .phase = phase_, .why = why};
+  return {.action = Action::reset, .phase = phase_, .reason = reason};
 }
 
 void FreezePolicy::recover(Stamp now) {
@@ -103,7 +105,7 @@ void FreezePolicy::recover(Stamp now) {
   outages_.back().recovered = now;
 }
 
-void FreezePolicy::follow_features(Stamp now, const Verdict& verdict) {
+void FreezePolicy::track_features_back(Stamp now, const Verdict& verdict) {
   if (outages_.empty() || outages_.back().recovered) return;
   std::optional<Stamp>& back = outages_.back().features_back;
   if (verdict.reason == Reason::no_image || verdict.reason == Reason::too_few_features) {

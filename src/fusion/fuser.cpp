@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/fuser.hpp"
+#include "fusion/fuser.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -12,12 +12,12 @@ namespace {
 constexpr std::array<std::string_view, 6> kStates{"waiting",   "fused",  "vio_only",
                                                   "dipo_only", "frozen", "dropped"};
 
-// Information of a pose about which nothing is known, so that every information has an inverse.
+// Inverse of the information, regularized by a weak prior so that it always exists.
 Matrix6 covariance_of(const Matrix6& information) {
-  constexpr double kUnknownTurn = 3.0;      // [rad]
+  constexpr double kUnknownRotation = 3.0;  // [rad]
   constexpr double kUnknownDistance = 1e3;  // [m]
   Vector6 ridge;
-  ridge.head<3>().setConstant(1.0 / (kUnknownTurn * kUnknownTurn));
+  ridge.head<3>().setConstant(1.0 / (kUnknownRotation * kUnknownRotation));
   ridge.tail<3>().setConstant(1.0 / (kUnknownDistance * kUnknownDistance));
   const Matrix6 sum = symmetric(information) + Matrix6(ridge.asDiagonal());
   return symmetric(sum.ldlt().solve(Matrix6::Identity()));
@@ -28,10 +28,10 @@ bool is_usable(const VioEstimate& vio) {
          (!vio.window_information || vio.window_information->allFinite());
 }
 
-RelativeFilter::Seen seen_by(const VioEstimate& vio, const WellConditioned& directions) {
-  RelativeFilter::Seen seen{{vio.T_world_body, covariance_of(vio.information)}, {}, directions};
+RelativeFilter::VioPose to_vio_pose(const VioEstimate& vio, const WellConditioned& directions) {
+  RelativeFilter::VioPose seen{{vio.T_world_body, covariance_of(vio.information)}, {}, directions};
   if (vio.window_information && vio.window_s > 0.0) {
-    seen.walk_per_s = covariance_of(*vio.window_information) / vio.window_s;
+    seen.random_walk_per_s = covariance_of(*vio.window_information) / vio.window_s;
   }
   return seen;
 }
@@ -43,13 +43,13 @@ FusionState state_of(const FusionResult& result, bool has_dipo, bool used) {
   return result.dipo.stable() ? FusionState::dipo_only : FusionState::dropped;
 }
 
-// What carries a failed window: DIPO; one with DIPO's sensors in it carries itself, and starting
-// anew it would know no more.
-Stability carrier(const FusionInput& input, const Stability& dipo) {
+// Stability of the estimator that continues during a vision failure: DIPO, or a window that
+// includes the sensors of DIPO and need not be re-initialized.
+Stability carrier_stability(const FusionInput& input, const Stability& dipo) {
   return input.vio_includes_dipo && input.vio ? Stability{StabilityReason::stable} : dipo;
 }
 
-CoarseConfig after_failure(CoarseConfig config, double factor) {
+TrackingCheckConfig stricter_after_failure(TrackingCheckConfig config, double factor) {
   config.min_stable_ratio = std::min(0.99, factor * config.min_stable_ratio);
   return config;
 }
@@ -78,97 +78,100 @@ FusionResult Fuser::update(const FusionInput& given) {
   result.dipo = stability_.check(input.stamp, input.dipo);
   if (input.dipo && !is_finite(*input.dipo)) input.dipo.reset();
   if (input.dipo) {
-    if (last_dipo_) dipo_wander_.add(*last_dipo_, *input.dipo);
+    if (last_dipo_) dipo_drift_.add(*last_dipo_, *input.dipo);
     last_dipo_ = input.dipo;
   }
-  const Judgement judgement = judge(input, result.dipo);
-  result.verdict = judgement.verdict;
-  result.eigenvalues = judgement.eigenvalues;
+  const Assessment assessment = validate(input, result.dipo);
+  result.verdict = assessment.verdict;
+  result.eigenvalues = assessment.eigenvalues;
   if (input.vio && !is_usable(*input.vio)) input.vio.reset();
 
   if (result.verdict.reason == Reason::diverged) hysteresis_.set(false);
   const Phase before = freeze_.phase();
   const bool working = hysteresis_.update(result.verdict.accepted());
-  result.freeze = freeze_.update(input.stamp, working, result.verdict, carrier(input, result.dipo));
+  result.freeze =
+      freeze_.update(input.stamp, working, result.verdict, carrier_stability(input, result.dipo));
   if (has_returned(before, result.freeze.phase)) hysteresis_.set(true);
 
   const bool used = hysteresis_.good() && result.verdict.accepted();
-  result.directions = used ? judgement.directions.directions() : 0;
+  result.directions = used ? assessment.directions.directions() : 0;
   if (input.dipo || input.vio) {
     result.pose = output(
-        input, target(input, used ? &judgement.directions : nullptr, vio_carries(input, result)),
+        input,
+        target(input, used ? &assessment.directions : nullptr, use_vio_directly(input, result)),
         result.dipo);
   }
   if (result.pose) result.state = state_of(result, input.dipo.has_value(), used);
-  remember(input, used);
+  record(input, used);
   return result;
 }
 
-Fuser::Judgement Fuser::judge(const FusionInput& input, const Stability& dipo) const {
-  Judgement result;
-  const auto turn_down = [&result](const Verdict& verdict) {
+Fuser::Assessment Fuser::validate(const FusionInput& input, const Stability& dipo) const {
+  Assessment result;
+  const auto reject = [&result](const Verdict& verdict) {
     result.verdict = verdict;
     return !verdict.accepted();
   };
   if (input.vio && !is_usable(*input.vio)) {
-    turn_down({Level::input, Reason::diverged});
+    reject({Level::input, Reason::diverged});
     return result;
   }
   if (input.vio) {
-    result.eigenvalues = tested_eigenvalues(*input.vio, config_.discriminator.fine);
+    result.eigenvalues = tested_eigenvalues(*input.vio, config_.discriminator.degeneracy);
   }
   if (input.statistics.quality != vio::FrameQuality::good) {
-    turn_down({Level::input, Reason::no_image, static_cast<double>(input.statistics.quality)});
+    reject({Level::input, Reason::no_image, static_cast<double>(input.statistics.quality)});
     return result;
   }
-  const CoarseConfig& usual = config_.discriminator.coarse;
+  const TrackingCheckConfig& nominal = config_.discriminator.tracking;
   const bool failed = freeze_.phase() == Phase::frozen || freeze_.phase() == Phase::dropped;
-  const CoarseConfig asked =
-      failed ? after_failure(usual, config_.hysteresis.return_factor) : usual;
-  if (turn_down(coarse(input.statistics, asked))) return result;
+  const TrackingCheckConfig asked =
+      failed ? stricter_after_failure(nominal, config_.hysteresis.recovery_stable_ratio_factor)
+             : nominal;
+  if (reject(check_tracking(input.statistics, asked))) return result;
   if (!input.vio) {
-    turn_down({Level::input, Reason::no_estimate});
+    reject({Level::input, Reason::no_estimate});
     return result;
   }
-  if (turn_down(judge_agreement(input, dipo))) return result;
-  // A frozen window leans on DIPO: how sure it is of itself says nothing about vision.
+  if (reject(validate_agreement(input, dipo))) return result;
+  // A frozen window takes its poses from DIPO: its eigenvalues say nothing about vision.
   const bool frozen = freeze_.phase() == Phase::frozen;
-  if (!frozen || input.vio_includes_dipo) judge_degeneracy(*input.vio, result);
+  if (!frozen || input.vio_includes_dipo) validate_degeneracy(*input.vio, result);
   return result;
 }
 
-Verdict Fuser::judge_agreement(const FusionInput& input, const Stability& dipo) const {
-  const MediumConfig& config = config_.discriminator.medium;
-  if (!input.dipo || (config.needs_stable_dipo && !dipo.stable())) return {};
+Verdict Fuser::validate_agreement(const FusionInput& input, const Stability& dipo) const {
+  const AgreementCheckConfig& config = config_.discriminator.agreement;
+  if (!input.dipo || (config.require_stable_dipo && !dipo.stable())) return {};
   SE3 T_vio = input.vio->T_world_body;
-  MediumConfig limits = config;
-  if (!agreed_.empty()) {
-    // After an outage longer than the window what counts is where both were last believed.
+  AgreementCheckConfig limits = config;
+  if (!agreed_poses_.empty()) {
+    // After an outage longer than the window, compare with the last accepted pair.
     const Stamp oldest = input.stamp - Duration::from_seconds(config.window_s);
-    const auto within =
-        std::ranges::find_if(agreed_, [&](const Pair& pair) { return pair.stamp >= oldest; });
-    const Pair& then = within == agreed_.end() ? agreed_.back() : *within;
+    const auto within = std::ranges::find_if(
+        agreed_poses_, [&](const PosePair& pair) { return pair.stamp >= oldest; });
+    const PosePair& then = within == agreed_poses_.end() ? agreed_poses_.back() : *within;
     T_vio = then.T_dipo * (then.T_vio.inverse() * T_vio);
-    limits = widened(config, dipo_wander_.since(then.dipo_wander));
+    limits = widen_limits(config, dipo_drift_.since(then.dipo_drift));
   }
-  return medium(input.dipo->T_world_body, T_vio, limits);
+  return check_agreement(input.dipo->T_world_body, T_vio, limits);
 }
 
-void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
-  const FineConfig& config = config_.discriminator.fine;
+void Fuser::validate_degeneracy(const VioEstimate& vio, Assessment& result) const {
+  const DegeneracyCheckConfig& config = config_.discriminator.degeneracy;
   if (config.action == DegeneracyAction::ignore) return;
-  const EigenThresholds thresholds{config.min_rotation, config.min_position};
-  // With a DVL in its graph a window is sure of itself in the dark too. While it is frozen nothing
-  // that is seen counts, so that there are no landmarks to ask for.
+  const EigenThresholds thresholds{config.min_rotation_eigenvalue, config.min_position_eigenvalue};
+  // With a DVL in the graph, the information stays high without vision. In a frozen window no
+  // observation is used, so landmarks are not required.
   const bool tested = thresholds.rotation > 0.0 || thresholds.position > 0.0;
   if (tested && vio.inliers == 0 && freeze_.phase() != Phase::frozen) {
     result.verdict = {Level::fine, Reason::no_landmarks, 0.0, 1.0};
     return;
   }
-  result.verdict = fine(*result.eigenvalues, thresholds);
+  result.verdict = check_degeneracy(*result.eigenvalues, thresholds);
   if (result.verdict.accepted() || config.action == DegeneracyAction::reject) return;
-  const bool normalised = config.normalisation == Normalisation::per_inlier;
-  const double scale = normalised ? std::max(1, vio.inliers) : 1.0;
+  const bool normalized = config.normalization == Normalization::per_inlier;
+  const double scale = normalized ? std::max(1, vio.inliers) : 1.0;
   WellConditioned kept =
       well_conditioned(vio.window_information.value_or(vio.information),
                        {scale * thresholds.rotation, scale * thresholds.position});
@@ -177,26 +180,26 @@ void Fuser::judge_degeneracy(const VioEstimate& vio, Judgement& result) const {
   result.directions = std::move(kept);
 }
 
-bool Fuser::vio_carries(const FusionInput& input, const FusionResult& result) const {
+bool Fuser::use_vio_directly(const FusionInput& input, const FusionResult& result) const {
   if (config_.mode != Mode::consistent || !input.vio_includes_dipo || !input.vio) return false;
   return result.freeze.phase != Phase::dropped && result.verdict.level != Level::medium;
 }
 
 Fuser::Target Fuser::target(const FusionInput& input, const WellConditioned* used,
-                            bool vio_carries) {
-  if (input.dipo && !vio_carries) return fuse(input, used);
+                            bool use_vio_directly) {
+  if (input.dipo && !use_vio_directly) return fuse(input, used);
   return {{input.vio->T_world_body, covariance_of(input.vio->information)}, Source::vio};
 }
 
 Fuser::Target Fuser::fuse(const FusionInput& input, const WellConditioned* used) {
   const PoseEstimate& dipo = *input.dipo;
-  if (config_.mode == Mode::consistent && config_.consistent == Consistent::relative) {
-    std::optional<RelativeFilter::Seen> seen;
-    if (used != nullptr) seen = seen_by(*input.vio, *used);
+  if (config_.mode == Mode::consistent && config_.consistent_method == Consistent::relative) {
+    std::optional<RelativeFilter::VioPose> seen;
+    if (used != nullptr) seen = to_vio_pose(*input.vio, *used);
     relative_.step(input.stamp, dipo, seen);
     const PoseEstimate estimate = relative_.estimate();
     if (is_finite(estimate)) return {estimate, used != nullptr ? Source::both : Source::dipo};
-    relative_ = RelativeFilter(config_.relative);  // a covariance of zero, or worse
+    relative_ = RelativeFilter(config_.relative);  // singular covariance
     return {dipo, Source::dipo};
   }
   if (used == nullptr) return {dipo, Source::dipo};
@@ -205,17 +208,18 @@ Fuser::Target Fuser::fuse(const FusionInput& input, const WellConditioned* used)
   if (config_.mode == Mode::paper) {
     return {fuse_independent(dipo, input.vio->T_world_body, information), Source::both};
   }
-  return {intersect(dipo, input.vio->T_world_body, information).estimate, Source::both};
+  return {intersect_covariances(dipo, input.vio->T_world_body, information).estimate, Source::both};
 }
 
 PoseEstimate Fuser::output(const FusionInput& input, const Target& target, const Stability& dipo) {
   const double dt = last_ ? std::max(0.0, seconds_between(last_->stamp, input.stamp)) : 0.0;
-  PoseEstimate pose = slew_.follow(dt, motion(input, target, dipo), target.pose);
+  PoseEstimate pose = slew_.update(dt, motion(input, target, dipo), target.pose);
   last_target_ = target;
   return pose;
 }
 
-// The output moves as its source does; at a switch, as the odometry that is trusted more.
+// The output follows the motion of its source; at a switch, the motion of the more trusted
+// odometry.
 std::optional<SE3> Fuser::motion(const FusionInput& input, const Target& target,
                                  const Stability& dipo) const {
   if (!last_ || last_target_.source == Source::none) return std::nullopt;
@@ -233,15 +237,17 @@ std::optional<SE3> Fuser::motion(const FusionInput& input, const Target& target,
   return by_dipo && (dipo.stable() || !by_vio) ? by_dipo : by_vio;
 }
 
-void Fuser::remember(const FusionInput& input, bool used) {
+void Fuser::record(const FusionInput& input, bool used) {
   last_ = input;
-  const double window_s = config_.discriminator.medium.window_s;
-  // A window with DIPO's sensors in it goes on by itself; any other one is believed when it passes.
-  const bool remembered = input.dipo && (used || (input.vio && input.vio_includes_dipo));
-  if (!remembered || window_s == 0.0) return;
-  agreed_.push_back({input.stamp, input.dipo->T_world_body, input.vio->T_world_body, dipo_wander_});
+  const double window_s = config_.discriminator.agreement.window_s;
+  // A window that includes the sensors of DIPO runs without vision; any other is recorded only if
+  // accepted.
+  const bool is_recorded = input.dipo && (used || (input.vio && input.vio_includes_dipo));
+  if (!is_recorded || window_s == 0.0) return;
+  agreed_poses_.push_back(
+      {input.stamp, input.dipo->T_world_body, input.vio->T_world_body, dipo_drift_});
   const Stamp oldest = input.stamp - Duration::from_seconds(window_s);
-  while (agreed_.front().stamp < oldest) agreed_.pop_front();
+  while (agreed_poses_.front().stamp < oldest) agreed_poses_.pop_front();
 }
 
 }  // namespace apvi::fusion

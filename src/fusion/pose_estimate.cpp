@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/pose_estimate.hpp"
+#include "fusion/pose_estimate.hpp"
 
 #include "apvi/geometry/so3.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/relative_filter.hpp"
+#include "fusion/relative_filter.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -14,15 +14,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kShortest_s = 1e-6;  // two frames of one stamp
+constexpr double kMinStep_s = 1e-6;  // for two frames with one stamp
 
-Vector6 six(double rotation, double position) {
+Vector6 rotation_and_position(double rotation, double position) {
   Vector6 v;
   v << rotation, rotation, rotation, position, position, position;
   return v;
 }
 
-// The part of a symmetric matrix with positive eigenvalues; rows are compared in units of `scale`.
+// Projection of a symmetric matrix onto the positive semidefinite matrices, in units of `scale`.
 Eigen::Matrix3d positive_part(const Eigen::Matrix3d& m, const Eigen::Vector3d& scale) {
   const Eigen::Vector3d inverse = scale.cwiseInverse();
   const Eigen::Matrix3d scaled = inverse.asDiagonal() * m * inverse.asDiagonal();
@@ -32,13 +32,13 @@ Eigen::Matrix3d positive_part(const Eigen::Matrix3d& m, const Eigen::Vector3d& s
   return scale.asDiagonal() * kept * scale.asDiagonal();
 }
 
-// The largest noise that both can contain: the parallel sum, below either matrix.
-Matrix6 common_part(const Matrix6& a, const Matrix6& b) {
+// Upper limit of the common noise: the parallel sum, below either matrix.
+Matrix6 common_noise(const Matrix6& a, const Matrix6& b) {
   return symmetric(a * (a + b).ldlt().solve(b));
 }
 
-// The error of an odometry after the same true motion, without linearising.
-Vector6 carry(const SE3& before, const SE3& now, const Vector6& error) {
+// The error of an odometry after the same true motion, without linearization.
+Vector6 propagate_error(const SE3& before, const SE3& now, const Vector6& error) {
   return boxminus(boxplus(before, error) * (before.inverse() * now), now);
 }
 
@@ -51,7 +51,7 @@ Matrix6 tangent_jacobian(const Vector6& error) {
 
 }  // namespace
 
-Matrix6 error_motion(const SE3& before, const SE3& now) {
+Matrix6 error_transition(const SE3& before, const SE3& now) {
   const SE3 motion = before.inverse() * now;
   Matrix6 A = Matrix6::Identity();
   A.topLeftCorner<3, 3>() = motion.rotation.conjugate().toRotationMatrix();
@@ -59,48 +59,51 @@ Matrix6 error_motion(const SE3& before, const SE3& now) {
   return A;
 }
 
-void Walk::add(const PoseEstimate& before, const PoseEstimate& now, double dt) {
-  const Matrix6 A = error_motion(before.T_world_body, now.T_world_body);
-  const Matrix6 grown = now.covariance - A * before.covariance * A.transpose();
+void RandomWalkEstimator::add(const PoseEstimate& before, const PoseEstimate& now, double dt) {
+  const Matrix6 A = error_transition(before.T_world_body, now.T_world_body);
+  const Matrix6 predicted = now.covariance - A * before.covariance * A.transpose();
   const Vector3d up = now.T_world_body.rotation.conjugate() * Vector3d::UnitZ();
   const double weight = std::max(1.0 - std::exp(-dt / smoothing_s_), 1.0 / ++count_);
-  rotation_ += weight * (up.dot(grown.topLeftCorner<3, 3>() * up) / dt - rotation_);
-  position_ += weight * (0.5 * (grown(3, 3) + grown(4, 4)) / dt - position_);
+  rotation_ += weight * (up.dot(predicted.topLeftCorner<3, 3>() * up) / dt - rotation_);
+  position_ += weight * (0.5 * (predicted(3, 3) + predicted(4, 4)) / dt - position_);
 }
 
-Matrix6 Walk::noise(double dt) const {
+Matrix6 RandomWalkEstimator::noise(double dt) const {
   Vector6 variance;
-  variance << Vector3d::Constant(std::max(rotation_, least_rotation_ * least_rotation_)),
-      Vector3d::Constant(std::max(position_, least_position_ * least_position_));
+  variance << Vector3d::Constant(std::max(rotation_, min_rotation_ * min_rotation_)),
+      Vector3d::Constant(std::max(position_, min_position_ * min_position_));
   return (dt * variance).asDiagonal();
 }
 
-Correction tilt_and_height(const SE3& pose, const Matrix6& grown, const Matrix6& measured) {
+TiltHeightCorrection tilt_height_correction(const SE3& pose, const Matrix6& predicted,
+                                            const Matrix6& measured) {
   Eigen::Matrix<double, 3, 6> H = Eigen::Matrix<double, 3, 6>::Zero();
   H.topLeftCorner<2, 3>() = pose.rotation.toRotationMatrix().topRows<2>();
   H(2, 5) = 1.0;
-  const Eigen::Matrix3d before = H * grown * H.transpose();
+  const Eigen::Matrix3d before = H * predicted * H.transpose();
   const Eigen::Matrix3d lost =
       positive_part(before - H * measured * H.transpose(), before.diagonal().cwiseSqrt());
-  // The gain that leaves `before - lost`, and R of the measurement behind it: K = P Hᵀ S^-1 with
-  // S^-1 = before^-1 lost before^-1, and K R Kᵀ = P Hᵀ (S^-1 - S^-1 before S^-1) H P.
+  // The gain that yields the posterior `before - lost`, and the measurement noise R behind it: K =
+  // P Hᵀ S^-1 with S^-1 = before^-1 lost before^-1, and K R Kᵀ = P Hᵀ (S^-1 - S^-1 before S^-1) H
+  // P.
   const Eigen::Matrix3d inverse = before.inverse();
   const Eigen::Matrix3d S_inverse = inverse * lost * inverse;
-  const Eigen::Matrix<double, 6, 3> PHt = grown * H.transpose();
+  const Eigen::Matrix<double, 6, 3> PHt = predicted * H.transpose();
   const Matrix6 N = PHt * (S_inverse - S_inverse * before * S_inverse) * PHt.transpose();
   return {Matrix6::Identity() - PHt * S_inverse * H, symmetric(N)};
 }
 
 RelativeFilter::RelativeFilter(const RelativeConfig& config)
     : config_(config),
-      dipo_walk_(config.growth_s, config.min_rotation_walk_deg * kRadiansPerDegree,
-                 config.min_position_walk),
+      dipo_walk_(config.drift_smoothing_s, config.min_rotation_walk_deg_sqrt_s * kRadiansPerDegree,
+                 config.min_position_walk_m_sqrt_s),
       vio_walk_(dipo_walk_) {}
 
-void RelativeFilter::step(Stamp stamp, const PoseEstimate& dipo, const std::optional<Seen>& vio) {
+void RelativeFilter::step(Stamp stamp, const PoseEstimate& dipo,
+                          const std::optional<VioPose>& vio) {
   nis_.reset();
   if (dipo_) {
-    predict(std::max(kShortest_s, seconds_between(stamp_, stamp)), dipo, vio);
+    predict(std::max(kMinStep_s, seconds_between(stamp_, stamp)), dipo, vio);
   } else {
     mean_.setZero();
     covariance_.setZero();
@@ -112,47 +115,49 @@ void RelativeFilter::step(Stamp stamp, const PoseEstimate& dipo, const std::opti
   vio_.reset();
   if (!vio) return;
   if (continues && !update(*vio)) ++rejected_;
-  if (!continues || nis_.value_or(0.0) > config_.gate) clone(*vio);
+  if (!continues || nis_.value_or(0.0) > config_.nis_gate) clone(*vio);
   vio_ = vio->pose;
 }
 
-Matrix6 RelativeFilter::vio_noise(double dt, const Seen& vio) {
+Matrix6 RelativeFilter::vio_noise(double dt, const VioPose& vio) {
   vio_walk_.add(*vio_, vio.pose, dt);
-  if (!vio.walk_per_s) return vio_walk_.noise(dt);
-  const Matrix6 least =
-      Walk(1.0, config_.min_rotation_walk_deg * kRadiansPerDegree, config_.min_position_walk)
+  if (!vio.random_walk_per_s) return vio_walk_.noise(dt);
+  const Matrix6 min_noise =
+      RandomWalkEstimator(1.0, config_.min_rotation_walk_deg_sqrt_s * kRadiansPerDegree,
+                          config_.min_position_walk_m_sqrt_s)
           .noise(dt);
-  return symmetric(dt * *vio.walk_per_s) + least;
+  return symmetric(dt * *vio.random_walk_per_s) + min_noise;
 }
 
-void RelativeFilter::predict(double dt, const PoseEstimate& dipo, const std::optional<Seen>& vio) {
+void RelativeFilter::predict(double dt, const PoseEstimate& dipo,
+                             const std::optional<VioPose>& vio) {
   const SE3& before = dipo_->T_world_body;
   const SE3& now = dipo.T_world_body;
-  const Matrix6 A = error_motion(before, now);
+  const Matrix6 A = error_transition(before, now);
   dipo_walk_.add(*dipo_, dipo, dt);
   const Matrix6 noise = dipo_walk_.noise(dt);
-  const Matrix6 grown = symmetric(A * dipo_->covariance * A.transpose() + noise);
-  const Correction correction = tilt_and_height(now, grown, dipo.covariance);
+  const Matrix6 predicted = symmetric(A * dipo_->covariance * A.transpose() + noise);
+  const TiltHeightCorrection correction = tilt_height_correction(now, predicted, dipo.covariance);
   const Matrix6& G = correction.G;
   Matrix12 F = Matrix12::Identity();
   Matrix12 Q = Matrix12::Zero();
   F.topLeftCorner<6, 6>() = G * A;
   Q.topLeftCorner<6, 6>() = G * noise * G.transpose() + correction.N;
-  mean_.head<6>() = G * carry(before, now, mean_.head<6>());
+  mean_.head<6>() = G * propagate_error(before, now, mean_.head<6>());
   if (vio && vio_) {
     const Matrix6 vio_walk = vio_noise(dt, *vio);
-    const Matrix6 shared = config_.shared_noise * G * common_part(noise, vio_walk);
-    F.bottomRightCorner<6, 6>() = error_motion(vio_->T_world_body, vio->pose.T_world_body);
+    const Matrix6 shared = config_.shared_noise_fraction * G * common_noise(noise, vio_walk);
+    F.bottomRightCorner<6, 6>() = error_transition(vio_->T_world_body, vio->pose.T_world_body);
     Q.bottomRightCorner<6, 6>() = vio_walk;
     Q.topRightCorner<6, 6>() = shared;
     Q.bottomLeftCorner<6, 6>() = shared.transpose();
-    mean_.tail<6>() = carry(vio_->T_world_body, vio->pose.T_world_body, mean_.tail<6>());
+    mean_.tail<6>() = propagate_error(vio_->T_world_body, vio->pose.T_world_body, mean_.tail<6>());
   }
   covariance_ = F * covariance_ * F.transpose() + Q;
   covariance_ = 0.5 * (covariance_ + covariance_.transpose()).eval();
 }
 
-void RelativeFilter::clone(const Seen& vio) {
+void RelativeFilter::clone(const VioPose& vio) {
   const SE3 best = boxplus(dipo_->T_world_body, mean_.head<6>());
   mean_.tail<6>() = boxminus(best, vio.pose.T_world_body);
   const Matrix6 J =
@@ -163,7 +168,7 @@ void RelativeFilter::clone(const Seen& vio) {
   covariance_.bottomRightCorner<6, 6>() = J * P * J.transpose();
 }
 
-bool RelativeFilter::update(const Seen& vio) {
+bool RelativeFilter::update(const VioPose& vio) {
   const auto& U = vio.directions.basis;
   const SE3 by_dipo = boxplus(dipo_->T_world_body, mean_.head<6>());
   const SE3 by_vio = boxplus(vio.pose.T_world_body, mean_.tail<6>());
@@ -171,12 +176,13 @@ bool RelativeFilter::update(const Seen& vio) {
   whole << tangent_jacobian(mean_.head<6>()), -tangent_jacobian(mean_.tail<6>());
   const Eigen::MatrixXd H = U.transpose() * whole;
   const Vector6 tie =
-      six(config_.tie_rotation_deg * kRadiansPerDegree, config_.tie_position_m).cwiseAbs2();
+      rotation_and_position(config_.pose_noise_deg * kRadiansPerDegree, config_.pose_noise_m)
+          .cwiseAbs2();
   const Eigen::MatrixXd R = U.transpose() * tie.asDiagonal() * U;
   const Eigen::VectorXd r = U.transpose() * boxminus(by_vio, by_dipo);
   const Eigen::LDLT<Eigen::MatrixXd> S(H * covariance_ * H.transpose() + R);
   nis_ = r.dot(S.solve(r));
-  if (!(*nis_ <= config_.gate)) return false;
+  if (!(*nis_ <= config_.nis_gate)) return false;
   const Eigen::MatrixXd K = S.solve(H * covariance_).transpose();
   mean_ += K * r;
   const Matrix12 I_KH = Matrix12::Identity() - K * H;  // Joseph form

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/semicircle.hpp"
+#include "fusion/semicircle.hpp"
 
 #include <algorithm>
 #include <cmath>

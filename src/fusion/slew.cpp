@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/slew.hpp"
+#include "fusion/slew.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace apvi::fusion {
 
-// Of a distance to the target, what may be covered in `dt`.
+// The part of a distance to the target that is covered in `dt`.
 double Slew::step(double size, double dt, double min_rate) const {
   if (config_.time_constant_s == 0.0) return size;
-  const double share = 1.0 - std::exp(-dt / config_.time_constant_s);
-  return std::min(size, std::max(size * share, min_rate * dt));
+  const double fraction = 1.0 - std::exp(-dt / config_.time_constant_s);
+  return std::min(size, std::max(size * fraction, min_rate * dt));
 }
 
-PoseEstimate Slew::follow(double dt, const std::optional<SE3>& motion, const PoseEstimate& target) {
+PoseEstimate Slew::update(double dt, const std::optional<SE3>& motion, const PoseEstimate& target) {
   if (!output_ || !motion) {
     output_ = target.T_world_body;
     remaining_.setZero();
     return target;
   }
-  const SE3 moved = *output_ * *motion;
-  Vector6 correction = boxminus(target.T_world_body, moved);
+  const SE3 predicted = *output_ * *motion;
+  Vector6 correction = boxminus(target.T_world_body, predicted);
   const double turn = correction.head<3>().norm();
   const double distance = correction.tail<3>().norm();
   if (turn > 0.0) {
     correction.head<3>() *= step(turn, dt, config_.min_rate_deg_s * kRadiansPerDegree) / turn;
   }
   if (distance > 0.0) correction.tail<3>() *= step(distance, dt, config_.min_speed_m_s) / distance;
-  output_ = boxplus(moved, correction);
+  output_ = boxplus(predicted, correction);
   remaining_ = boxminus(target.T_world_body, *output_);
   return {*output_, target.covariance + remaining_ * remaining_.transpose()};
 }

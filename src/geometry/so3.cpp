@@ -8,7 +8,7 @@
 namespace apvi::so3 {
 namespace {
 
-constexpr double kSmallAngle = 1e-4;  // below it, series to fourth order are exact to rounding
+constexpr double kSmallAngle = 1e-4;  // below it, fourth-order series are accurate to rounding
 
 // Coefficients of Jr = I - a [φ]x + b [φ]x².
 double jacobian_a(double angle) {
@@ -17,7 +17,7 @@ double jacobian_a(double angle) {
 }
 double jacobian_b(double angle) {
   const double t2 = angle * angle;
-  // The difference angle - sin(angle) loses digits long before the series does.
+  // angle - sin(angle) cancels numerically, so the series is used over a larger range.
   return angle < 1e-2 ? 1.0 / 6.0 - t2 / 120.0 + t2 * t2 / 5040.0
                       : (angle - std::sin(angle)) / (t2 * angle);
 }

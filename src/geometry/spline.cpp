@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/geometry/spline.hpp"
+#include "geometry/spline.hpp"
 
 #include <algorithm>
 #include <array>
@@ -46,28 +46,28 @@ Matrix cumulative_basis() {
   return m;
 }
 
-struct Blend {
+struct BasisValues {
   Weights value{};
   Weights first{};   // d/dt
   Weights second{};  // d²/dt²
 };
 
-Blend blend_at(double u, double period_s) {
+BasisValues basis_at(double u, double period_s) {
   static const Matrix basis = cumulative_basis();
-  Blend blend;
+  BasisValues weights;
   for (int j = 0; j < kOrder; ++j) {
     for (int n = kOrder - 1; n >= 0; --n) {
-      blend.value[j] = blend.value[j] * u + basis[j][n];
-      if (n >= 1) blend.first[j] = blend.first[j] * u + n * basis[j][n];
-      if (n >= 2) blend.second[j] = blend.second[j] * u + n * (n - 1) * basis[j][n];
+      weights.value[j] = weights.value[j] * u + basis[j][n];
+      if (n >= 1) weights.first[j] = weights.first[j] * u + n * basis[j][n];
+      if (n >= 2) weights.second[j] = weights.second[j] * u + n * (n - 1) * basis[j][n];
     }
-    blend.first[j] /= period_s;
-    blend.second[j] /= period_s * period_s;
+    weights.first[j] /= period_s;
+    weights.second[j] /= period_s * period_s;
   }
-  return blend;
+  return weights;
 }
 
-Motion evaluate(const SE3* control, const Blend& blend) {
+Motion evaluate(const SE3* control, const BasisValues& weights) {
   Motion motion;
   Quaterniond rotation = control[0].rotation;
   Vector3d position = control[0].translation;
@@ -75,14 +75,14 @@ Motion evaluate(const SE3* control, const Blend& blend) {
   Vector3d alpha = Vector3d::Zero();
   for (int j = 1; j < kOrder; ++j) {
     const Vector3d step = control[j].translation - control[j - 1].translation;
-    position += blend.value[j] * step;
-    motion.velocity_world += blend.first[j] * step;
-    motion.acceleration_world += blend.second[j] * step;
+    position += weights.value[j] * step;
+    motion.velocity_world += weights.first[j] * step;
+    motion.acceleration_world += weights.second[j] * step;
     const Vector3d d = so3::log(control[j - 1].rotation.conjugate() * control[j].rotation);
-    const Quaterniond a = so3::exp(blend.value[j] * d);
+    const Quaterniond a = so3::exp(weights.value[j] * d);
     rotation = rotation * a;
-    omega = a.conjugate() * omega + blend.first[j] * d;
-    alpha = a.conjugate() * alpha + blend.first[j] * omega.cross(d) + blend.second[j] * d;
+    omega = a.conjugate() * omega + weights.first[j] * d;
+    alpha = a.conjugate() * alpha + weights.first[j] * omega.cross(d) + weights.second[j] * d;
   }
   motion.T_world_body = {rotation.normalized(), position};
   motion.angular_velocity_body = omega;
@@ -90,18 +90,18 @@ Motion evaluate(const SE3* control, const Blend& blend) {
   return motion;
 }
 
-constexpr std::size_t kLead = 2;  // control poses before the first knot's own
-constexpr std::size_t kTail = 3;  // and after the last one's
-constexpr int kIterations = 200;  // the error shrinks by 0.87 or better in each
+constexpr std::size_t kLeadingPoses = 2;   // control poses before the first knot
+constexpr std::size_t kTrailingPoses = 3;  // control poses after the last knot
+constexpr int kIterations = 200;           // each reduces the error by a factor of 0.87 or less
 
-// Straight on beyond both ends.
+// Linear extrapolation beyond both ends.
 void extrapolate_ends(std::vector<SE3>& control) {
   const auto continue_from = [&](std::size_t to, std::size_t from, std::size_t before) {
     control[to].translation = 2.0 * control[from].translation - control[before].translation;
     control[to].rotation = control[from].rotation;
   };
-  for (std::size_t i = kLead; i-- > 0;) continue_from(i, i + 1, i + 2);
-  for (std::size_t i = control.size() - kTail; i < control.size(); ++i)
+  for (std::size_t i = kLeadingPoses; i-- > 0;) continue_from(i, i + 1, i + 2);
+  for (std::size_t i = control.size() - kTrailingPoses; i < control.size(); ++i)
     continue_from(i, i - 1, i - 2);
 }
 
@@ -121,16 +121,17 @@ Se3Spline Se3Spline::through(const Trajectory& trajectory, Duration period) {
       knots.push_back(trajectory.at(t, Duration{last.ns}).value());
     }
   }
-  if (knots.size() < 3) fail_input("the trajectory is too short to be flown: it needs three poses");
-  std::vector<SE3> control(knots.size() + kLead + kTail);
-  std::copy(knots.begin(), knots.end(), control.begin() + kLead);
+  if (knots.size() < 3)
+    fail_input("trajectory too short for a spline: at least three poses are required");
+  std::vector<SE3> control(knots.size() + kLeadingPoses + kTrailingPoses);
+  std::copy(knots.begin(), knots.end(), control.begin() + kLeadingPoses);
   extrapolate_ends(control);
-  const Blend at_knot = blend_at(0.0, period.seconds());
+  const BasisValues at_knot = basis_at(0.0, period.seconds());
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     std::vector<SE3> next = control;
     for (std::size_t i = 0; i < knots.size(); ++i) {
       const SE3 curve = evaluate(&control[i], at_knot).T_world_body;
-      SE3& pose = next[i + kLead];
+      SE3& pose = next[i + kLeadingPoses];
       pose.translation += knots[i].translation - curve.translation;
       pose.rotation =
           pose.rotation * so3::exp(so3::log(curve.rotation.conjugate() * knots[i].rotation));
@@ -151,7 +152,7 @@ Motion Se3Spline::at(Stamp stamp) const {
       std::min(static_cast<std::size_t>(since / period_.ns), control_.size() - kOrder);
   const double u = static_cast<double>(since - static_cast<std::int64_t>(segment) * period_.ns) /
                    static_cast<double>(period_.ns);
-  return evaluate(&control_[segment], blend_at(u, period_.seconds()));
+  return evaluate(&control_[segment], basis_at(u, period_.seconds()));
 }
 
 }  // namespace apvi

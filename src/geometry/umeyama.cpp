@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/geometry/umeyama.hpp"
+#include "geometry/umeyama.hpp"
 
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
@@ -22,10 +22,10 @@ Vector3d mean(const std::vector<Vector3d>& points) {
   return to_matrix(points).rowwise().mean();
 }
 
-// Second singular value against the first: zero when the points lie on one line.
-bool spans_a_plane(const Eigen::Matrix3Xd& points) {
-  const Eigen::Matrix3Xd centred = points.colwise() - points.rowwise().mean();
-  const Vector3d s = Eigen::JacobiSVD<Matrix3d>(centred * centred.transpose()).singularValues();
+// The ratio of the second singular value to the first is zero for collinear points.
+bool spans_plane(const Eigen::Matrix3Xd& points) {
+  const Eigen::Matrix3Xd centered = points.colwise() - points.rowwise().mean();
+  const Vector3d s = Eigen::JacobiSVD<Matrix3d>(centered * centered.transpose()).singularValues();
   return s(1) > 1e-12 * s(0) && s(0) > 0.0;
 }
 
@@ -37,7 +37,7 @@ std::optional<SE3> align_rigid(const std::vector<Vector3d>& source,
   if (source.size() < 3) return std::nullopt;
   const Eigen::Matrix3Xd from = to_matrix(source);
   const Eigen::Matrix3Xd to = to_matrix(target);
-  if (!spans_a_plane(from) || !spans_a_plane(to)) return std::nullopt;
+  if (!spans_plane(from) || !spans_plane(to)) return std::nullopt;
   const Eigen::Matrix4d m = Eigen::umeyama(from, to, false);
   return SE3{Eigen::Quaterniond(Matrix3d(m.topLeftCorner<3, 3>())).normalized(),
              m.topRightCorner<3, 1>()};

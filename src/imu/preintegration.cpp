@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/preintegration.hpp"
+#include "imu/preintegration.hpp"
 
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/propagation.hpp"
+#include "imu/propagation.hpp"
 
 #include "apvi/geometry/so3.hpp"
 
@@ -10,7 +10,7 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// The quantities of one step that value and Jacobian share.
+// Intermediate values shared by the propagation and its Jacobian.
 struct Step {
   Vector3d earth_body;  // Earth's rate in the body frame at the start
   Vector3d phi;         // rotation of the step
@@ -20,8 +20,8 @@ struct Step {
   NavState next;
 };
 
-Step take_step(const NavState& x, const Vector3d& gyro, const Vector3d& accel, double dt,
-               const World& world) {
+Step integrate_step(const NavState& x, const Vector3d& gyro, const Vector3d& accel, double dt,
+                    const EarthModel& world) {
   Step s;
   s.earth_body = x.R_world_body.conjugate() * world.earth_rate;
   s.phi = (gyro - x.gyro_bias - s.earth_body) * dt;
@@ -58,24 +58,24 @@ NavVector boxminus(const NavState& a, const NavState& b) {
 }
 
 NavState propagate(const NavState& state, const Vector3d& gyro, const Vector3d& accel, double dt,
-                   const World& world) {
-  return take_step(state, gyro, accel, dt, world).next;
+                   const EarthModel& world) {
+  return integrate_step(state, gyro, accel, dt, world).next;
 }
 
 NavState propagate(const NavState& state, const Vector3d& gyro, const Vector3d& accel, double dt,
-                   const World& world, NavMatrix& F) {
-  const Step s = take_step(state, gyro, accel, dt, world);
+                   const EarthModel& world, NavMatrix& F) {
+  const Step s = integrate_step(state, gyro, accel, dt, world);
   const Matrix3d R = state.R_world_body.toRotationMatrix();
   const Matrix3d R_mid = s.R_mid.toRotationMatrix();
   const Matrix3d R_next_t = s.next.R_world_body.conjugate().toRotationMatrix();
 
-  // φ depends on θ through Earth's rate seen in the body, and on the gyro bias.
+  // φ depends on θ through the Earth rate in the body frame, and on the gyro bias.
   const Matrix3d phi_theta = -dt * so3::hat(s.earth_body);
   const Matrix3d jr = so3::right_jacobian(s.phi);
   const Matrix3d theta_theta = so3::exp(-s.phi).toRotationMatrix() + jr * phi_theta;
   const Matrix3d theta_bg = -dt * jr;
 
-  // Orientation halfway, which turns the specific force.
+  // Mid-step orientation, which rotates the specific force.
   const Matrix3d jr_half = so3::right_jacobian(0.5 * s.phi);
   const Matrix3d mid_theta = so3::exp(-0.5 * s.phi).toRotationMatrix() + 0.5 * jr_half * phi_theta;
   const Matrix3d force_mid = -R_mid * so3::hat(s.force);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/sample_buffer.hpp"
+#include "imu/sample_buffer.hpp"
 
 #include <algorithm>
 
@@ -20,11 +20,11 @@ bool is_older(const ImuSample& sample, Stamp stamp) {
 bool SampleBuffer::add(const ImuSample& sample) {
   if (!samples_.empty() && sample.stamp <= samples_.back().stamp) return false;
   samples_.push_back(sample);
-  forget_before(sample.stamp - keep_);
+  drop_before(sample.stamp - retention_);
   return true;
 }
 
-void SampleBuffer::forget_before(Stamp stamp) {
+void SampleBuffer::drop_before(Stamp stamp) {
   while (samples_.size() > 1 && samples_[1].stamp <= stamp) samples_.pop_front();
 }
 

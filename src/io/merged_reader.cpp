@@ -22,7 +22,7 @@ MergedReader::MergedReader(Recording recording, const DatasetConfig& config)
   }
 }
 
-// Reads on until the stream has a clean sample ready. False when nothing of it is near.
+// Reads until the stream has a clean sample ready. False when it is pending or ended.
 bool MergedReader::fill(Stream& stream) {
   while (stream.cleaner.ready.empty() && !stream.ended) {
     SensorEvent event;
@@ -54,7 +54,7 @@ MergedReader::Stream* MergedReader::earliest() {
     }
     const bool all_ended =
         std::all_of(streams_.begin(), streams_.end(), [](const Stream& s) { return s.ended; });
-    // With nothing ready, asking again makes a source that was pending read on.
+    // When nothing is ready, retry: a pending source then reads further.
     if (best != nullptr || all_ended) return best;
   }
 }
@@ -71,7 +71,7 @@ namespace {
 
 void blacken(ImageFrame& image) {
   image.decode = [decode = std::move(image.decode)] {
-    cv::Mat pixels = decode().clone();  // the decoder may keep what it gave out
+    cv::Mat pixels = decode().clone();  // the decoder may share its buffer
     pixels.setTo(cv::Scalar::all(0));
     return pixels;
   };
@@ -79,7 +79,7 @@ void blacken(ImageFrame& image) {
 
 }  // namespace
 
-bool MergedReader::hidden(const SensorEvent& event) const {
+bool MergedReader::in_blackout(const SensorEvent& event) const {
   if (!std::holds_alternative<ImageFrame>(event)) return false;
   const double t = seconds_between(*begin_, stamp_of(event));
   return std::any_of(config_.blackout_s.begin(), config_.blackout_s.end(),
@@ -95,14 +95,14 @@ std::optional<SensorEvent> MergedReader::next() {
     stream->cleaner.ready.pop_front();
     const Stamp stamp = stamp_of(event);
     if (stamp >= until_) break;
-    if (stamp < latest_) {  // only a source that was pending can come late
+    if (stamp < latest_) {  // only after a pending source
       stream->cleaner.drop(DropReason::out_of_order);
       continue;
     }
     latest_ = stamp;
     if (stamp < from_) continue;
-    if (hidden(event)) {
-      if (config_.blackout == Blackout::dropped) continue;
+    if (in_blackout(event)) {
+      if (config_.blackout_mode == Blackout::dropped) continue;
       blacken(std::get<ImageFrame>(event));
     }
     ++stream->report->delivered;

@@ -13,7 +13,7 @@
 
 namespace apvi::io {
 
-/// Cleans every sensor of a recording and merges them in order of time, within the configured span.
+/// Cleans the streams of a recording and merges them chronologically, within the configured span.
 class MergedReader : public SequenceReader {
  public:
   MergedReader(Recording recording, const DatasetConfig& config);
@@ -35,13 +35,13 @@ class MergedReader : public SequenceReader {
   bool fill(Stream& stream);
   Stream* earliest();
   void find_start();
-  bool hidden(const SensorEvent& event) const;
+  bool in_blackout(const SensorEvent& event) const;
 
   Recording recording_;
   DatasetConfig config_;
   std::map<std::string, StreamReport> report_;
   std::vector<Stream> streams_;
-  std::optional<Stamp> begin_;  // of the recording; the span counts from here
+  std::optional<Stamp> begin_;  // of the recording; origin of the span
   Stamp from_;
   Stamp until_ = Stamp::max();
   Stamp latest_ = Stamp::min();

@@ -14,10 +14,10 @@
 /// One function per format; `open_sequence` chooses.
 namespace apvi::io {
 
-/// Which sensors were asked for: "imu", "dvl", "pressure", "camera"; an empty list means all.
+/// The requested sensors: "imu", "dvl", "pressure", "camera"; an empty list means all.
 class SensorChoice {
  public:
-  /// Throws InputError for a word that names no sensor.
+  /// Throws InputError for an unknown sensor name.
   explicit SensorChoice(const std::vector<std::string>& sensors);
   bool all() const { return chosen_.empty(); }
   bool wants(const std::string& sensor) const { return all() || chosen_.contains(sensor); }
@@ -29,7 +29,7 @@ class SensorChoice {
 /// rig.yaml above mav0/<sensor>/data.csv.
 Recording open_folder(const std::filesystem::path& root, const DatasetConfig& config,
                       const SensorChoice& choice);
-/// The same with a sensor.yaml in each sensor's folder instead of rig.yaml.
+/// As above, with a sensor.yaml in each sensor's folder instead of rig.yaml.
 Recording open_euroc(const std::filesystem::path& root, const DatasetConfig& config,
                      const SensorChoice& choice);
 /// IMG_L/, imu.csv, dvl.csv, depth.csv, gt.csv.
@@ -39,32 +39,32 @@ Recording open_tank(const std::filesystem::path& root, const DatasetConfig& conf
 Recording open_bag(const std::filesystem::path& path, const DatasetConfig& config,
                    const SensorChoice& choice);
 
-/// The calibration to use: `config.rig` when given, else `own` if it exists, else null.
+/// The calibration: `config.rig` if set, else `own` if it exists, else null.
 config::Node load_rig(const DatasetConfig& config, const std::filesystem::path& own);
 
-/// One sensor of a recording that is made of files.
-struct SensorPlace {
-  std::string name;    ///< of the rig's section: "imu0", "cam1", …
+/// One sensor of a file-based recording.
+struct SensorFile {
+  std::string name;    ///< section of the rig: "imu0", "cam1", …
   std::string kind;    ///< of the events: "imu", "camera", …
-  std::string choice;  ///< the word in sensors.use
+  std::string choice;  ///< name in sensors.use
   std::filesystem::path path;
   std::function<std::unique_ptr<SampleSource>(const std::filesystem::path&)> open;
 };
 
-/// Adds what is there of the places. Throws InputError when a sensor that the rig describes is not
-/// there. Cameras that the rig does not describe are left out: nobody could use them.
-void add_sensors(const std::vector<SensorPlace>& places, const SensorChoice& choice,
+/// Adds the sensors whose files exist. Throws InputError when a sensor that the rig describes is
+/// missing. Cameras that the rig does not describe are ignored.
+void add_sensors(const std::vector<SensorFile>& files, const SensorChoice& choice,
                  Recording& recording);
 
-/// Adds the sensors found below `root`/mav0 to a recording whose rig is set. Throws InputError when
-/// a sensor that the rig describes and the choice wants is not there, or nothing is there at all.
+/// Adds the sensors below `root`/mav0 to a recording whose rig is set. Throws InputError when a
+/// requested sensor that the rig describes is missing, or the folder does not exist.
 void add_asl_sensors(const std::filesystem::path& root, const DatasetConfig& config,
                      const SensorChoice& choice, Recording& recording);
 
 /// Throws InputError when a recording has no sensor to read.
 void check_any_sensor(const Recording& recording, const std::filesystem::path& root);
 
-/// A trajectory file as reference; nothing when the file has a header only.
+/// A trajectory file as reference; nullopt when it has a header only.
 std::optional<Trajectory> read_reference(const std::filesystem::path& path);
 
 }  // namespace apvi::io

@@ -13,23 +13,23 @@
 
 namespace apvi::io {
 
-/// What a source says when asked for its next sample. `pending`: nothing of this sensor is near in
-/// the recording; the others should go on without it.
+/// Result of a request for the next sample. `pending`: no sample within the look-ahead; the other
+/// sensors continue without this one.
 enum class SourceState { sample, malformed, pending, end };
 
-/// The samples of one sensor as the recording has them: not cleaned, lazily read.
+/// The raw samples of one sensor of a recording, lazily read.
 class SampleSource {
  public:
   virtual ~SampleSource() = default;
-  /// Fills `event` when the answer is `sample`.
+  /// Fills `event` when the result is `sample`.
   virtual SourceState next(SensorEvent& event) = 0;
-  /// Where the sample just read stands: "file:line", or topic and time.
+  /// Location of the sample just read: "file:line", or topic and time.
   virtual std::string where() const = 0;
-  /// How much has been read, in [0, 1].
+  /// Fraction read, in [0, 1].
   virtual double fraction() const = 0;
 };
 
-/// A recording taken apart, as every format's reader returns it.
+/// The parts of a recording, as returned by the reader of each format.
 struct Recording {
   config::Node rig;
   std::vector<std::unique_ptr<SampleSource>> sources;

@@ -8,7 +8,7 @@
 #include <fstream>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/text.hpp"
+#include "core/text.hpp"
 #include "io/merged_reader.hpp"
 #include "io/readers.hpp"
 
@@ -24,22 +24,22 @@ bool any_sensor_yaml(const fs::path& mav) {
   return false;
 }
 
-bool begins_like_a_bag(const fs::path& path) {
+bool has_bag_magic(const fs::path& path) {
   std::string magic(7, '\0');
   std::ifstream(path, std::ios::binary).read(magic.data(), 7);
   return magic == "#ROSBAG";
 }
 
 DatasetFormat detect_file(const fs::path& path) {
-  if (text::to_lower(path.extension().string()) == ".bag" || begins_like_a_bag(path)) {
+  if (text::to_lower(path.extension().string()) == ".bag" || has_bag_magic(path)) {
     return DatasetFormat::rosbag;
   }
   const std::string extension = path.extension().string();
   if (extension == ".db3" || extension == ".mcap") {
-    fail_input("{}: this is a ROS 2 bag; turn it into a folder with scripts/convert_rosbag2.py",
+    fail_input("{}: this is a ROS 2 bag; convert it with scripts/convert_rosbag2.py",
                path.string());
   }
-  fail_input("{}: not a data set; give a folder or a .bag file", path.string());
+  fail_input("{}: not a data set; specify a folder or a .bag file", path.string());
 }
 
 DatasetFormat detect_folder(const fs::path& path) {
@@ -49,11 +49,11 @@ DatasetFormat detect_folder(const fs::path& path) {
   }
   if (fs::exists(path / "imu.csv") || fs::is_directory(path / "IMG_L")) return DatasetFormat::tank;
   if (fs::exists(path / "metadata.yaml")) {
-    fail_input("{}: this is a ROS 2 bag; turn it into a folder with scripts/convert_rosbag2.py",
+    fail_input("{}: this is a ROS 2 bag; convert it with scripts/convert_rosbag2.py",
                path.string());
   }
   if (fs::exists(path / "imu0" / "data.csv") || fs::exists(path / "cam0" / "data.csv")) {
-    fail_input("{}: give the folder that contains mav0, not mav0 itself", path.string());
+    fail_input("{}: specify the folder that contains mav0, not mav0 itself", path.string());
   }
   fail_input(
       "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md",
@@ -69,7 +69,7 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
   const fs::path path = config.path;
   const bool wants_folder = format != DatasetFormat::rosbag;
   if (wants_folder != fs::is_directory(path)) {
-    fail_input("{}: dataset.format asks for a {}; this is a {}", config.path,
+    fail_input("{}: dataset.format requires a {}, but this is a {}", config.path,
                wants_folder ? "folder" : ".bag file", wants_folder ? "file" : "folder");
   }
   switch (format) {
@@ -89,15 +89,15 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
 }
 
 void check(const DatasetConfig& config) {
-  if (config.path.empty()) fail_input("dataset.path: missing; give a folder or a .bag file");
+  if (config.path.empty()) fail_input("dataset.path: missing; specify a folder or a .bag file");
   std::error_code unreadable;
   if (!fs::exists(config.path, unreadable)) {
-    fail_input("{}: no such file or folder; is dataset.path right?", config.path);
+    fail_input("{}: no such file or folder; check dataset.path", config.path);
   }
   for (const auto& span : config.blackout_s) {
     if (!(span[0] >= 0.0 && span[1] > span[0])) {
-      fail_input("dataset.blackout_s: [{}, {}] is no span; give [from, to] with from < to", span[0],
-                 span[1]);
+      fail_input("dataset.blackout_s: [{}, {}] is not a span; use [from, to] with from < to",
+                 span[0], span[1]);
     }
   }
 }
@@ -125,8 +125,7 @@ SensorChoice::SensorChoice(const std::vector<std::string>& sensors)
   const std::vector<std::string> known = {"camera", "imu", "dvl", "pressure"};
   for (const std::string& sensor : sensors) {
     if (std::find(known.begin(), known.end(), sensor) == known.end()) {
-      fail_input("sensors.use: there is no sensor \"{}\"; known are {}", sensor,
-                 fmt::join(known, ", "));
+      fail_input("sensors.use: no sensor \"{}\"; use {}", sensor, fmt::join(known, ", "));
     }
   }
 }

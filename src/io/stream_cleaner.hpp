@@ -12,21 +12,20 @@
 
 namespace apvi::io {
 
-/// Lets through what an estimator can use of one sensor's samples: finite numbers at strictly
-/// increasing stamps. A single stamp that lies farther than `max_jump` from its neighbours is
-/// broken and dropped; a jump forward that stays is a gap in the recording and kept; after a jump
-/// back that stays everything is out of order. To tell these apart a sample behind a jump waits for
-/// the next.
+/// Passes only usable samples of one sensor: finite numbers at strictly increasing stamps. A single
+/// stamp farther than `max_jump` from its neighbors is broken and dropped; a persistent forward
+/// jump is a gap and is kept; after a persistent backward jump all samples are out of order. To
+/// distinguish these cases, a sample after a jump is held until the next one.
 class StreamCleaner {
  public:
-  /// `where` names the place of the sample being pushed; asked only when a sample is held or
+  /// `where` returns the location of the sample being pushed; called only when a sample is held or
   /// dropped.
   StreamCleaner(std::string sensor, Duration max_jump, StreamReport& report,
                 std::function<std::string()> where);
 
   /// Takes the next sample; clean ones are appended to `ready`.
   void push(SensorEvent event);
-  /// Counts a sample and says so in the log the first time it happens for this reason.
+  /// Counts a dropped sample; logs the first one for each reason.
   void drop(DropReason reason) { drop(reason, where_()); }
   /// The sensor has no more samples.
   void finish();
@@ -34,7 +33,7 @@ class StreamCleaner {
   std::deque<SensorEvent> ready;
 
  private:
-  struct Held {
+  struct PendingSample {
     SensorEvent event;
     std::string where;
   };
@@ -44,17 +43,17 @@ class StreamCleaner {
   void push_after_jump(SensorEvent event);
   void push_regular(SensorEvent event);
   void accept(SensorEvent event);
-  bool near(Stamp a, Stamp b) const;
-  void settle_jump_back(bool persistent);
+  bool within_max_jump(Stamp a, Stamp b) const;
+  void resolve_jump_back(bool persistent);
 
   std::string sensor_;
   Duration max_jump_;
   StreamReport* report_;
   std::function<std::string()> where_;
   std::optional<Stamp> last_;
-  std::deque<Held> held_;            // waiting for a sample that says whether their stamps are good
-  std::optional<std::string> back_;  // place of a sample far in the past, single or not
-  bool back_persists_ = false;
+  std::deque<PendingSample> pending_;     // held until a later sample confirms their stamps
+  std::optional<std::string> jump_back_;  // location of a sample far in the past, single or not
+  bool jump_back_persists_ = false;
 };
 
 }  // namespace apvi::io

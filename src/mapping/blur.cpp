@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "blur.hpp"
+#include "mapping/blur.hpp"
 
 #include <torch/torch.h>
 

@@ -5,10 +5,11 @@
 
 namespace apvi::mapping {
 
-/// Planes [n,1,H,W] blurred by a Gaussian of `sigma` pixels; what is at the edges goes on outside.
+/// Gaussian blur of planes [n,1,H,W] with `sigma` in pixels and replicated borders.
 torch::Tensor blurred(const torch::Tensor& planes, double sigma);
 
-/// Inverse depth [H,W] of a depth map (0: unknown) blurred by `sigma` pixels, from what is known.
+/// Blurred inverse depth [H,W] of a depth map (0: unknown), `sigma` in pixels, over known pixels
+/// only.
 torch::Tensor blurred_inverse_depth(const torch::Tensor& depth, double sigma);
 
 }  // namespace apvi::mapping

@@ -1,38 +1,38 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/mapping/evaluation.hpp"
+#include "mapping/evaluation.hpp"
 
 #include <torch/torch.h>
 
 #include <algorithm>
 
-#include "apvi/splat/metrics.hpp"
+#include "gaussians/metrics/metrics.hpp"
 
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
 
-constexpr std::int64_t kLeastLpipsSide = 32;  // [px]
-constexpr std::size_t kMostInMedian = 200;    // images, spread over all: they are numbers by then
+constexpr std::int64_t kMinLpipsSide_px = 32;
+constexpr std::size_t kMaxMedianImages = 200;  // evenly spread, to limit memory
 
-Tensor rendered(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
-  return (take_picture(map, keyframes.view(i, 1)).as_seen * camera_response(map, keyframes, i, 1))
+Tensor render_keyframe(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
+  return (render_map(map, keyframes.view(i, 1)).color * camera_response(map, keyframes, i, 1))
       .clamp(0.0, 1.0);
 }
 
-// Undefined when there are none.
+// Undefined without training images.
 Tensor training_median(const KeyframeStore& keyframes) {
   const std::vector<std::size_t>& all = keyframes.training();
   if (all.empty()) return {};
-  const std::size_t stride = (all.size() + kMostInMedian - 1) / kMostInMedian;
+  const std::size_t stride = (all.size() + kMaxMedianImages - 1) / kMaxMedianImages;
   std::vector<Tensor> images;
   for (std::size_t k = 0; k < all.size(); k += stride) {
     images.push_back(keyframes.image(all[k], 1, torch::kCPU));
   }
-  return splat::median_image(images);
+  return gaussians::median_image(images);
 }
 
-/// A mean of what may be absent for some images: absent then.
+/// Mean of optional values; empty if any of them is.
 class Mean {
  public:
   void add(const std::optional<double>& value) {
@@ -56,43 +56,43 @@ std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
                                 const std::vector<std::size_t>& which) {
   Mean mean;
   for (const std::size_t i : which) {
-    const Tensor image = rendered(map, keyframes, i);
-    mean.add(splat::psnr(image, keyframes.image(i, 1, image.device())));
+    const Tensor image = render_keyframe(map, keyframes, i);
+    mean.add(gaussians::psnr(image, keyframes.image(i, 1, image.device())));
   }
   return mean.value();
 }
 
 std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& keyframes,
                                           const std::vector<std::size_t>& which,
-                                          const std::optional<splat::Lpips>& perceptual) {
+                                          const std::optional<gaussians::Lpips>& perceptual) {
   if (which.empty()) return {};
   const Tensor median = training_median(keyframes);
   std::vector<ImageMetrics> images;
   for (const std::size_t i : which) {
-    const Tensor image = rendered(map, keyframes, i);
+    const Tensor image = render_keyframe(map, keyframes, i);
     const Tensor truth = keyframes.image(i, 1, image.device());
-    const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kLeastLpipsSide;
+    const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kMinLpipsSide_px;
     images.push_back(
-        {.psnr_db = splat::psnr(image, truth),
-         .ssim = splat::ssim(image, truth),
-         .ms_ssim = splat::ms_ssim(image, truth),
+        {.psnr_db = gaussians::psnr(image, truth),
+         .ssim = gaussians::ssim(image, truth),
+         .ms_ssim = gaussians::ms_ssim(image, truth),
          .lpips =
              perceptual && large_enough ? std::optional((*perceptual)(image, truth)) : std::nullopt,
-         .psnr_median_image_db = median.defined()
-                                     ? std::optional(splat::psnr(median.to(truth.device()), truth))
-                                     : std::nullopt});
+         .psnr_median_image_db =
+             median.defined() ? std::optional(gaussians::psnr(median.to(truth.device()), truth))
+                              : std::nullopt});
   }
   return images;
 }
 
 ImageMetrics mean_of(const std::vector<ImageMetrics>& images) {
   ImageMetrics means;
-  for (std::optional<double> ImageMetrics::*const figure :
+  for (std::optional<double> ImageMetrics::*const metric :
        {&ImageMetrics::psnr_db, &ImageMetrics::ssim, &ImageMetrics::ms_ssim, &ImageMetrics::lpips,
         &ImageMetrics::psnr_median_image_db}) {
     Mean mean;
-    for (const ImageMetrics& image : images) mean.add(image.*figure);
-    means.*figure = mean.value();
+    for (const ImageMetrics& image : images) mean.add(image.*metric);
+    means.*metric = mean.value();
   }
   return means;
 }

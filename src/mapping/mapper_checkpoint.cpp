@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "apvi/mapping/mapper.hpp"
-#include "archive.hpp"
+#include "gaussians/model/archive.hpp"
+#include "mapping/mapper.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -14,7 +14,7 @@ using torch::serialize::InputArchive;
 using torch::serialize::OutputArchive;
 
 void write(OutputArchive& archive, const Keyframe& keyframe) {
-  const splat::Intrinsics& k = keyframe.intrinsics;
+  const gaussians::Intrinsics& k = keyframe.intrinsics;
   archive.write("stamp", c10::IValue(keyframe.stamp_ns));
   archive.write("name", c10::IValue(keyframe.name));
   archive.write("held_out", c10::IValue(keyframe.held_out));
@@ -24,32 +24,32 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
   const auto& [a, b, c] = k.lens_spread;
   archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy, a, b, c}, torch::kFloat64));
   archive.write("pose", keyframe.T_camera_world);
-  const bool kept = keyframe.image.defined();
-  archive.write("kept", c10::IValue(kept));
-  if (kept) archive.write("image", keyframe.image);
+  const bool has_image = keyframe.image.defined();
+  archive.write("has_image", c10::IValue(has_image));
+  if (has_image) archive.write("image", keyframe.image);
 }
 
 Keyframe read_keyframe(InputArchive& archive) {
   Keyframe keyframe;
-  keyframe.stamp_ns = read_int(archive, "stamp");
+  keyframe.stamp_ns = gaussians::read_int(archive, "stamp");
   c10::IValue name;
   archive.read("name", name);
   keyframe.name = name.toStringRef();
-  keyframe.held_out = read_bool(archive, "held_out");
-  keyframe.number = read_int(archive, "number");
+  keyframe.held_out = gaussians::read_bool(archive, "held_out");
+  keyframe.number = gaussians::read_int(archive, "number");
   Tensor lens;
   archive.read("lens", lens);
   const auto f = lens.accessor<double, 1>();
-  TORCH_CHECK(f.size(0) == 7, "a keyframe's lens has ", f.size(0), " numbers instead of 7");
+  TORCH_CHECK(f.size(0) == 7, "checkpoint: ", f.size(0), " lens parameters instead of 7");
   keyframe.intrinsics = {.fx = f[0],
                          .fy = f[1],
                          .cx = f[2],
                          .cy = f[3],
-                         .width = static_cast<int>(read_int(archive, "width")),
-                         .height = static_cast<int>(read_int(archive, "height")),
+                         .width = static_cast<int>(gaussians::read_int(archive, "width")),
+                         .height = static_cast<int>(gaussians::read_int(archive, "height")),
                          .lens_spread = {f[4], f[5], f[6]}};
   archive.read("pose", keyframe.T_camera_world);
-  if (read_bool(archive, "kept")) archive.read("image", keyframe.image);
+  if (gaussians::read_bool(archive, "has_image")) archive.read("image", keyframe.image);
   return keyframe;
 }
 
@@ -63,44 +63,44 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
     write(inner, keyframes_[i]);
     archive.write("keyframe" + std::to_string(i), inner);
   }
-  OutputArchive drift;
-  drift_.save(drift);
-  archive.write("drift", drift);
-  OutputArchive first_sight;
-  first_sight_.save(first_sight);
-  archive.write("first_sight", first_sight);
-  archive.write("remembered", c10::IValue(static_cast<std::int64_t>(remembered_)));
+  OutputArchive map_odom;
+  map_odom_.save(map_odom);
+  archive.write("map_odom", map_odom);
+  OutputArchive reference_map;
+  reference_map_.save(reference_map);
+  archive.write("reference_map", reference_map);
+  archive.write("reference_end", c10::IValue(static_cast<std::int64_t>(reference_end_)));
   OutputArchive schedule;
   schedule_.save(schedule);
   archive.write("schedule", schedule);
   OutputArchive losses;
   losses_.save(losses);
   archive.write("losses", losses);
-  archive.write("learning", c10::IValue(learner_.has_value()));
-  if (learner_) {
+  archive.write("has_optimizer", c10::IValue(optimizer_.has_value()));
+  if (optimizer_) {
     OutputArchive inner;
-    learner_->save(inner);
-    archive.write("learner", inner);
+    optimizer_->save(inner);
+    archive.write("optimizer", inner);
   }
   archive.write("points", points_);
   archive.write("extent", c10::IValue(extent_));
-  archive.write("growth", c10::IValue(growth_));
+  archive.write("growth_budget", c10::IValue(growth_budget_));
   archive.write("iteration", c10::IValue(iteration_));
-  archive.write("last_round", c10::IValue(last_round_));
+  archive.write("last_densify", c10::IValue(last_densify_));
   archive.write("heldout_stride", c10::IValue(heldout_stride_));
-  const std::vector<std::int64_t> waiting(waiting_.begin(), waiting_.end());
-  archive.write("waiting", torch::tensor(waiting, torch::kInt64));
-  OutputArchive surveys;
-  surveys_.save(surveys);
-  archive.write("surveys", surveys);
-  archive.write("clears_ns", c10::IValue(clears_ns_));
-  write_archive(checkpoint, archive);
+  const std::vector<std::int64_t> depth_queue(depth_queue_.begin(), depth_queue_.end());
+  archive.write("depth_queue", torch::tensor(depth_queue, torch::kInt64));
+  OutputArchive medium_schedule;
+  medium_schedule_.save(medium_schedule);
+  archive.write("medium_schedule", medium_schedule);
+  archive.write("low_visibility_until_ns", c10::IValue(low_visibility_until_ns_));
+  gaussians::write_archive(checkpoint, archive);
 }
 
 void Mapper::resume(const std::filesystem::path& checkpoint) {
   Mapper read(options_);
-  read_archive(checkpoint, [&read](InputArchive& archive) {
-    const std::int64_t count = read_int(archive, "keyframes");
+  gaussians::read_archive(checkpoint, [&read](InputArchive& archive) {
+    const std::int64_t count = gaussians::read_int(archive, "keyframes");
     InputArchive part;
     for (std::int64_t i = 0; i < count; ++i) {
       archive.read("keyframe" + std::to_string(i), part);
@@ -108,35 +108,35 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
       read.by_stamp_[keyframe.stamp_ns] = read.keyframes_.size();
       read.keyframes_.add(keyframe);
     }
-    archive.read("drift", part);
-    read.drift_.load(part);
-    archive.read("first_sight", part);
-    read.first_sight_.load(part, splat::active_device());
-    read.remembered_ = static_cast<std::size_t>(read_int(archive, "remembered"));
+    archive.read("map_odom", part);
+    read.map_odom_.load(part);
+    archive.read("reference_map", part);
+    read.reference_map_.load(part, gaussians::active_device());
+    read.reference_end_ = static_cast<std::size_t>(gaussians::read_int(archive, "reference_end"));
     archive.read("schedule", part);
     read.schedule_.load(part);
     archive.read("losses", part);
-    read.losses_.load(part, splat::active_device());
-    if (read_bool(archive, "learning")) {
-      read.learner_.emplace(
-          splat::Gaussians::empty(read.options_.trainer.sh_degree, torch::kFloat32),
+    read.losses_.load(part, gaussians::active_device());
+    if (gaussians::read_bool(archive, "has_optimizer")) {
+      read.optimizer_.emplace(
+          gaussians::Gaussians::empty(read.options_.trainer.sh_degree, torch::kFloat32),
           read.options_.trainer, read.keyframes_.size());
-      archive.read("learner", part);
-      read.learner_->load(part);
+      archive.read("optimizer", part);
+      read.optimizer_->load(part);
     }
     archive.read("points", read.points_);
-    read.extent_ = read_double(archive, "extent");
-    read.growth_ = read_double(archive, "growth");
-    read.iteration_ = read_int(archive, "iteration");
-    read.last_round_ = read_int(archive, "last_round");
-    read.heldout_stride_ = read_int(archive, "heldout_stride");
-    read.clears_ns_ = read_int(archive, "clears_ns");
-    archive.read("surveys", part);
-    read.surveys_.load(part);
-    Tensor waiting;
-    archive.read("waiting", waiting);
-    const auto* const first = waiting.data_ptr<std::int64_t>();
-    read.waiting_.assign(first, first + waiting.numel());
+    read.extent_ = gaussians::read_double(archive, "extent");
+    read.growth_budget_ = gaussians::read_double(archive, "growth_budget");
+    read.iteration_ = gaussians::read_int(archive, "iteration");
+    read.last_densify_ = gaussians::read_int(archive, "last_densify");
+    read.heldout_stride_ = gaussians::read_int(archive, "heldout_stride");
+    read.low_visibility_until_ns_ = gaussians::read_int(archive, "low_visibility_until_ns");
+    archive.read("medium_schedule", part);
+    read.medium_schedule_.load(part);
+    Tensor depth_queue;
+    archive.read("depth_queue", depth_queue);
+    const auto* const first = depth_queue.data_ptr<std::int64_t>();
+    read.depth_queue_.assign(first, first + depth_queue.numel());
   });
   *this = std::move(read);
 }

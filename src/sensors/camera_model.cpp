@@ -17,7 +17,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Coefficients = std::array<double, 4>;
 
-// Brown-Conrady on the normalised plane, with d distorted / d undistorted.
+// Brown-Conrady on the normalized plane, with d distorted / d undistorted.
 Vector2d distort_radtan(const Vector2d& m, const Coefficients& k, Matrix2d& jacobian) {
   const double x = m.x();
   const double y = m.y();
@@ -32,15 +32,15 @@ Vector2d distort_radtan(const Vector2d& m, const Coefficients& k, Matrix2d& jaco
           radial * y + k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y};
 }
 
-// Kannala-Brandt: distorted radius of the angle off the axis, and its derivative.
+// Kannala-Brandt: distorted radius at an angle from the optical axis, and its derivative.
 double equidistant_radius(double angle, const Coefficients& k, double& slope) {
   const double a2 = angle * angle;
   slope = 1.0 + a2 * (3.0 * k[0] + a2 * (5.0 * k[1] + a2 * (7.0 * k[2] + a2 * 9.0 * k[3])));
   return angle * (1.0 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))));
 }
 
-// First radius at which the radial profile stops growing: beyond it, the model maps far rays back
-// into the image. Tangential terms are too small to move it.
+// First radius at which the radial profile stops increasing; beyond it, the model maps wide rays
+// back into the image. Tangential terms are negligible here.
 double fold_radius(const CameraModel::Parameters& p) {
   constexpr double kStep = 1e-3;
   const bool fisheye = p.distortion == Distortion::equidistant;

@@ -8,7 +8,7 @@
 
 #include "apvi/config/fields.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "apvi/sensors/sound_speed.hpp"
+#include "sensors/sound_speed.hpp"
 
 namespace apvi {
 namespace {
@@ -18,7 +18,7 @@ using config::Node;
 using config::Range;
 using Triple = std::array<double, 3>;
 
-// The file's own words; `make_rig` turns them into what the estimator uses.
+// Sections of rig.yaml, which `make_rig` converts to a Rig.
 
 struct ImuSection {
   ImuCalibration imu;
@@ -27,10 +27,12 @@ struct ImuSection {
     v("rate_hz", imu.rate_hz, Range{1.0, 10000.0}, "nominal sample rate [Hz]");
     v("gyro_noise_density", imu.gyro_noise_density, Range{1e-9, 1.0},
       "white noise [rad/s/sqrt(Hz)]");
-    v("gyro_random_walk", imu.gyro_random_walk, Range{0.0, 1.0}, "bias walk [rad/s²/sqrt(Hz)]");
+    v("gyro_random_walk", imu.gyro_random_walk, Range{0.0, 1.0},
+      "bias random walk [rad/s²/sqrt(Hz)]");
     v("accel_noise_density", imu.accel_noise_density, Range{1e-9, 10.0},
       "white noise [m/s²/sqrt(Hz)]");
-    v("accel_random_walk", imu.accel_random_walk, Range{0.0, 10.0}, "bias walk [m/s³/sqrt(Hz)]");
+    v("accel_random_walk", imu.accel_random_walk, Range{0.0, 10.0},
+      "bias random walk [m/s³/sqrt(Hz)]");
   }
 };
 
@@ -45,8 +47,8 @@ struct CameraSection {
   double time_offset_s = 0.0;
   template <typename V>
   void visit(V& v) {
-    v("model", model, "pinhole, the only one");
-    v("intrinsics", intrinsics, "fx, fy, cx, cy [px]; the centre of the first pixel is (0, 0)");
+    v("model", model, "camera model; only pinhole");
+    v("intrinsics", intrinsics, "fx, fy, cx, cy [px]; the center of the first pixel is (0, 0)");
     v("distortion", distortion,
       Choices<Distortion>{{"none", Distortion::none},
                           {"radtan", Distortion::radtan},
@@ -55,8 +57,8 @@ struct CameraSection {
     v("coefficients", coefficients, "radtan: k1, k2, p1, p2; equidistant: k1, k2, k3, k4");
     v("resolution", resolution, Range{1, 100000}, "width, height [px]");
     v("rate_hz", rate_hz, Range{0.01, 10000.0}, "nominal frame rate [Hz]");
-    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: camera to body");
-    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "by how much the stamps are late [s]");
+    v("T_body_sensor", T_body_sensor, "camera to body: 4x4 matrix, row-major");
+    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "delay of the stamps [s]");
   }
 };
 
@@ -82,16 +84,18 @@ struct DvlSection {
   double assumed_sound_speed = 1500.0;
   template <typename V>
   void visit(V& v) {
-    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: DVL to body");
-    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "by how much the stamps are late [s]");
-    v("velocity_noise", velocity_noise, Range{1e-5, 10.0}, "one sigma of a component [m/s]");
+    v("T_body_sensor", T_body_sensor, "DVL to body: 4x4 matrix, row-major");
+    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "delay of the stamps [s]");
+    v("velocity_noise", velocity_noise, Range{1e-5, 10.0},
+      "velocity noise per axis, one sigma [m/s]");
     v("axis_signs", axis_signs, Range{-1, 1},
-      "1 or -1 for each reported component, where a log's axes are left-handed");
-    v("beams", beams, "four unit vectors; beam velocity = vector . sensor velocity");
+      "sign of each reported axis, for logs with left-handed axes");
+    v("beams", beams, "four unit vectors; beam velocity = vector · sensor velocity");
     v("sound_speed", sound_speed,
-      "of the water [m/s], or {temperature_c, salinity_psu, depth_m}; absent: as assumed");
+      "speed of sound in the water [m/s], or {temperature_c, salinity_psu, depth_m}; absent: "
+      "assumed_sound_speed");
     v("assumed_sound_speed", assumed_sound_speed, Range{1300.0, 1700.0},
-      "what the device computes with [m/s]");
+      "speed of sound configured in the device [m/s]");
   }
 };
 
@@ -101,11 +105,12 @@ struct PressureSection {
   template <typename V>
   void visit(V& v) {
     v("p_body_sensor", p_body_sensor, "position of the port in the body frame [m]");
-    v("water_density", calibration.water_density, Range{900.0, 1200.0}, "[kg/m³]");
-    v("gravity", calibration.gravity, Range{9.0, 10.5}, "[m/s²]");
+    v("water_density", calibration.water_density, Range{900.0, 1200.0}, "water density [kg/m³]");
+    v("gravity", calibration.gravity, Range{9.0, 10.5},
+      "gravitational acceleration for converting pressure to depth [m/s²]");
     v("atmospheric_pressure_pa", calibration.atmospheric_pressure_pa, Range{0.0, 200000.0},
-      "at the surface [Pa]");
-    v("noise_m", calibration.noise_m, Range{1e-5, 100.0}, "one sigma, as depth [m]");
+      "pressure at the surface [Pa]");
+    v("noise_m", calibration.noise_m, Range{1e-5, 100.0}, "noise as depth, one sigma [m]");
   }
 };
 
@@ -115,7 +120,7 @@ struct DepthSection {
   template <typename V>
   void visit(V& v) {
     v("p_body_sensor", p_body_sensor, "position of the sensor in the body frame [m]");
-    v("noise_m", noise_m, Range{1e-5, 100.0}, "one sigma [m]");
+    v("noise_m", noise_m, Range{1e-5, 100.0}, "noise, one sigma [m]");
   }
 };
 
@@ -124,9 +129,10 @@ struct LampSection {
   double half_beam_deg = 60.0;
   template <typename V>
   void visit(V& v) {
-    v("T_body_sensor", T_body_sensor, "16 numbers, row by row: lamp to body; it shines along z");
+    v("T_body_sensor", T_body_sensor,
+      "lamp to body: 4x4 matrix, row-major; the lamp points along its z axis");
     v("half_beam_deg", half_beam_deg, Range{1.0, 89.0},
-      "angle to its axis at which it is half as bright [deg]");
+      "angle from the axis to half intensity [deg]");
   }
 };
 
@@ -142,16 +148,16 @@ struct RigFile {
   std::optional<LampSection> lamp0;
   template <typename V>
   void visit(V& v) {
-    v("body", body, "the sensor whose frame is the body's: imu0, the only one");
+    v("body", body, "sensor whose frame is the body frame; only imu0");
     v("world", world, Choices<WorldFrame>{{"up", WorldFrame::up}, {"ned", WorldFrame::ned}},
-      "z up, or north-east-down");
-    v("imu0", imu0, "inertial sensor");
+      "world axes: z up, or north-east-down");
+    v("imu0", imu0, "IMU");
     v("cam0", cam0, "first camera");
-    v("cam1", cam1, "second camera, of a stereo pair");
+    v("cam1", cam1, "second camera of a stereo pair");
     v("dvl0", dvl0, "Doppler velocity log");
     v("pressure0", pressure0, "pressure sensor");
-    v("depth0", depth0, "depth sensor (a pressure sensor that reports metres)");
-    v("lamp0", lamp0, "lamp by which the camera sees, where daylight is not enough");
+    v("depth0", depth0, "depth sensor (a pressure sensor that reports meters)");
+    v("lamp0", lamp0, "lamp, if daylight is not enough");
   }
 };
 
@@ -166,14 +172,14 @@ SE3 to_pose(const Node& node, const std::string& key) {
   if (m.size() != 16) fail_at(node, key, fmt::format("expected 16 numbers, got {}", m.size()));
   const auto matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(m.data());
   if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
-    fail_at(node, key, "the last row must be 0, 0, 0, 1; are the numbers row by row?");
+    fail_at(node, key, "the last row must be 0, 0, 0, 1; the matrix must be row-major");
   }
   const Eigen::Matrix3d block = matrix.topLeftCorner<3, 3>();
   const auto rotation = so3::nearest_rotation(block);
   if (!rotation) {
     fail_at(
         node, key,
-        fmt::format("the upper left 3x3 block is no rotation (determinant {:.4f}){}",
+        fmt::format("the upper left 3x3 block is not a rotation (determinant {:.4f}){}",
                     block.determinant(), block.determinant() < 0.0 ? "; an axis is flipped" : ""));
   }
   return {Eigen::Quaterniond(*rotation).normalized(), matrix.topRightCorner<3, 1>()};
@@ -181,7 +187,7 @@ SE3 to_pose(const Node& node, const std::string& key) {
 
 CameraCalibration to_camera(const CameraSection& section, const Node& node,
                             const std::string& key) {
-  if (section.model != "pinhole") fail_at(node, key + ".model", "only pinhole is known");
+  if (section.model != "pinhole") fail_at(node, key + ".model", "only pinhole is supported");
   const std::size_t wanted = section.distortion == Distortion::none ? 0 : 4;
   if (section.coefficients.size() != wanted && !(wanted == 0 && section.coefficients.size() == 4)) {
     fail_at(node, key + ".coefficients",

@@ -21,7 +21,7 @@ bool finite(const DvlSample& s) {
 bool finite(const PressureSample& s) {
   return std::isfinite(s.pressure_pa);
 }
-bool finite(const DepthSample& s) {
+bool finite(const PressureDepthSample& s) {
   return std::isfinite(s.depth_m);
 }
 bool finite(const ImageFrame&) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sensors/sound_speed.hpp"
+#include "sensors/sound_speed.hpp"
 
 #include <cmath>
 #include <initializer_list>
@@ -7,7 +7,7 @@
 namespace apvi {
 namespace {
 
-// Coefficients from the constant term upwards.
+// Coefficients in ascending order.
 double polynomial(double x, std::initializer_list<double> coefficients) {
   double value = 0.0;
   for (const double* c = coefficients.end(); c != coefficients.begin();) value = value * x + *--c;

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/io/bag_writer.hpp"
+#include "io/rosbag/bag_writer.hpp"
 
 #include <fstream>
 #include <iterator>
 #include <system_error>
 
 #include "apvi/core/error.hpp"
-#include "apvi/sim/dataset_writer.hpp"
-#include "formats.hpp"
+#include "sim/dataset_writer.hpp"
+#include "sim/formats.hpp"
 
-// A ROS 1 bag with the topics of the Tank data set: recording.bag, with rig.yaml beside it.
+// Writes a ROS 1 bag with the topics of the Tank dataset: recording.bag, next to rig.yaml.
 namespace apvi::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<std::uint8_t> bytes_of(const fs::path& path) {
+std::vector<std::uint8_t> read_bytes(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
-  if (!in) fail_run("{}: cannot be read again", path.string());
+  if (!in) fail_run("{}: cannot read this file back", path.string());
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
@@ -28,12 +28,12 @@ void write_images(io::BagWriter& bag, const fs::path& root, const Scene& scene,
                                           : "/camera/right/image_dehazed/compressed";
     for (const FrameTime& frame : recording.frames) {
       const fs::path image = image_path(root, OutputFormat::rosbag, camera, frame.stamp);
-      bag.write_image(topic, frame.stamp, "png", bytes_of(image));
+      bag.write_image(topic, frame.stamp, "png", read_bytes(image));
     }
   }
 }
 
-// The reference of the Tank data set has the rate of its camera.
+// The reference poses of the Tank dataset have the rate of its camera.
 void write_poses(io::BagWriter& bag, const ImuRecord& record) {
   const Duration spacing = Duration::from_seconds(0.05);
   Stamp due = record.samples.front().stamp;
@@ -47,17 +47,18 @@ void write_poses(io::BagWriter& bag, const ImuRecord& record) {
 }  // namespace
 
 void write_bag(const fs::path& root, const Scene& scene, const Recording& recording) {
-  write_below(root / "rig.yaml", config::to_yaml(rig_with_depth(scene)) + "\n");
+  write_file(root / "rig.yaml", config::to_yaml(rig_with_depth(scene)) + "\n");
   io::BagWriter bag(root / "recording.bag");
   if (scene.rig.imu) {
     for (const ImuSample& sample : recording.imu.samples) bag.write_imu("/imu/data", sample);
   }
   for (const DvlSample& sample : recording.dvl) bag.write_dvl("/dvl/data", sample);
-  for (const DepthSample& sample : depths(scene, recording)) bag.write_depth("/depth/data", sample);
+  for (const PressureDepthSample& sample : depth_samples(scene, recording))
+    bag.write_depth("/depth/data", sample);
   write_images(bag, root, scene, recording);
   write_poses(bag, recording.imu);
   bag.close();
-  std::error_code ignored;  // a frame left behind does no harm
+  std::error_code ignored;  // leftover frames are harmless
   fs::remove_all(root / "frames", ignored);
 }
 

@@ -7,18 +7,18 @@
 #include <numbers>
 #include <thread>
 
-#include "shading.hpp"
+#include "sim/shading.hpp"
 
 namespace apvi::sim {
 namespace {
 
 constexpr int kSkyRays = 12;
-constexpr float kSkyRange = 1.2F;  // [m]; farther things lose themselves in scattered light
+constexpr float kSkyRange = 1.2F;  // [m]; farther occluders are outshone by scattered light
 constexpr int kSunRays = 2;
 constexpr float kSunRange = 5.0F;  // [m]
 constexpr int kBlock = 4096;
 
-// Cosine-weighted directions about z, well spread (Hammersley points on the disc).
+// Cosine-weighted directions about z, evenly distributed (golden-angle spiral on the disc).
 std::vector<Eigen::Vector3f> sky_directions() {
   std::vector<Eigen::Vector3f> directions;
   for (int i = 0; i < kSkyRays; ++i) {
@@ -30,7 +30,7 @@ std::vector<Eigen::Vector3f> sky_directions() {
   return directions;
 }
 
-// Two unit vectors that make a right-handed frame with n, turned about it by `angle`.
+// Two unit vectors that form a right-handed frame with n, rotated about it by `angle`.
 void frame_about(const Eigen::Vector3f& n, float angle, Eigen::Vector3f& a, Eigen::Vector3f& b) {
   const Eigen::Vector3f helper =
       std::abs(n.z()) < 0.9F ? Eigen::Vector3f::UnitZ() : Eigen::Vector3f::UnitX();
@@ -55,7 +55,8 @@ float unoccluded_sky(const RayCaster& caster, const Eigen::Vector3f& p, const Ei
 float unoccluded_sun(const RayCaster& caster, const Eigen::Vector3f& p, const Eigen::Vector3f& sun,
                      std::uint32_t key) {
   int open = 0;
-  for (std::uint32_t k = 0; k < kSunRays; ++k) {  // spread, as waves and scattering spread the sun
+  for (std::uint32_t k = 0; k < kSunRays;
+       ++k) {  // jittered: waves and scattering spread the sunlight
     const Eigen::Vector3f shift(unit_float(hash32(key, 3 * k)) - 0.5F,
                                 unit_float(hash32(key, 3 * k + 1)) - 0.5F,
                                 unit_float(hash32(key, 3 * k + 2)) - 0.5F);

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/camera_effects.hpp"
+#include "sim/camera_effects.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "apvi/sim/noise_texture.hpp"
-#include "clones.hpp"
+#include "sim/clones.hpp"
+#include "sim/noise_texture.hpp"
 
 namespace apvi::sim {
 namespace {
 
-// Sum of four uniform numbers, shifted and scaled: mean 0, sigma 1, tails end at 3.5 sigma. Near
-// enough to a normal for pixel noise, and the same bits everywhere.
-inline float nearly_normal(std::uint32_t key) {
+// Sum of four uniform numbers, shifted and scaled: mean 0, sigma 1, tails end at 3.5 sigma. A good
+// approximation of a normal distribution for pixel noise, and bit-identical on every machine.
+inline float approximate_normal(std::uint32_t key) {
   const std::uint32_t a = hash32(key);
   const std::uint32_t b = hash32(key ^ 0x68bc21ebU);
   const int sum = static_cast<int>((a & 0xffffU) + (a >> 16) + (b & 0xffffU) + (b >> 16));
@@ -20,13 +20,13 @@ inline float nearly_normal(std::uint32_t key) {
          (1.0F / 37837.0F);  // sigma of the sum: 65536 sqrt(4/12)
 }
 
-// Photons come one by one: variance equals the count; the amplifier adds its own.
+// Shot noise (variance equals the electron count) plus read noise.
 APVI_CLONES void add_noise(const float* in, float* out, int count, float electrons,
                            float read_noise, std::uint32_t key) {
   for (int i = 0; i < count; ++i) {
     const float light = in[i] > 0.0F ? in[i] : 0.0F;
     const float sigma = __builtin_sqrtf(light * electrons + read_noise * read_noise) / electrons;
-    out[i] = in[i] + sigma * nearly_normal(key + static_cast<std::uint32_t>(i));
+    out[i] = in[i] + sigma * approximate_normal(key + static_cast<std::uint32_t>(i));
   }
 }
 
@@ -38,7 +38,7 @@ APVI_CLONES void to_bytes(const float* in, std::uint8_t* out, int count) {
   }
 }
 
-void respond(float* row, int count, double gamma) {
+void apply_response(float* row, int count, double gamma) {
   if (gamma == 1.0) return;
   const auto power = static_cast<float>(1.0 / gamma);
   for (int i = 0; i < count; ++i) row[i] = std::pow(std::clamp(row[i], 0.0F, 1.0F), power);
@@ -54,31 +54,30 @@ APVI_CLONES void three_taps(const float* before, const float* here, const float*
 
 }  // namespace
 
-void soften(cv::Mat& picture, double sigma) {
-  const double neighbour = std::exp(-0.5 / (sigma * sigma));
-  const auto side = static_cast<float>(neighbour / (1.0 + 2.0 * neighbour));
+void gaussian_blur(cv::Mat& image, double sigma) {
+  const double neighbor = std::exp(-0.5 / (sigma * sigma));
+  const auto side = static_cast<float>(neighbor / (1.0 + 2.0 * neighbor));
   const float middle = 1.0F - 2.0F * side;
-  const int last = picture.rows - 1;
-  const int width = 3 * picture.cols;
-  cv::Mat columns(picture.size(), CV_32FC3);
+  const int last = image.rows - 1;
+  const int width = 3 * image.cols;
+  cv::Mat columns(image.size(), CV_32FC3);
   for (int y = 0; y <= last; ++y) {
-    three_taps(picture.ptr<float>(std::max(0, y - 1)), picture.ptr<float>(y),
-               picture.ptr<float>(std::min(last, y + 1)), columns.ptr<float>(y), width, side,
-               middle);
+    three_taps(image.ptr<float>(std::max(0, y - 1)), image.ptr<float>(y),
+               image.ptr<float>(std::min(last, y + 1)), columns.ptr<float>(y), width, side, middle);
   }
-  for (int y = 0; y <= last; ++y) {  // the first and last column keep what they have
+  for (int y = 0; y <= last; ++y) {  // the first and last columns stay unchanged
     const float* in = columns.ptr<float>(y);
-    float* out = picture.ptr<float>(y);
+    float* out = image.ptr<float>(y);
     std::copy_n(in, 3, out);
     std::copy_n(in + width - 3, 3, out + width - 3);
     three_taps(in, in + 3, in + 6, out + 3, width - 6, side, middle);
   }
 }
 
-cv::Mat develop(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
-                std::uint64_t seed, std::uint64_t frame) {
-  if (!config.noise) return develop_clean(linear, config);
-  cv::Mat picture(linear.size(), CV_8UC3);
+cv::Mat simulate_sensor(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
+                        std::uint64_t seed, std::uint64_t frame) {
+  if (!config.noise) return simulate_noiseless_sensor(linear, config);
+  cv::Mat image(linear.size(), CV_8UC3);
   const int count = 3 * linear.cols;
   cv::Mat row(1, linear.cols, CV_32FC3);
   const auto electrons = static_cast<float>(config.full_well_e / gain);
@@ -89,22 +88,22 @@ cv::Mat develop(const cv::Mat& linear, const CameraEffectsConfig& config, double
     const std::uint32_t key = hash32(stream, static_cast<std::uint32_t>(y));
     add_noise(linear.ptr<float>(y), row.ptr<float>(), count, electrons,
               static_cast<float>(config.read_noise_e), key);
-    respond(row.ptr<float>(), count, config.gamma);
-    to_bytes(row.ptr<float>(), picture.ptr<std::uint8_t>(y), count);
+    apply_response(row.ptr<float>(), count, config.gamma);
+    to_bytes(row.ptr<float>(), image.ptr<std::uint8_t>(y), count);
   }
-  return picture;
+  return image;
 }
 
-cv::Mat develop_clean(const cv::Mat& linear, const CameraEffectsConfig& config) {
-  cv::Mat picture(linear.size(), CV_8UC3);
+cv::Mat simulate_noiseless_sensor(const cv::Mat& linear, const CameraEffectsConfig& config) {
+  cv::Mat image(linear.size(), CV_8UC3);
   const int count = 3 * linear.cols;
   cv::Mat row(1, linear.cols, CV_32FC3);
   for (int y = 0; y < linear.rows; ++y) {
     std::copy_n(linear.ptr<float>(y), count, row.ptr<float>());
-    respond(row.ptr<float>(), count, config.gamma);
-    to_bytes(row.ptr<float>(), picture.ptr<std::uint8_t>(y), count);
+    apply_response(row.ptr<float>(), count, config.gamma);
+    to_bytes(row.ptr<float>(), image.ptr<std::uint8_t>(y), count);
   }
-  return picture;
+  return image;
 }
 
 }  // namespace apvi::sim

@@ -3,10 +3,10 @@
 
 #include <iterator>
 
-#include "formats.hpp"
+#include "sim/formats.hpp"
 
-// COLMAP's text model: world to camera, quaternion wxyz; its pixel (0.5, 0.5) is the centre of the
-// first pixel, half a pixel from ours.
+// COLMAP's text model: world-to-camera poses, quaternion wxyz. COLMAP's center of the first pixel
+// is (0.5, 0.5), half a pixel off from this project's convention.
 namespace apvi::sim {
 namespace {
 
@@ -49,10 +49,10 @@ void write_colmap(const std::filesystem::path& root, const Scene& scene,
     }
   }
   const std::filesystem::path model = root / "sparse" / "0";
-  write_below(model / "cameras.txt", cameras);
-  write_below(model / "images.txt", images);
-  write_below(model / "points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n");
-  write_below(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
+  write_file(model / "cameras.txt", cameras);
+  write_file(model / "images.txt", images);
+  write_file(model / "points3D.txt", "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n");
+  write_file(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
 }
 
 }  // namespace apvi::sim

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "csv_text.hpp"
+#include "sim/csv_text.hpp"
 
 #include <fmt/format.h>
 
@@ -67,7 +67,7 @@ std::string pressure_csv(const std::vector<PressureSample>& samples) {
   return csv;
 }
 
-std::string depth_csv(const std::vector<DepthSample>& samples) {
+std::string depth_csv(const std::vector<PressureDepthSample>& samples) {
   std::string csv = "#timestamp [ns],depth [m]\n";
   for (const auto& sample : samples) append(csv, "{},{:.9g}\n", sample.stamp.ns, sample.depth_m);
   return csv;

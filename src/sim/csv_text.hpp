@@ -3,16 +3,16 @@
 
 #include <string>
 
-#include "apvi/sim/simulation.hpp"
+#include "sim/simulation.hpp"
 
-/// Sensor samples as the text of csv files. `header` is the first line without its end.
+/// Formats sensor samples as CSV text. `header` is the first line without its line break.
 namespace apvi::sim {
 
 std::string imu_csv(const std::vector<ImuSample>& samples, std::string_view header);
 /// This project's columns: velocity, figure of merit, altitude, validity, beams.
 std::string dvl_csv(const std::vector<DvlSample>& samples);
 std::string pressure_csv(const std::vector<PressureSample>& samples);
-std::string depth_csv(const std::vector<DepthSample>& samples);
+std::string depth_csv(const std::vector<PressureDepthSample>& samples);
 std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header);
 /// Stamp, position, quaternion wxyz, velocity, gyro bias, accelerometer bias.
 std::string truth_csv(const ImuRecord& record, std::string_view header);

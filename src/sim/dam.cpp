@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "apvi/sim/noise_texture.hpp"
-#include "shapes.hpp"
-#include "world_parts.hpp"
+#include "sim/noise_texture.hpp"
+#include "sim/shapes.hpp"
+#include "sim/world_parts.hpp"
 
 namespace apvi::sim::parts {
 namespace {
@@ -15,7 +15,7 @@ using shapes::Skin;
 
 struct Opening {
   float x0, x1, z0, z1;
-  /// Distance outside (in the larger of the two directions), negative inside.
+  /// Chebyshev distance to the opening, negative inside.
   float distance(float x, float z) const {
     return std::max(std::max(x0 - x, x - x1), std::max(z0 - z, z - z1));
   }
@@ -34,7 +34,7 @@ Layout make_layout(const WorldConfig& config) {
           .intake = {5.2F, 8.8F, floor + 1.2F, floor + 0.6F + 0.9F * height}};
 }
 
-void put_box(TriangleMesh& mesh, const Vector3f& low, const Vector3f& high, Material material,
+void add_box(TriangleMesh& mesh, const Vector3f& low, const Vector3f& high, Material material,
              std::uint16_t object, float cell = 0.12F) {
   Affine3f T = Affine3f::Identity();
   T.translation() = 0.5F * (low + high);
@@ -47,7 +47,7 @@ float distance_to_joint(float x, float z) {
   return std::min(vertical, 1.6F * lift);
 }
 
-// How far the face stands out of the plane y = 0 [m], positive towards the water.
+// Displacement of the face from the plane y = 0 [m], positive toward the water.
 float relief(float x, float z) {
   const Vector3f p(x, 0.0F, z);
   const float joint = distance_to_joint(x, z);
@@ -89,35 +89,35 @@ void add_face(TriangleMesh& mesh, const WorldConfig& config, const Layout& layou
       });
 }
 
-// Frame around an opening, and the walls that go into the dam.
+// Frame around an opening and the reveal walls into the dam.
 void add_reveal(TriangleMesh& mesh, const Opening& o, float depth, std::uint16_t object) {
   constexpr float kFrame = 0.22F;
   constexpr float kOut = -0.10F;
-  put_box(mesh, {o.x0 - kFrame, kOut, o.z0 - kFrame}, {o.x0, depth, o.z1 + kFrame},
+  add_box(mesh, {o.x0 - kFrame, kOut, o.z0 - kFrame}, {o.x0, depth, o.z1 + kFrame},
           Material::concrete, object);
-  put_box(mesh, {o.x1, kOut, o.z0 - kFrame}, {o.x1 + kFrame, depth, o.z1 + kFrame},
+  add_box(mesh, {o.x1, kOut, o.z0 - kFrame}, {o.x1 + kFrame, depth, o.z1 + kFrame},
           Material::concrete, object);
-  put_box(mesh, {o.x0, kOut, o.z1}, {o.x1, depth, o.z1 + kFrame}, Material::concrete, object);
-  put_box(mesh, {o.x0, kOut - 0.1F, o.z0 - kFrame}, {o.x1, depth, o.z0}, Material::concrete,
+  add_box(mesh, {o.x0, kOut, o.z1}, {o.x1, depth, o.z1 + kFrame}, Material::concrete, object);
+  add_box(mesh, {o.x0, kOut - 0.1F, o.z0 - kFrame}, {o.x1, depth, o.z0}, Material::concrete,
           object);
 }
 
 void add_gate(TriangleMesh& mesh, const Opening& o) {
   add_reveal(mesh, o, 0.6F, 40);
-  put_box(mesh, {o.x0, 0.42F, o.z0}, {o.x1, 0.5F, o.z1}, Material::steel, 41, 0.08F);
+  add_box(mesh, {o.x0, 0.42F, o.z0}, {o.x1, 0.5F, o.z1}, Material::steel, 41, 0.08F);
   const int girders = 5;
   for (int k = 0; k <= girders; ++k) {
     const float z = o.z0 + 0.1F + (o.z1 - o.z0 - 0.2F) * static_cast<float>(k) / girders;
-    put_box(mesh, {o.x0 + 0.1F, 0.15F, z - 0.03F}, {o.x1 - 0.1F, 0.42F, z + 0.03F}, Material::steel,
+    add_box(mesh, {o.x0 + 0.1F, 0.15F, z - 0.03F}, {o.x1 - 0.1F, 0.42F, z + 0.03F}, Material::steel,
             42);
-    put_box(mesh, {o.x0 + 0.1F, 0.12F, z - 0.11F}, {o.x1 - 0.1F, 0.15F, z + 0.11F}, Material::steel,
+    add_box(mesh, {o.x0 + 0.1F, 0.12F, z - 0.11F}, {o.x1 - 0.1F, 0.15F, z + 0.11F}, Material::steel,
             42);
   }
   for (float x = o.x0 + 0.7F; x < o.x1; x += 0.85F) {
-    put_box(mesh, {x - 0.025F, 0.24F, o.z0}, {x + 0.025F, 0.42F, o.z1}, Material::steel, 43);
+    add_box(mesh, {x - 0.025F, 0.24F, o.z0}, {x + 0.025F, 0.42F, o.z1}, Material::steel, 43);
   }
   for (const float x : {o.x0 + 0.05F, o.x1 - 0.05F}) {  // guide rails
-    put_box(mesh, {x - 0.05F, -0.06F, o.z0 - 0.4F}, {x + 0.05F, 0.1F, -0.1F}, Material::steel, 44);
+    add_box(mesh, {x - 0.05F, -0.06F, o.z0 - 0.4F}, {x + 0.05F, 0.1F, -0.1F}, Material::steel, 44);
   }
   for (const float x : {o.x0 + 1.0F, o.x1 - 1.0F}) {  // lifting rods up to the surface
     shapes::tube(mesh,
@@ -131,7 +131,7 @@ void add_gate(TriangleMesh& mesh, const Opening& o) {
 
 void add_intake(TriangleMesh& mesh, const Opening& o, Random& random) {
   add_reveal(mesh, o, 2.5F, 50);
-  put_box(mesh, {o.x0, 2.4F, o.z0}, {o.x1, 2.5F, o.z1}, Material::concrete, 51);
+  add_box(mesh, {o.x0, 2.4F, o.z0}, {o.x1, 2.5F, o.z1}, Material::concrete, 51);
   for (float x = o.x0 + 0.08F; x < o.x1; x += 0.16F) {
     const float bent = random.uniform() < 0.12 ? uniform(random, -0.12, 0.12) : 0.0F;
     std::vector<shapes::Ring> bar;
@@ -143,9 +143,9 @@ void add_intake(TriangleMesh& mesh, const Opening& o, Random& random) {
     shapes::tube(mesh, bar, 8, {.material = Material::steel, .object = 52});
   }
   for (float z = o.z0 + 0.5F; z < o.z1; z += 0.8F) {
-    put_box(mesh, {o.x0, 0.08F, z - 0.04F}, {o.x1, 0.16F, z + 0.04F}, Material::steel, 53);
+    add_box(mesh, {o.x0, 0.08F, z - 0.04F}, {o.x1, 0.16F, z + 0.04F}, Material::steel, 53);
   }
-  for (int k = 0; k < 14; ++k) {  // branches that the current holds against the bars
+  for (int k = 0; k < 14; ++k) {  // branches pressed against the bars by the current
     const Vector3f from(uniform(random, o.x0, o.x1), -0.03F, uniform(random, o.z0, o.z0 + 1.2));
     const Vector3f to = from + Vector3f(uniform(random, -0.9, 0.9), uniform(random, -0.2, 0.0),
                                         uniform(random, -0.5, 0.6));
@@ -170,7 +170,7 @@ void add_ladder(TriangleMesh& mesh, float x, float bottom) {
         {{{x - 0.2F, -0.2F, z}, 0.016F}, {{x, -0.2F, z}, 0.016F}, {{x + 0.2F, -0.2F, z}, 0.016F}},
         8, {.material = Material::steel, .object = 81});
     if (static_cast<int>(-z / 0.3F) % 5 == 0)
-      put_box(mesh, {x - 0.24F, -0.22F, z - 0.03F}, {x - 0.16F, 0.02F, z + 0.03F}, Material::steel,
+      add_box(mesh, {x - 0.24F, -0.22F, z - 0.03F}, {x - 0.16F, 0.02F, z + 0.03F}, Material::steel,
               82, 0.05F);
   }
 }
@@ -183,7 +183,7 @@ void add_pipe(TriangleMesh& mesh, float x, float bottom) {
   }
   shapes::tube(mesh, rings, 22, {.material = Material::steel, .object = 83});
   for (float z = bottom + 1.0F; z < 0.0F; z += 2.0F)
-    put_box(mesh, {x - 0.2F, -0.3F, z - 0.04F}, {x + 0.2F, 0.02F, z + 0.04F}, Material::steel, 84,
+    add_box(mesh, {x - 0.2F, -0.3F, z - 0.04F}, {x + 0.2F, 0.02F, z + 0.04F}, Material::steel, 84,
             0.05F);
 }
 
@@ -213,7 +213,8 @@ void add_dam(TriangleMesh& mesh, const WorldConfig& config, Random random) {
   add_pipe(mesh, 12.5F, layout.floor - 0.2F);
   add_pipe(mesh, -13.0F, layout.floor - 0.2F);
   add_rubble(mesh, config, layout.floor, random);
-  grow_on(mesh, first, last, static_cast<int>(260.0 * config.life), 0.16F, random.fork(1));
+  add_surface_growth(mesh, first, last, static_cast<int>(260.0 * config.marine_life), 0.16F,
+                     random.fork(1));
 }
 
 }  // namespace apvi::sim::parts

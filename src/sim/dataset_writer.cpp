@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/dataset_writer.hpp"
+#include "sim/dataset_writer.hpp"
 
 #include <algorithm>
 #include <fstream>
@@ -8,8 +8,8 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
-#include "csv_text.hpp"
-#include "formats.hpp"
+#include "sim/csv_text.hpp"
+#include "sim/formats.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -36,8 +36,8 @@ Triple median_of(std::vector<Triple> values) {
   return median;
 }
 
-// The veil as it is in the images, whose gain varies: the median over the frames that have it.
-Triple veil_in_images(const fs::path& folder, const Triple& fallback) {
+// Veiling light in image units: the median over the frames, since their gain varies.
+Triple median_veiling_light(const fs::path& folder, const Triple& fallback) {
   std::vector<fs::path> files;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder, none)) files.push_back(entry.path());
@@ -56,17 +56,17 @@ void write_medium(const fs::path& root, const SceneConfig& scene) {
   const nlohmann::ordered_json json = {
       {"beta_d", triple(medium.beta_d)},
       {"beta_b", triple(medium.beta_b)},
-      {"b_inf", veil_in_images(root / "truth" / "medium", triple(medium.b_inf))}};
-  write_below(root / "truth" / "medium.json", json.dump(2) + "\n");
+      {"b_inf", median_veiling_light(root / "truth" / "medium", triple(medium.b_inf))}};
+  write_file(root / "truth" / "medium.json", json.dump(2) + "\n");
 }
 
 }  // namespace
 
-void write_below(const fs::path& path, const std::string& content) {
+void write_file(const fs::path& path, const std::string& content) {
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
   if (error)
-    fail_run("{}: cannot make this folder: {}", path.parent_path().string(), error.message());
+    fail_run("{}: cannot create this folder: {}", path.parent_path().string(), error.message());
   io::write_text_file(path, content);
 }
 
@@ -105,8 +105,8 @@ void write_recording(const fs::path& root, OutputFormat format, const Scene& sce
 void write_truth(const fs::path& root, const Scene& scene, const EventSchedule& events,
                  const Recording& recording, const TriangleMesh& mesh) {
   const fs::path truth = root / "truth";
-  write_below(truth / "rig.yaml", config::to_yaml(scene.rig_node) + "\n");
-  write_below(truth / "events.csv", to_csv(events));
+  write_file(truth / "rig.yaml", config::to_yaml(scene.rig_node) + "\n");
+  write_file(truth / "events.csv", to_csv(events));
   io::write_tum(truth / "trajectory.tum", true_trajectory(recording.imu));
   write_medium(root, scene.config);
   if (scene.config.truth.mesh) write_ply(mesh, truth / "mesh.ply");
@@ -114,22 +114,22 @@ void write_truth(const fs::path& root, const Scene& scene, const EventSchedule& 
 
 void write_folder(const fs::path& root, const Scene& scene, const Recording& recording) {
   const fs::path mav = root / "mav0";
-  write_below(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
+  write_file(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
   if (scene.rig.imu) {
-    write_below(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kImuHeader));
+    write_file(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kImuHeader));
   }
-  if (scene.rig.dvl) write_below(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
+  if (scene.rig.dvl) write_file(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
   if (scene.rig.pressure) {
-    write_below(mav / "pressure0" / "data.csv", pressure_csv(recording.pressure));
+    write_file(mav / "pressure0" / "data.csv", pressure_csv(recording.pressure));
   } else if (scene.rig.depth) {
-    write_below(mav / "depth0" / "data.csv", depth_csv(recording.depth));
+    write_file(mav / "depth0" / "data.csv", depth_csv(recording.depth));
   }
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
-    write_below(mav / fmt::format("cam{}", i) / "data.csv",
-                camera_csv(recording.frames, "#timestamp [ns],filename"));
+    write_file(mav / fmt::format("cam{}", i) / "data.csv",
+               camera_csv(recording.frames, "#timestamp [ns],filename"));
   }
-  write_below(mav / "state_groundtruth_estimate0" / "data.csv",
-              truth_csv(recording.imu, kTruthHeader));
+  write_file(mav / "state_groundtruth_estimate0" / "data.csv",
+             truth_csv(recording.imu, kTruthHeader));
 }
 
 }  // namespace apvi::sim

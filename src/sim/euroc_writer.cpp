@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include "csv_text.hpp"
-#include "formats.hpp"
+#include "sim/csv_text.hpp"
+#include "sim/formats.hpp"
 
-// EuRoC as published: mav0/<sensor>/{sensor.yaml, data.csv} and mav0/body.yaml, with the published
-// header lines; DVL and pressure, which EuRoC does not have, in this project's columns.
+// EuRoC layout as published: mav0/<sensor>/{sensor.yaml, data.csv} and mav0/body.yaml, with the
+// published header lines. DVL and pressure, which EuRoC lacks, use this project's columns.
 namespace apvi::sim {
 namespace {
 
@@ -58,30 +58,30 @@ void write_euroc(const std::filesystem::path& root, const Scene& scene,
                  const Recording& recording) {
   const std::filesystem::path mav = root / "mav0";
   const Rig rig = make_rig(perturbed_rig(scene));
-  write_below(mav / "body.yaml", "comment: simulated underwater vehicle\n");
+  write_file(mav / "body.yaml", "comment: simulated underwater vehicle\n");
   if (rig.imu) {
-    write_below(mav / "imu0" / "sensor.yaml", imu_yaml(*rig.imu));
-    write_below(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kEurocImu));
+    write_file(mav / "imu0" / "sensor.yaml", imu_yaml(*rig.imu));
+    write_file(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kEurocImu));
   }
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     const std::filesystem::path camera = mav / fmt::format("cam{}", i);
-    write_below(camera / "sensor.yaml", camera_yaml(rig.cameras[i]));
-    write_below(camera / "data.csv", camera_csv(recording.frames, "#timestamp [ns],filename"));
+    write_file(camera / "sensor.yaml", camera_yaml(rig.cameras[i]));
+    write_file(camera / "data.csv", camera_csv(recording.frames, "#timestamp [ns],filename"));
   }
   if (rig.dvl) {
-    write_below(mav / "dvl0" / "sensor.yaml",
-                sensor_head("dvl", "simulated DVL", rig.dvl->T_body_dvl));
-    write_below(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
+    write_file(mav / "dvl0" / "sensor.yaml",
+               sensor_head("dvl", "simulated DVL", rig.dvl->T_body_dvl));
+    write_file(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
   }
   if (rig.pressure) {
     const SE3 port{Eigen::Quaterniond::Identity(), rig.pressure->p_body_sensor};
-    write_below(mav / "pressure0" / "sensor.yaml", sensor_head("pressure", "simulated", port));
-    write_below(mav / "pressure0" / "data.csv", pressure_csv(recording.pressure));
+    write_file(mav / "pressure0" / "sensor.yaml", sensor_head("pressure", "simulated", port));
+    write_file(mav / "pressure0" / "data.csv", pressure_csv(recording.pressure));
   }
   const std::filesystem::path truth = mav / "state_groundtruth_estimate0";
-  write_below(truth / "sensor.yaml",
-              sensor_head("visual-inertial", "ground truth", SE3::identity()));
-  write_below(truth / "data.csv", truth_csv(recording.imu, kEurocTruth));
+  write_file(truth / "sensor.yaml",
+             sensor_head("visual-inertial", "ground truth", SE3::identity()));
+  write_file(truth / "data.csv", truth_csv(recording.imu, kEurocTruth));
 }
 
 }  // namespace apvi::sim

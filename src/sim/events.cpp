@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/events.hpp"
+#include "sim/events.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 namespace apvi::sim {
 namespace {
 
-struct KindFacts {
+struct KindInfo {
   EventKind kind;
   std::string_view name;
   double default_strength;
@@ -18,7 +18,7 @@ struct KindFacts {
 };
 
 constexpr double kUnbounded = 1e3;
-constexpr std::array<KindFacts, 10> kKinds{{
+constexpr std::array<KindInfo, 10> kKinds{{
     {EventKind::visibility, "visibility", 1.0, 100.0},
     {EventKind::blackout, "blackout", 1.0, 1.0},
     {EventKind::silt, "silt", 0.9, 1.0},
@@ -31,7 +31,7 @@ constexpr std::array<KindFacts, 10> kKinds{{
     {EventKind::imu_saturation, "imu_saturation", 1.2, kUnbounded},
 }};
 
-const KindFacts& facts_of(EventKind kind) {
+const KindInfo& info_of(EventKind kind) {
   return *std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& f) { return f.kind == kind; });
 }
 
@@ -39,43 +39,44 @@ bool active(const EventConfig& event, double t_s) {
   return t_s >= event.start_s && t_s < event.end_s;
 }
 
-// 0 at the ends of the event, 1 in the middle; `fade` times as long to go as to come.
+// 0 at the ends of the event, 1 in the middle; the falling ramp is `fade` times as long as the
+// rising one.
 double envelope(const EventConfig& event, double t_s, double fade) {
   if (!active(event, t_s)) return 0.0;
   const double ramp = std::max(event.ramp_s, 1e-9);
-  const double come = (t_s - event.start_s) / ramp;
-  const double go = (event.end_s - t_s) / (fade * ramp);
-  return std::clamp(std::min(come, go), 0.0, 1.0);
+  const double rise = (t_s - event.start_s) / ramp;
+  const double fall = (event.end_s - t_s) / (fade * ramp);
+  return std::clamp(std::min(rise, fall), 0.0, 1.0);
 }
 
 void check(const EventConfig& event, double duration_s) {
-  const KindFacts& facts = facts_of(event.kind);
+  const KindInfo& info = info_of(event.kind);
   if (event.end_s <= event.start_s) {
-    fail_input("events: {}: ends at {} s, before it starts at {} s", facts.name, event.end_s,
+    fail_input("events: {}: end_s ({} s) must be after start_s ({} s)", info.name, event.end_s,
                event.start_s);
   }
   if (event.start_s >= duration_s) {
-    fail_input("events: {}: starts at {} s, after the end of the scene at {} s", facts.name,
+    fail_input("events: {}: starts at {} s, after the end of the scene at {} s", info.name,
                event.start_s, duration_s);
   }
-  if (event.strength > facts.max_strength) {
-    fail_input("events: {}: strength {} is above {}", facts.name, event.strength,
-               facts.max_strength);
+  if (event.strength > info.max_strength) {
+    fail_input("events: {}: strength {} exceeds the maximum {}", info.name, event.strength,
+               info.max_strength);
   }
 }
 
 }  // namespace
 
 std::string_view to_string(EventKind kind) {
-  return facts_of(kind).name;
+  return info_of(kind).name;
 }
 
 EventSchedule::EventSchedule(std::vector<EventConfig> events, double duration_s,
                              double water_attenuation_length_m)
-    : events_(std::move(events)), clear_length_m_(water_attenuation_length_m) {
+    : events_(std::move(events)), nominal_length_m_(water_attenuation_length_m) {
   for (EventConfig& event : events_) {
     check(event, duration_s);
-    if (event.strength == 0.0) event.strength = facts_of(event.kind).default_strength;
+    if (event.strength == 0.0) event.strength = info_of(event.kind).default_strength;
   }
 }
 
@@ -93,15 +94,15 @@ Disturbance EventSchedule::disturbance(double t_s) const {
   if (const double factor = strength(EventKind::over_exposure, t_s); factor > 0.0) {
     now.exposure = factor;
   }
-  constexpr double kSettling = 2.0;
+  constexpr double kSettlingFactor = 2.0;
   for (const EventConfig& event : events_) {
     if (event.kind == EventKind::silt) {
-      now.silt = std::max(now.silt, event.strength * envelope(event, t_s, kSettling));
+      now.silt = std::max(now.silt, event.strength * envelope(event, t_s, kSettlingFactor));
     }
-    const double share = envelope(event, t_s, 1.0);
-    if (event.kind != EventKind::visibility || share == 0.0) continue;
-    // Particles add up, so the attenuation ramps and not its length.
-    const double attenuation = (1.0 - share) / clear_length_m_ + share / event.strength;
+    const double weight = envelope(event, t_s, 1.0);
+    if (event.kind != EventKind::visibility || weight == 0.0) continue;
+    // Attenuation is proportional to the particle concentration: ramp it, not the length.
+    const double attenuation = (1.0 - weight) / nominal_length_m_ + weight / event.strength;
     now.attenuation_length_m = std::min(now.attenuation_length_m.value_or(1e9), 1.0 / attenuation);
   }
   return now;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "file_motion.hpp"
+#include "sim/file_motion.hpp"
 
 #include <algorithm>
 #include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/io/tum.hpp"
@@ -15,10 +16,8 @@ using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-
 Trajectory from_ned(Trajectory trajectory) {
-  // Half a turn about (x + y) / sqrt(2) maps NED to ENU, half a turn about x FRD to FLU.
+  // A rotation by pi about (x + y) / sqrt(2) maps NED to ENU; one by pi about x maps FRD to FLU.
   const Quaterniond up_ned(0.0, std::numbers::sqrt2 / 2.0, std::numbers::sqrt2 / 2.0, 0.0);
   const Quaterniond frd_flu(0.0, 1.0, 0.0, 0.0);
   for (StampedPose& pose : trajectory.poses) {
@@ -28,9 +27,9 @@ Trajectory from_ned(Trajectory trajectory) {
   return trajectory;
 }
 
-void place(const MotionConfig& config, Trajectory& trajectory) {
+void move_to_origin(const MotionConfig& config, Trajectory& trajectory) {
   const SE3 first = trajectory.poses.front().T_world_body;
-  const double turn = config.heading_deg * kDegree - so3::yaw(first.rotation);
+  const double turn = config.heading_deg * kRadiansPerDegree - so3::yaw(first.rotation);
   const Quaterniond rotation(AngleAxisd(turn, Vector3d::UnitZ()));
   const Vector3d origin(config.origin[0], config.origin[1], config.origin[2]);
   const SE3 T_here_file{rotation, origin - rotation * first.translation};
@@ -39,11 +38,11 @@ void place(const MotionConfig& config, Trajectory& trajectory) {
 
 }  // namespace
 
-Se3Spline fly_file(const MotionConfig& config, const MotionContext& context) {
-  if (config.file.empty()) fail_input("motion.file: path: file needs the name of a trajectory");
+Se3Spline motion_from_file(const MotionConfig& config, const MotionContext& context) {
+  if (config.file.empty()) fail_input("motion.file: required for motion.path: file");
   Trajectory trajectory = io::read_trajectory(config.file);
   if (!trajectory.has_rotation) {
-    fail_input("{}: has positions only; a motion needs poses with orientation", config.file);
+    fail_input("{}: the trajectory has no orientations", config.file);
   }
   const Duration period = Duration::from_seconds(config.file_period_s);
   const double length = trajectory.empty() ? 0.0
@@ -51,12 +50,11 @@ Se3Spline fly_file(const MotionConfig& config, const MotionContext& context) {
                                                              trajectory.poses.back().stamp) -
                                                  config.file_period_s;
   if (length < context.duration_s) {
-    fail_input(
-        "{}: the trajectory is too short: {:.1f} s can be flown, duration_s asks for {:.1f} s",
-        config.file, std::max(length, 0.0), context.duration_s);
+    fail_input("{}: the trajectory is too short: it covers {:.1f} s, but duration_s is {:.1f} s",
+               config.file, std::max(length, 0.0), context.duration_s);
   }
   if (config.file_frame == FileFrame::ned) trajectory = from_ned(std::move(trajectory));
-  if (config.file_place) place(config, trajectory);
+  if (config.file_at_origin) move_to_origin(config, trajectory);
   const Duration shift = context.start - trajectory.poses.front().stamp;
   for (StampedPose& pose : trajectory.poses) pose.stamp = pose.stamp + shift;
   return Se3Spline::through(trajectory, period);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 namespace apvi::sim {
 
-/// The curve through the configured trajectory file, moved to the context's start; see
+/// Spline through the configured trajectory file, shifted in time to the context's start; see
 /// `plan_motion`.
-Se3Spline fly_file(const MotionConfig& config, const MotionContext& context);
+Se3Spline motion_from_file(const MotionConfig& config, const MotionContext& context);
 
 }  // namespace apvi::sim

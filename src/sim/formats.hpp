@@ -3,19 +3,19 @@
 
 #include <filesystem>
 
-#include "apvi/sim/scene_config.hpp"
-#include "apvi/sim/simulation.hpp"
+#include "sim/scene_config.hpp"
+#include "sim/simulation.hpp"
 
 /// One writer per output format; see dataset_writer.hpp.
 namespace apvi::sim {
 
-/// Makes the folders above `path` and writes the file; RunError when that fails.
-void write_below(const std::filesystem::path& path, const std::string& content);
+/// Creates the parent folders of `path` and writes the file. Throws RunError on failure.
+void write_file(const std::filesystem::path& path, const std::string& content);
 
-/// The calibration that goes with the data, its pressure sensor as a depth sensor.
+/// The (possibly perturbed) calibration with the pressure sensor replaced by a depth sensor.
 config::Node rig_with_depth(const Scene& scene);
-/// What the pressure or depth sensor says, as depths.
-std::vector<DepthSample> depths(const Scene& scene, const Recording& recording);
+/// Samples of the pressure or depth sensor, as depths.
+std::vector<PressureDepthSample> depth_samples(const Scene& scene, const Recording& recording);
 
 void write_folder(const std::filesystem::path& root, const Scene& scene,
                   const Recording& recording);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "frames.hpp"
+#include "sim/frames.hpp"
 
 #include <fmt/format.h>
 
@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/progress.hpp"
-#include "apvi/sim/renderer.hpp"
-#include "formats.hpp"
+#include "core/status_line.hpp"
+#include "sim/formats.hpp"
+#include "sim/renderer.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -29,18 +29,19 @@ struct Job {
   fs::path image;
 };
 
-// Complete or not there.
-void write_whole(const fs::path& path, const std::string& bytes) {
+// Writes a temporary file and renames it.
+void write_atomically(const fs::path& path, const std::string& bytes) {
   fs::path temporary = path;
   temporary += ".tmp";
-  write_below(temporary, bytes);
+  write_file(temporary, bytes);
   std::error_code error;
   fs::rename(temporary, path, error);
   if (error) fail_run("{}: cannot write this file: {}", path.string(), error.message());
 }
 
 std::string png_bytes(const cv::Mat& image) {
-  constexpr int kCompression = 3;  // higher is much slower and hardly smaller on noisy images
+  constexpr int kCompression =
+      3;  // higher levels are much slower and barely smaller on noisy images
   std::vector<uchar> buffer;
   if (!cv::imencode(".png", image, buffer, {cv::IMWRITE_PNG_COMPRESSION, kCompression})) {
     fail_run("cannot encode a PNG image");
@@ -66,15 +67,15 @@ std::string medium_json(const Medium& medium, double gain) {
   return json.dump(2) + "\n";
 }
 
-bool quiet(const Disturbance& d) {
+bool is_undisturbed(const Disturbance& d) {
   return !d.attenuation_length_m && d.darkness == 0.0 && d.silt == 0.0 && d.exposure == 1.0;
 }
 
-class FrameMaker {
+class FrameRenderer {
  public:
-  FrameMaker(const fs::path& root, const Scene& scene, const EventSchedule& events,
-             const Recording& recording, const TriangleMesh& mesh, const RayCaster& world,
-             int threads)
+  FrameRenderer(const fs::path& root, const Scene& scene, const EventSchedule& events,
+                const Recording& recording, const TriangleMesh& mesh, const RayCaster& world,
+                int threads)
       : root_(root), scene_(scene), events_(events), recording_(recording) {
     const SceneConfig& config = scene.config;
     renderers_.reserve(scene.rig.cameras.size());
@@ -86,7 +87,7 @@ class FrameMaker {
   }
 
   void make(const Job& job) const {
-    constexpr int kCameraBit = 40;  // cameras have noise of their own
+    constexpr int kCameraBit = 40;  // every camera has its own noise
     ImageRequest request;
     request.stamp = job.frame.truth;
     request.frame = job.frame.index + (static_cast<std::uint64_t>(job.camera) << kCameraBit);
@@ -97,7 +98,7 @@ class FrameMaker {
     request.disturbance = events_.disturbance(seconds_between(kSimulationStart, job.frame.truth));
     const RenderedFrame rendered = renderers_[job.camera].render(request);
     if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
-    write_whole(job.image, png_bytes(rendered.image));
+    write_atomically(job.image, png_bytes(rendered.image));
   }
 
  private:
@@ -109,10 +110,11 @@ class FrameMaker {
                          const Disturbance& disturbance) const {
     const fs::path truth = root_ / "truth";
     const std::string name = std::to_string(job.frame.stamp.ns);
-    write_whole(truth / "depth" / (name + ".pfm"), pfm_bytes(rendered.depth));
-    write_whole(truth / "clear" / (name + ".png"), png_bytes(rendered.clear));
-    if (!quiet(disturbance)) return;  // the scene's medium is asked for, not an event's
-    write_whole(truth / "medium" / (name + ".json"), medium_json(rendered.medium, rendered.gain));
+    write_atomically(truth / "depth" / (name + ".pfm"), pfm_bytes(rendered.depth));
+    write_atomically(truth / "clear" / (name + ".png"), png_bytes(rendered.clear));
+    if (!is_undisturbed(disturbance)) return;  // store the nominal medium, not that of an event
+    write_atomically(truth / "medium" / (name + ".json"),
+                     medium_json(rendered.medium, rendered.gain));
   }
 
   const fs::path& root_;
@@ -123,7 +125,8 @@ class FrameMaker {
 };
 
 // Calls `work` for every index below `count` on several threads; the first exception is rethrown
-// here. `idle` runs on this thread ten times a second and stops the rest by returning false.
+// here. `idle` runs on this thread ten times per second and cancels the remaining work by returning
+// false.
 void for_each_index(std::size_t count, int threads, const std::function<void(std::size_t)>& work,
                     const std::function<bool(std::size_t done)>& idle) {
   std::atomic<std::size_t> next = 0;
@@ -175,9 +178,9 @@ void render_frames(const fs::path& root, OutputFormat format, const Scene& scene
   const std::size_t total = recording.frames.size() * scene.rig.cameras.size();
   const std::size_t before = total - jobs.size();
   StatusLine status("frames");
-  const FrameMaker maker(root, scene, events, recording, mesh, world, threads);
+  const FrameRenderer renderer(root, scene, events, recording, mesh, world, threads);
   for_each_index(
-      jobs.size(), threads, [&](std::size_t i) { maker.make(jobs[i]); },
+      jobs.size(), threads, [&](std::size_t i) { renderer.make(jobs[i]); },
       [&](std::size_t done) {
         const std::size_t ready = before + done;
         status.update(static_cast<double>(ready) / static_cast<double>(total),

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/imu_sim.hpp"
+#include "sim/imu_sim.hpp"
 
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include "apvi/core/random.hpp"
+#include "apvi/core/constants.hpp"
+#include "core/random.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -15,9 +16,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr std::uint64_t kImuStream = 21;
-constexpr double kGyroShare = 0.03;  // a frame that rings bends little
+constexpr double kGyroVibrationRatio = 0.03;  // gyro over accelerometer vibration, per range
 
 Vector3d normal3(Random& random) {
   const double x = random.normal();
@@ -25,19 +25,20 @@ Vector3d normal3(Random& random) {
   return {x, y, random.normal()};
 }
 
-// I + scale errors on the diagonal + small angles between the axes beside it.
-Matrix3d shape_error(const ImuSimConfig& errors, Random& random) {
-  Matrix3d shape = Matrix3d::Identity();
+// Identity + scale errors on the diagonal + small misalignment angles off the diagonal.
+Matrix3d scale_misalignment(const ImuSimConfig& errors, Random& random) {
+  Matrix3d matrix = Matrix3d::Identity();
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
-      const double sigma = row == column ? errors.scale_error : errors.misalignment_deg * kDegree;
-      shape(row, column) += sigma * random.normal();
+      const double sigma =
+          row == column ? errors.scale_error : errors.misalignment_deg * kRadiansPerDegree;
+      matrix(row, column) += sigma * random.normal();
     }
   }
-  return shape;
+  return matrix;
 }
 
-// One triad: shape error, bias with a walk, white noise, clipping.
+// One sensor triad: scale and misalignment, bias with random walk, white noise, clipping.
 class Triad {
  public:
   Triad(double noise_density, double random_walk, double range, double rate_hz)
@@ -47,12 +48,13 @@ class Triad {
 
   void start(double turn_on_bias, const ImuSimConfig& config, Random& random) {
     bias_ = turn_on_bias * normal3(random);
-    shape_ = shape_error(config, random);
+    scale_misalignment_ = scale_misalignment(config, random);
   }
   const Vector3d& bias() const { return bias_; }
-  // `shock`: a vibration in units of the range, which the reading cannot follow beyond 1.
-  Vector3d read(const Vector3d& truth, const Vector3d& shock, Random& random) {
-    const Vector3d reading = shape_ * truth + bias_ + noise_ * normal3(random) + range_ * shock;
+  // `vibration` is in units of the range; the reading saturates.
+  Vector3d read(const Vector3d& truth, const Vector3d& vibration, Random& random) {
+    const Vector3d reading =
+        scale_misalignment_ * truth + bias_ + noise_ * normal3(random) + range_ * vibration;
     bias_ += step_ * normal3(random);
     return reading.cwiseMax(-range_).cwiseMin(range_);
   }
@@ -62,17 +64,18 @@ class Triad {
   double step_;
   double range_;
   Vector3d bias_ = Vector3d::Zero();
-  Matrix3d shape_ = Matrix3d::Identity();
+  Matrix3d scale_misalignment_ = Matrix3d::Identity();
 };
 
 Vector3d earth_rate(const ImuSimConfig& config) {
   if (!config.earth_rotation) return Vector3d::Zero();
-  const double latitude = config.latitude_deg * kDegree;
+  const double latitude = config.latitude_deg * kRadiansPerDegree;
   return kEarthRate * Vector3d(0.0, std::cos(latitude), std::sin(latitude));
 }
 
-// What the body feels: angular rate and specific force, R^T (a + 2 w_earth x v - g).
-std::pair<Vector3d, Vector3d> felt(const Motion& motion, const Vector3d& earth, double gravity) {
+// Ideal readings: angular rate and specific force, R^T (a + 2 w_earth x v - g).
+std::pair<Vector3d, Vector3d> true_reading(const Motion& motion, const Vector3d& earth,
+                                           double gravity) {
   const Eigen::Quaterniond R_body_world = motion.T_world_body.rotation.conjugate();
   const Vector3d coriolis = 2.0 * earth.cross(motion.velocity_world);
   const Vector3d g(0.0, 0.0, -gravity);
@@ -80,8 +83,8 @@ std::pair<Vector3d, Vector3d> felt(const Motion& motion, const Vector3d& earth, 
           R_body_world * (motion.acceleration_world + coriolis - g)};
 }
 
-// A blow rings through the frame: 37 Hz, in every axis at another phase.
-Vector3d ringing(double strength, double t) {
+// Vibration of the frame at 37 Hz, with a different phase on each axis.
+Vector3d structural_vibration(double strength, double t) {
   constexpr double kFrequency = 2.0 * std::numbers::pi * 37.0;
   const double angle = kFrequency * t;
   return strength * Vector3d(std::sin(angle), std::sin(angle + 2.1), std::sin(angle + 4.2));
@@ -89,17 +92,17 @@ Vector3d ringing(double strength, double t) {
 
 }  // namespace
 
-// Noise densities as published for devices of the class: HG4930 / STIM300 data sheets; the
-// ADIS16448 of the EuRoC set (the values of OpenVINS's simulation, with an accelerometer walk as
-// Allan fits of such units give it); phone-grade parts.
+// Published noise densities of each class: data sheets of the HG4930 and STIM300 (tactical); the
+// ADIS16448 of EuRoC (values of OpenVINS's simulation, accelerometer random walk from Allan fits of
+// such units); phone-grade sensors.
 void ImuSimConfig::use(ImuPreset other) {
   const auto set = [this](const std::array<double, 10>& n) {
     gyro_noise_density = n[0];
     gyro_random_walk = n[1];
     accel_noise_density = n[2];
     accel_random_walk = n[3];
-    gyro_bias = n[4];
-    accel_bias = n[5];
+    gyro_bias_sigma = n[4];
+    accel_bias_sigma = n[5];
     scale_error = n[6];
     misalignment_deg = n[7];
     gyro_range = n[8];
@@ -129,8 +132,8 @@ ImuRecord simulate_imu(const Se3Spline& spline, const ImuSimConfig& config,
   Triad gyro(config.gyro_noise_density, config.gyro_random_walk, config.gyro_range, config.rate_hz);
   Triad accel(config.accel_noise_density, config.accel_random_walk, config.accel_range,
               config.rate_hz);
-  gyro.start(config.gyro_bias, config, random);
-  accel.start(config.accel_bias, config, random);
+  gyro.start(config.gyro_bias_sigma, config, random);
+  accel.start(config.accel_bias_sigma, config, random);
   const Vector3d earth = earth_rate(config);
 
   ImuRecord record;
@@ -139,13 +142,14 @@ ImuRecord simulate_imu(const Se3Spline& spline, const ImuSimConfig& config,
     const double t = static_cast<double>(i) / config.rate_hz;
     const Stamp stamp = start + Duration::from_seconds(t);
     const Motion motion = spline.at(stamp);
-    const auto [rate, force] = felt(motion, earth, gravity);
-    const Vector3d shock = ringing(events.strength(EventKind::imu_saturation, t), t);
+    const auto [rate, force] = true_reading(motion, earth, gravity);
+    const Vector3d vibration =
+        structural_vibration(events.strength(EventKind::imu_saturation, t), t);
     record.truth.push_back(motion);
     record.gyro_bias.push_back(gyro.bias());
     record.accel_bias.push_back(accel.bias());
-    const Vector3d gyro_reading = gyro.read(rate, kGyroShare * shock, random);
-    record.samples.push_back({stamp, gyro_reading, accel.read(force, shock, random)});
+    const Vector3d gyro_reading = gyro.read(rate, kGyroVibrationRatio * vibration, random);
+    record.samples.push_back({stamp, gyro_reading, accel.read(force, vibration, random)});
   }
   return record;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/light.hpp"
+#include "sim/light.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ Vector3d daylight_at(const LightConfig& config, const Medium& medium, double dep
 
 double lamp_beam(const LampConfig& lamp, double cos_angle) {
   if (cos_angle <= 0.0) return 0.0;
-  const double half = std::cos(lamp.beam_deg * std::numbers::pi / 180.0);
+  const double half = std::cos(lamp.half_beam_deg * std::numbers::pi / 180.0);
   return std::exp(-std::numbers::ln2 * (1.0 - cos_angle) / (1.0 - half));
 }
 
@@ -28,9 +28,9 @@ Vector3d lamp_irradiance(const LampConfig& lamp, const Medium& medium, const Vec
   const double incidence = std::max(0.0, -normal.dot(direction));
   const double geometry =
       lamp.intensity * lamp_beam(lamp, direction.z()) * incidence / (distance * distance);
-  const Vector3d colour(lamp.colour[0], lamp.colour[1], lamp.colour[2]);
+  const Vector3d color(lamp.color[0], lamp.color[1], lamp.color[2]);
   const Vector3d water = (-medium.beta_d * distance).array().exp();
-  return geometry * colour.cwiseProduct(water);
+  return geometry * color.cwiseProduct(water);
 }
 
 Vector3d scene_white_balance(const LightConfig& config, const Medium& medium, double depth_m) {

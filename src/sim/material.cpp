@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/material.hpp"
+#include "sim/material.hpp"
 
 #include <cmath>
 #include <memory>
 
-#include "material_kernels.hpp"
+#include "sim/material_kernels.hpp"
 
 namespace apvi::sim {
 namespace texture {
 namespace {
 
-// Slopes of variance v (both axes together, normally distributed) have normals whose mean is
-// 1 / sqrt(1 + shortening(v)) long: 1 - v / 2 + 3 v^2 / 4 - ...
+// For normally distributed slopes of variance v (sum of both axes), the mean normal has the length
+// 1 / sqrt(1 + shortening(v)): 1 - v / 2 + 3 v^2 / 4 - ...
 constexpr float kSpread = 0.75F;
 float shortening(float variance) {
   return variance / (1.0F + kSpread * variance);
@@ -19,7 +19,7 @@ float shortening(float variance) {
 
 }  // namespace
 
-Colour pick(const Colour* palette, int count, float random) {
+Color pick(const Color* palette, int count, float random) {
   const float scaled = random * static_cast<float>(count);
   const int index = static_cast<int>(scaled);
   return palette[index] * (0.85F + 0.3F * (scaled - static_cast<float>(index)));
@@ -34,19 +34,19 @@ void bump(SurfaceBatch& s, const Gradient& field, float height) {
     const float x = s.nx.v[i] - gx + along * s.nx.v[i];
     const float y = s.ny.v[i] - gy + along * s.ny.v[i];
     const float z = s.nz.v[i] - gz + along * s.nz.v[i];
-    const float faded = shortening(2.0F * height * height * field.faded.v[i]);
-    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z + faded);
+    const float lost_variance = shortening(2.0F * height * height * field.lost_variance.v[i]);
+    const float scale = 1.0F / __builtin_sqrtf(x * x + y * y + z * z + lost_variance);
     s.nx.v[i] = x * scale;
     s.ny.v[i] = y * scale;
     s.nz.v[i] = z * scale;
   }
 }
 
-const std::vector<Place>& typical_places() {
-  static const std::vector<Place> places = [] {
+const std::vector<TextureSample>& texture_samples() {
+  static const std::vector<TextureSample> places = [] {
     constexpr int kBatches = 64;
-    constexpr float kApart = 0.618F;  // [cells]: never at the same place of a cell again
-    std::vector<Place> all;
+    constexpr float kSampleSpacing = 0.618F;  // [cells]: irrational, so every sample differs
+    std::vector<TextureSample> all;
     auto p = std::make_unique<Points>();
     auto field = std::make_unique<Cells>();
     auto waves = std::make_unique<Lanes>();
@@ -54,9 +54,9 @@ const std::vector<Place>& typical_places() {
     p->footprint.fill(0.0F);
     for (int k = 0; k < kBatches; ++k) {
       for (int i = 0; i < kBatch; ++i) {
-        p->x[i] = kApart * static_cast<float>(i);
-        p->y[i] = kApart * static_cast<float>(k);
-        p->z[i] = kApart * kApart * static_cast<float>(i + k);
+        p->x[i] = kSampleSpacing * static_cast<float>(i);
+        p->y[i] = kSampleSpacing * static_cast<float>(k);
+        p->z[i] = kSampleSpacing * kSampleSpacing * static_cast<float>(i + k);
       }
       cells(*p, 1.0F, 701, *field);
       fbm(*p, {.frequency = 1.0F, .octaves = 1, .gain = 1.0F, .seed = 702}, *waves);
@@ -71,7 +71,7 @@ const std::vector<Place>& typical_places() {
 
 Dome make_dome(float frequency, float height, float radius) {
   const float slope = -2.0F * frequency / (radius * radius);
-  const float length = mean_over_places([&](const Place& c) {
+  const float length = texture_mean([&](const TextureSample& c) {
     const float steep = c.nearest < radius ? height * slope * c.nearest : 0.0F;
     return 1.0F / std::sqrt(1.0F + steep * steep * 2.0F / 3.0F);  // two of three directions
   });
@@ -90,7 +90,7 @@ void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, const D
     raised.dx.v[i] = slope * field.dx.v[i];
     raised.dy.v[i] = slope * field.dy.v[i];
     raised.dz.v[i] = slope * field.dz.v[i];
-    raised.faded.v[i] = (1.0F - seen * seen) * cover.v[i] * cover.v[i] * dome.variance;
+    raised.lost_variance.v[i] = (1.0F - seen * seen) * cover.v[i] * cover.v[i] * dome.variance;
   }
   bump(s, raised, dome.height);
 }

@@ -3,21 +3,21 @@
 
 #include <vector>
 
-#include "apvi/sim/material.hpp"
+#include "sim/material.hpp"
 
-/// Pieces that the solid textures are put together from.
+/// Building blocks of the solid textures.
 namespace apvi::sim::texture {
 
 using sim::mix;
 
-struct Colour {
+struct Color {
   float r, g, b;
 };
 
-inline Colour mix(const Colour& a, const Colour& b, float t) {
+inline Color mix(const Color& a, const Color& b, float t) {
   return {sim::mix(a.r, b.r, t), sim::mix(a.g, b.g, t), sim::mix(a.b, b.b, t)};
 }
-inline Colour operator*(const Colour& c, float factor) {
+inline Color operator*(const Color& c, float factor) {
   return {c.r * factor, c.g * factor, c.b * factor};
 }
 inline float magnitude(float x) {
@@ -27,50 +27,50 @@ inline float clamp01(float x) {
   return x < 0.0F ? 0.0F : (x > 1.0F ? 1.0F : x);
 }
 
-inline void put(SurfaceBatch& s, int i, const Colour& c) {
+inline void set_color(SurfaceBatch& s, int i, const Color& c) {
   s.r.v[i] = clamp01(c.r);
   s.g.v[i] = clamp01(c.g);
   s.b.v[i] = clamp01(c.b);
 }
 
-/// Variance of a normal's z about its mean, from how much shorter than 1 that is.
+/// Variance of the z component of the normals that were averaged, from the length of their mean.
 inline float tilt_variance(const SurfaceBatch& s, int i) {
   const float length2 = s.nx.v[i] * s.nx.v[i] + s.ny.v[i] * s.ny.v[i] + s.nz.v[i] * s.nz.v[i];
   const float slope2 = 1.0F / length2 - 1.0F;
   return 0.25F * slope2 * slope2 + 0.5F * slope2 * (length2 - s.nz.v[i] * s.nz.v[i]);
 }
 
-/// One of `count` colours by the thing's random number, shaded a little by the rest of it.
-Colour pick(const Colour* palette, int count, float random);
-/// Turns the normals as if the surface were raised by height * value [m]. What is too fine to be
-/// seen shortens them to the mean of those it has, so that light on it is as bright from far as
-/// from near (Toksvig, "Mipmapping normal maps", 2005; exact for a matt surface).
+/// One of `count` colors selected by the object's random number, with slightly varied brightness.
+Color pick(const Color* palette, int count, float random);
+/// Perturbs the normals as if the surface were displaced by height * value [m]. Filtered-out bumps
+/// shorten the normals to the mean normal, so that the mean brightness does not depend on distance
+/// (Toksvig, "Mipmapping normal maps", 2005; exact for a matte surface).
 void bump(SurfaceBatch& s, const Gradient& field, float height);
 
-/// Something on every cell (barnacles, polyps, mussels): height (1 - d^2 / radius^2) inside.
+/// A bump in every cell (barnacles, polyps, mussels): height (1 - d^2 / radius^2) inside.
 struct Dome {
   float height;    ///< [m]
   float radius;    ///< [cells]
-  float slope;     ///< gradient of height 1 for an offset of a cell [1/m]
-  float variance;  ///< of that along an axis [1/m^2]
+  float slope;     ///< gradient for height 1 at an offset of one cell [1/m]
+  float variance;  ///< of the gradient along an axis [1/m^2]
 };
 /// `frequency` of the cells [1/m].
 Dome make_dome(float frequency, float height, float radius);
-/// Raises it times `cover`.
+/// Adds the bump to every cell, scaled by `cover`.
 void bump_cells(SurfaceBatch& s, const Cells& field, const Lanes& cover, const Dome& dome);
 
-/// What cells of frequency 1 are at a place, and an octave of noise.
-struct Place {
+/// Cellular noise of frequency 1 and one octave of gradient noise at one point.
+struct TextureSample {
   float nearest, border, id, wave;
 };
-/// Places spread over many cells and waves.
-const std::vector<Place>& typical_places();
-/// What a texture makes of them in the mean: what is seen of it from too far to tell them apart.
+/// Samples distributed over many cells and wavelengths.
+const std::vector<TextureSample>& texture_samples();
+/// Mean of a texture function over the samples: its value when filtered out by a large footprint.
 template <typename Quantity>
-float mean_over_places(const Quantity& of) {
+float texture_mean(const Quantity& of) {
   double sum = 0.0;
-  for (const Place& place : typical_places()) sum += static_cast<double>(of(place));
-  return static_cast<float>(sum / static_cast<double>(typical_places().size()));
+  for (const TextureSample& place : texture_samples()) sum += static_cast<double>(of(place));
+  return static_cast<float>(sum / static_cast<double>(texture_samples().size()));
 }
 
 void sand(SurfaceBatch& s);
@@ -83,7 +83,7 @@ void sponge(SurfaceBatch& s);
 void fan_coral(SurfaceBatch& s);
 void weed(SurfaceBatch& s);
 void mussels(SurfaceBatch& s);
-/// Mussels in beds on top of what `s` holds; the dam's face stands out where they are.
+/// Blends mussel beds over `s`; the dam's face is raised at the same places.
 void add_mussel_beds(SurfaceBatch& s);
 void steel(SurfaceBatch& s);
 void wood(SurfaceBatch& s);

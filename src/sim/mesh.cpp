@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/mesh.hpp"
+#include "sim/mesh.hpp"
 
 #include <cstddef>
 #include <cstring>
@@ -12,7 +12,7 @@ namespace apvi::sim {
 namespace {
 
 template <typename T>
-void put(std::string& buffer, T value) {
+void append_bytes(std::string& buffer, T value) {
   char bytes[sizeof(T)];
   std::memcpy(bytes, &value, sizeof(T));
   buffer.append(bytes, sizeof(T));
@@ -82,21 +82,21 @@ void write_ply(const TriangleMesh& mesh, const std::filesystem::path& path) {
   std::string bytes = ply_header(mesh);
   bytes.reserve(bytes.size() + 12 * mesh.vertices.size() + 14 * mesh.triangles.size());
   for (const Eigen::Vector3f& v : mesh.vertices) {
-    put(bytes, v.x());
-    put(bytes, v.y());
-    put(bytes, v.z());
+    append_bytes(bytes, v.x());
+    append_bytes(bytes, v.y());
+    append_bytes(bytes, v.z());
   }
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    put(bytes, std::uint8_t{3});
+    append_bytes(bytes, std::uint8_t{3});
     for (const std::uint32_t index : mesh.triangles[i])
-      put(bytes, static_cast<std::int32_t>(index));
-    put(bytes, static_cast<std::uint8_t>(mesh.materials[i]));
+      append_bytes(bytes, static_cast<std::int32_t>(index));
+    append_bytes(bytes, static_cast<std::uint8_t>(mesh.materials[i]));
   }
   std::ofstream file(path, std::ios::binary);
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   file.close();
   if (!file) {
-    fail_run("{}: cannot write the mesh; check that the folder exists and the disk has room",
+    fail_run("{}: cannot write the mesh; check that the folder exists and that disk space is left",
              path.string());
   }
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "apvi/core/error.hpp"
-#include "file_motion.hpp"
-#include "path.hpp"
+#include "sim/file_motion.hpp"
+#include "sim/path.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -18,17 +18,18 @@ using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kDegree = kPi / 180.0;
-// Short enough that the B-spline, which smooths its control points, leaves a wobble of 1 Hz alone.
-constexpr double kKnotS = 0.1;
-constexpr double kSteepest = 0.4;  // slope that pitch answers to; steeper is a lift
-constexpr double kYawSmoothingS = 0.5;
-constexpr std::uint64_t kWobbleStream = 11;
+// Short enough that the smoothing of the control points by the B-spline does not damp 1 Hz
+// oscillations.
+constexpr double kKnotPeriod_s = 0.1;
+constexpr double kMaxSlope = 0.4;  // of the path, for the pitch that follows it
+constexpr double kYawSmoothing_s = 0.5;
+constexpr std::uint64_t kOscillationStream = 11;
 constexpr std::uint64_t kWavesStream = 12;
 
-// Smooth noise: a few sinusoids about one period, with the standard deviation 1.
-class Wobble {
+// Band-limited noise with standard deviation 1: a sum of sinusoids around one period.
+class SmoothNoise {
  public:
-  Wobble(Random& random, double period_s) {
+  SmoothNoise(Random& random, double period_s) {
     for (Tone& tone : tones_) {
       tone.frequency = 2.0 * kPi / period_s * random.uniform(0.55, 1.6);
       tone.phase = random.uniform(0.0, 2.0 * kPi);
@@ -49,7 +50,7 @@ class Wobble {
   std::array<Tone, kTones> tones_;
 };
 
-// What is planned for every knot before it becomes a pose. Angles in radians.
+// Planned motion at every knot, before conversion to poses. Angles in radians.
 struct Plan {
   std::vector<double> t;  // since the start [s]
   std::vector<Vector3d> position;
@@ -65,7 +66,8 @@ double smooth_step(double u) {
   return u * u * u * (10.0 + u * (-15.0 + 6.0 * u));
 }
 
-// Speed along the dense path: cruising, slower where the path bends more than the vehicle can turn.
+// Speed along the dense path: cruising speed, reduced where the curvature exceeds the maximum turn
+// rate.
 std::vector<double> speed_along(const std::vector<Vector3d>& path, const MotionConfig& config) {
   std::vector<double> speed(path.size(), config.speed_m_s);
   const double max_rate = config.max_turn_deg_s * kDegree;
@@ -76,8 +78,8 @@ std::vector<double> speed_along(const std::vector<Vector3d>& path, const MotionC
     const double bend = angle / (0.5 * (before.norm() + after.norm()) + 1e-9);
     speed[i] = std::clamp(max_rate / (bend + 1e-9), 0.2 * config.speed_m_s, config.speed_m_s);
   }
-  constexpr double kBrakingM = 0.4;
-  smooth(speed, kBrakingM / kPathStep);
+  constexpr double kBraking_m = 0.4;
+  smooth(speed, kBraking_m / kPathStep);
   return speed;
 }
 
@@ -90,15 +92,15 @@ Vector3d point_at(const std::vector<Vector3d>& path, const std::vector<double>& 
   return path[at - 1] + (path[at] - path[at - 1]) * ((s - arc[at - 1]) / length);
 }
 
-// Moves along the dense path: stands still, speeds up, cruises.
-void fly(const MotionConfig& config, const std::vector<Vector3d>& path, Plan& plan) {
+// Moves along the dense path: rests, accelerates, cruises.
+void follow_path(const MotionConfig& config, const std::vector<Vector3d>& path, Plan& plan) {
   std::vector<double> arc{0.0};
   for (std::size_t i = 1; i < path.size(); ++i) {
     arc.push_back(arc.back() + (path[i] - path[i - 1]).norm());
   }
   const std::vector<double> speed = speed_along(path, config);
   constexpr int kSubsteps = 10;
-  constexpr double kStep = kKnotS / kSubsteps;
+  constexpr double kStep = kKnotPeriod_s / kSubsteps;
   double s = 0.0;
   for (const double t : plan.t) {
     plan.position.push_back(point_at(path, arc, s));
@@ -112,7 +114,7 @@ void fly(const MotionConfig& config, const std::vector<Vector3d>& path, Plan& pl
 
 double heading_along(const MotionConfig& config, const Plan& plan, std::size_t i) {
   if (config.path == PathKind::hover) return config.heading_deg * kDegree;
-  // While the vehicle stands, it looks where it will go.
+  // At rest, use the direction of the upcoming motion.
   for (std::size_t j = i + 1; j < plan.size(); ++j) {
     const Vector3d step = plan.position[j] - plan.position[i];
     if (step.head<2>().norm() > 0.02) return std::atan2(step.y(), step.x());
@@ -120,58 +122,58 @@ double heading_along(const MotionConfig& config, const Plan& plan, std::size_t i
   return i > 0 ? heading_along(config, plan, i - 1) : 0.0;
 }
 
-double wanted_yaw(const MotionConfig& config, const Plan& plan, std::size_t i) {
+double target_yaw(const MotionConfig& config, const Plan& plan, std::size_t i) {
   switch (config.look) {
-    case Look::fixed:
+    case HeadingMode::fixed:
       return config.look_heading_deg * kDegree;
-    case Look::centre: {
+    case HeadingMode::point: {
       const Vector3d& p = plan.position[i];
-      return std::atan2(config.centre[1] - p.y(), config.centre[0] - p.x());
+      return std::atan2(config.look_at[1] - p.y(), config.look_at[0] - p.x());
     }
-    case Look::left:
+    case HeadingMode::left:
       return heading_along(config, plan, i) + kPi / 2.0;
-    case Look::right:
+    case HeadingMode::right:
       return heading_along(config, plan, i) - kPi / 2.0;
-    case Look::along:
+    case HeadingMode::along:
       return heading_along(config, plan, i);
   }
   return 0.0;
 }
 
-void point_bow(const MotionConfig& config, Plan& plan) {
+void set_heading(const MotionConfig& config, Plan& plan) {
   for (std::size_t i = 0; i < plan.size(); ++i) {
-    const double wanted = wanted_yaw(config, plan, i);
+    const double wanted = target_yaw(config, plan, i);
     const double before = i > 0 ? plan.yaw[i - 1] : wanted;
     plan.yaw.push_back(before + std::remainder(wanted - before, 2.0 * kPi));
   }
-  smooth(plan.yaw, kYawSmoothingS / kKnotS);
+  smooth(plan.yaw, kYawSmoothing_s / kKnotPeriod_s);
 }
 
-void lean(const MotionConfig& config, const MotionContext& context, Plan& plan) {
+void set_roll_and_pitch(const MotionConfig& config, const MotionContext& context, Plan& plan) {
   const AttitudeConfig& attitude = config.attitude;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const std::size_t a = i > 0 ? i - 1 : 0;
     const std::size_t b = std::min(i + 1, plan.size() - 1);
-    const double span = static_cast<double>(b - a) * kKnotS;
+    const double span = static_cast<double>(b - a) * kKnotPeriod_s;
     const Vector3d velocity = (plan.position[b] - plan.position[a]) / span;
     const double turn = (plan.yaw[b] - plan.yaw[a]) / span;
     const double speed = velocity.head<2>().norm();
-    const double slope = std::clamp(velocity.z() / std::max(speed, 0.1), -kSteepest, kSteepest);
+    const double slope = std::clamp(velocity.z() / std::max(speed, 0.1), -kMaxSlope, kMaxSlope);
     plan.roll.push_back(attitude.trim_roll_deg * kDegree -
                         attitude.bank_gain * std::atan(speed * turn / context.gravity));
     plan.nose_up.push_back(attitude.trim_pitch_deg * kDegree + attitude.climb_gain * slope);
   }
 }
 
-void wobble(const MotionConfig& config, Random random, Plan& plan) {
+void add_oscillation(const MotionConfig& config, Random random, Plan& plan) {
   const AttitudeConfig& attitude = config.attitude;
   const double period = attitude.oscillation_period_s;
-  const Wobble roll(random, period);
-  const Wobble pitch(random, 1.2 * period);
-  const Wobble yaw(random, 2.0 * period);
-  const Wobble x(random, 1.7 * period);
-  const Wobble y(random, 1.7 * period);
-  const Wobble z(random, 2.1 * period);
+  const SmoothNoise roll(random, period);
+  const SmoothNoise pitch(random, 1.2 * period);
+  const SmoothNoise yaw(random, 2.0 * period);
+  const SmoothNoise x(random, 1.7 * period);
+  const SmoothNoise y(random, 1.7 * period);
+  const SmoothNoise z(random, 2.1 * period);
   const double tilt = attitude.oscillation_deg * kDegree;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const double t = plan.t[i];
@@ -184,7 +186,7 @@ void wobble(const MotionConfig& config, Random random, Plan& plan) {
   }
 }
 
-void ride_waves(const MotionConfig& config, const WaveField& waves, Plan& plan) {
+void add_wave_motion(const MotionConfig& config, const WaveField& waves, Plan& plan) {
   if (waves.calm()) return;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const Vector3d p = plan.position[i];
@@ -205,17 +207,17 @@ Se3Spline to_spline(const Plan& plan, Stamp start) {
                           AngleAxisd(plan.roll[i], Vector3d::UnitX());
     control.push_back({q, plan.position[i]});
   }
-  // Control pose i has its weight about knot i - 2 (the middle of its six knots).
-  const Duration first = Duration::from_seconds(plan.t.front() + 2.0 * kKnotS);
-  return Se3Spline(start + first, Duration::from_seconds(kKnotS), std::move(control));
+  // The influence of control pose i is centered at knot i - 2 (the middle of its six knots).
+  const Duration first = Duration::from_seconds(plan.t.front() + 2.0 * kKnotPeriod_s);
+  return Se3Spline(start + first, Duration::from_seconds(kKnotPeriod_s), std::move(control));
 }
 
 Plan empty_plan(double duration_s) {
   Plan plan;
-  const double from = -kMotionMargin - 5.0 * kKnotS;
-  const double to = duration_s + kMotionMargin + 5.0 * kKnotS;
-  const auto count = static_cast<int>(std::ceil((to - from) / kKnotS)) + 1;
-  for (int i = 0; i < count; ++i) plan.t.push_back(from + i * kKnotS);
+  const double from = -kMotionMargin_s - 5.0 * kKnotPeriod_s;
+  const double to = duration_s + kMotionMargin_s + 5.0 * kKnotPeriod_s;
+  const auto count = static_cast<int>(std::ceil((to - from) / kKnotPeriod_s)) + 1;
+  for (int i = 0; i < count; ++i) plan.t.push_back(from + i * kKnotPeriod_s);
   return plan;
 }
 
@@ -226,26 +228,26 @@ WaveField make_waves(const WaveConfig& config, std::uint64_t seed, double gravit
 }
 
 Se3Spline plan_motion(const MotionConfig& config, const MotionContext& context) {
-  if (config.path == PathKind::file) return fly_file(config, context);
+  if (config.path == PathKind::file) return motion_from_file(config, context);
   Plan plan = empty_plan(context.duration_s);
   if (config.path == PathKind::hover) {
     Vector3d place(config.origin[0], config.origin[1], config.origin[2]);
     if (config.altitude_m && context.height) {
       const auto ground = context.height(place.x(), place.y());
       if (!ground)
-        fail_input("motion.altitude_m: no terrain below origin; move it inside the world");
+        fail_input("motion.altitude_m: no terrain below motion.origin; move it inside the world");
       place.z() = *ground + *config.altitude_m;
     }
     plan.position.assign(plan.size(), place);
   } else {
-    constexpr double kSlack = 1.5;  // cut corners make the path shorter
+    constexpr double kSlack = 1.5;  // rounded corners shorten the path
     const double length = kSlack * config.speed_m_s * plan.t.back() + 5.0;
-    fly(config, dense_path(config, length, context.height), plan);
+    follow_path(config, dense_path(config, length, context.height), plan);
   }
-  point_bow(config, plan);
-  lean(config, context, plan);
-  wobble(config, Random(context.seed).fork(kWobbleStream), plan);
-  ride_waves(config, make_waves(config.waves, context.seed, context.gravity), plan);
+  set_heading(config, plan);
+  set_roll_and_pitch(config, context, plan);
+  add_oscillation(config, Random(context.seed).fork(kOscillationStream), plan);
+  add_wave_motion(config, make_waves(config.waves, context.seed, context.gravity), plan);
   return to_spline(plan, context.start);
 }
 

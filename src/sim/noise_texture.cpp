@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/noise_texture.hpp"
+#include "sim/noise_texture.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "clones.hpp"
+#include "sim/clones.hpp"
 
 namespace apvi::sim {
 namespace {
 
-constexpr float kLacunarity = 2.03F;  // not two: lattices of neighbouring octaves must not line up
-// Of an octave of amplitude 1, and of its slope along an axis at one wave a metre.
+constexpr float kLacunarity = 2.03F;  // not 2, so that the lattices of octaves do not align
+// Variance of an octave of amplitude 1, and of its slope along an axis at a frequency of 1 / m.
 constexpr float kValueVariance = 0.0364F;
 constexpr float kSlopeVariance = 0.248F;
 
@@ -20,7 +20,8 @@ struct Noise {
   float value, dx, dy, dz;
 };
 
-// std::floor is a call without -ffast-math; a cast rounds towards zero, hence the correction.
+// std::floor is a function call without -ffast-math; the cast rounds toward zero, hence the
+// correction.
 APVI_INLINE int floor_int(float x) {
   const int i = static_cast<int>(x);
   return i - static_cast<int>(x < static_cast<float>(i));
@@ -115,7 +116,7 @@ APVI_CLONES void add_octave(const Points& p, const std::array<float, 3>& scale, 
   for (int i = 0; i < kBatch; ++i) {
     const Noise n =
         gradient_noise(p.x.v[i] * scale[0], p.y.v[i] * scale[1], p.z.v[i] * scale[2], seed);
-    out.v[i] += n.value * amplitude * visibility(p.footprint.v[i], frequency);
+    out.v[i] += n.value * amplitude * octave_weight(p.footprint.v[i], frequency);
   }
 }
 
@@ -125,7 +126,7 @@ APVI_CLONES void add_octave_gradient(const Points& p, const std::array<float, 3>
   for (int i = 0; i < kBatch; ++i) {
     const Noise n =
         gradient_noise(p.x.v[i] * scale[0], p.y.v[i] * scale[1], p.z.v[i] * scale[2], seed);
-    const float a = amplitude * visibility(p.footprint.v[i], frequency);
+    const float a = amplitude * octave_weight(p.footprint.v[i], frequency);
     out.value.v[i] += n.value * a;
     out.dx.v[i] += n.dx * a * scale[0];
     out.dy.v[i] += n.dy * a * scale[1];
@@ -133,11 +134,11 @@ APVI_CLONES void add_octave_gradient(const Points& p, const std::array<float, 3>
   }
 }
 
-// Variance of what of an octave cannot be seen, by that of a wave of amplitude 1.
-APVI_CLONES void add_faded(const Points& p, float frequency, float amplitude, float of_one,
-                           Lanes& out) {
+// Adds the variance of the filtered-out part of an octave; `of_one` is that of amplitude 1.
+APVI_CLONES void add_lost_variance(const Points& p, float frequency, float amplitude, float of_one,
+                                   Lanes& out) {
   for (int i = 0; i < kBatch; ++i) {
-    const float seen = visibility(p.footprint.v[i], frequency);
+    const float seen = octave_weight(p.footprint.v[i], frequency);
     out.v[i] += (1.0F - seen * seen) * amplitude * amplitude * of_one;
   }
 }
@@ -146,9 +147,9 @@ float smallest_footprint(const Points& p) {
   return *std::min_element(p.footprint.v, p.footprint.v + std::max(1, p.count));
 }
 
-// Calls `octave(frequency, its highest along an axis, amplitude, number)` for all of them.
+// Calls `octave(frequency, highest frequency along an axis, amplitude, index)` for all octaves.
 template <typename Octave>
-void every_octave(const Fbm& spec, Octave&& octave) {
+void for_each_octave(const Fbm& spec, Octave&& octave) {
   const float widest = std::max({spec.stretch[0], spec.stretch[1], spec.stretch[2]});
   float frequency = spec.frequency;
   float amplitude = 1.0F;
@@ -159,10 +160,10 @@ void every_octave(const Fbm& spec, Octave&& octave) {
   }
 }
 
-// Calls `octave(scale, frequency, amplitude, seed)` for the octaves that some point can see.
+// Calls `octave(scale, frequency, amplitude, seed)` for the octaves not filtered out everywhere.
 template <typename Octave>
-void seen_octaves(const Fbm& spec, float footprint, Octave&& octave) {
-  every_octave(spec, [&](float frequency, float highest, float amplitude, int k) {
+void for_each_visible_octave(const Fbm& spec, float footprint, Octave&& octave) {
+  for_each_octave(spec, [&](float frequency, float highest, float amplitude, int k) {
     if (footprint * highest > 0.6F) return;
     const std::array<float, 3> scale{frequency * spec.stretch[0], frequency * spec.stretch[1],
                                      frequency * spec.stretch[2]};
@@ -191,13 +192,13 @@ APVI_INLINE void nearest_in_cell(std::uint32_t X, std::uint32_t Y, std::uint32_t
   best = nearer ? h : best;
 }
 
-struct Best {
+struct NearestPoints {
   Lanes first, second;
   std::uint32_t hash[kBatch];
 };
 
-APVI_CLONES void visit_neighbour(const Points& p, float frequency, std::uint32_t seed, int ox,
-                                 int oy, int oz, Best& best, Cells& out) {
+APVI_CLONES void visit_neighbor(const Points& p, float frequency, std::uint32_t seed, int ox,
+                                int oy, int oz, NearestPoints& best, Cells& out) {
   for (int i = 0; i < kBatch; ++i) {
     const float px = p.x.v[i] * frequency;
     const float py = p.y.v[i] * frequency;
@@ -212,13 +213,14 @@ APVI_CLONES void visit_neighbour(const Points& p, float frequency, std::uint32_t
   }
 }
 
-APVI_CLONES void finish_cells(const Points& p, float frequency, const Best& best, Cells& out) {
+APVI_CLONES void finish_cells(const Points& p, float frequency, const NearestPoints& best,
+                              Cells& out) {
   for (int i = 0; i < kBatch; ++i) {
     out.nearest.v[i] = __builtin_sqrtf(best.first.v[i]);
     out.border.v[i] = __builtin_sqrtf(best.second.v[i]) - out.nearest.v[i];
     out.id.v[i] =
         static_cast<float>(static_cast<int>((best.hash[i] * 0x9e3779b1U) >> 8)) * 0x1.0p-24F;
-    out.weight.v[i] = visibility(p.footprint.v[i], frequency);
+    out.weight.v[i] = octave_weight(p.footprint.v[i], frequency);
   }
 }
 
@@ -226,43 +228,46 @@ APVI_CLONES void finish_cells(const Points& p, float frequency, const Best& best
 
 void fbm(const Points& p, const Fbm& spec, Lanes& out) {
   out.fill(0.0F);
-  seen_octaves(spec, smallest_footprint(p),
-               [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
-                 add_octave(p, scale, frequency, amplitude, seed, out);
-               });
+  for_each_visible_octave(
+      spec, smallest_footprint(p),
+      [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
+        add_octave(p, scale, frequency, amplitude, seed, out);
+      });
 }
 
-void fbm(const Points& p, const Fbm& spec, Lanes& out, Lanes& faded) {
+void fbm(const Points& p, const Fbm& spec, Lanes& out, Lanes& lost_variance) {
   fbm(p, spec, out);
-  faded.fill(0.0F);
-  every_octave(spec, [&](float, float highest, float amplitude, int) {
-    add_faded(p, highest, amplitude, kValueVariance, faded);
+  lost_variance.fill(0.0F);
+  for_each_octave(spec, [&](float, float highest, float amplitude, int) {
+    add_lost_variance(p, highest, amplitude, kValueVariance, lost_variance);
   });
 }
 
 float fbm(const Eigen::Vector3f& p, const Fbm& spec) {
   float sum = 0.0F;
-  seen_octaves(spec, 0.0F, [&](const auto& scale, float, float amplitude, std::uint32_t seed) {
-    sum += amplitude *
-           gradient_noise(p.x() * scale[0], p.y() * scale[1], p.z() * scale[2], seed).value;
-  });
+  for_each_visible_octave(
+      spec, 0.0F, [&](const auto& scale, float, float amplitude, std::uint32_t seed) {
+        sum += amplitude *
+               gradient_noise(p.x() * scale[0], p.y() * scale[1], p.z() * scale[2], seed).value;
+      });
   return sum;
 }
 
 void fbm_gradient(const Points& p, const Fbm& spec, Gradient& out) {
   for (Lanes* lanes : {&out.value, &out.dx, &out.dy, &out.dz}) lanes->fill(0.0F);
-  seen_octaves(spec, smallest_footprint(p),
-               [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
-                 add_octave_gradient(p, scale, frequency, amplitude, seed, out);
-               });
-  out.faded.fill(0.0F);
-  every_octave(spec, [&](float frequency, float highest, float amplitude, int) {
-    add_faded(p, highest, frequency * amplitude, kSlopeVariance, out.faded);
+  for_each_visible_octave(
+      spec, smallest_footprint(p),
+      [&](const auto& scale, float frequency, float amplitude, std::uint32_t seed) {
+        add_octave_gradient(p, scale, frequency, amplitude, seed, out);
+      });
+  out.lost_variance.fill(0.0F);
+  for_each_octave(spec, [&](float frequency, float highest, float amplitude, int) {
+    add_lost_variance(p, highest, frequency * amplitude, kSlopeVariance, out.lost_variance);
   });
 }
 
 void cells(const Points& p, float frequency, std::uint32_t seed, Cells& out) {
-  if (smallest_footprint(p) * frequency > 0.6F) {  // invisible everywhere: skip the 27 cells
+  if (smallest_footprint(p) * frequency > 0.6F) {  // filtered out everywhere: skip the 27 cells
     for (Lanes* lanes : {&out.border, &out.id, &out.dx, &out.dy, &out.dz, &out.weight}) {
       lanes->fill(0.0F);
     }
@@ -270,14 +275,14 @@ void cells(const Points& p, float frequency, std::uint32_t seed, Cells& out) {
     return;
   }
   // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): scratch, filled before use
-  Best best;
+  NearestPoints best;
   best.first.fill(1e9F);
   best.second.fill(1e9F);
   std::fill(best.hash, best.hash + kBatch, 0U);
   for (int oz = -1; oz <= 1; ++oz) {
     for (int oy = -1; oy <= 1; ++oy) {
       for (int ox = -1; ox <= 1; ++ox) {
-        visit_neighbour(p, frequency, seed, ox, oy, oz, best, out);
+        visit_neighbor(p, frequency, seed, ox, oy, oz, best, out);
       }
     }
   }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "path.hpp"
+#include "sim/path.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 
 namespace apvi::sim {
@@ -13,15 +14,14 @@ namespace {
 using Eigen::Vector3d;
 using Points = std::vector<Vector3d>;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-
 Vector3d origin_of(const MotionConfig& config) {
   return {config.origin[0], config.origin[1], config.origin[2]};
 }
 
-// Lines to and fro, `across` apart. Flown back as they came, unless a diagonal that crosses them
-// leads to the first corner again.
-Points lines_corners(const MotionConfig& config, const Vector3d& along, const Vector3d& across) {
+// Parallel lines, `across` apart, in alternating direction. With `revisit`, a diagonal across the
+// lines returns to the first corner; without, the lines are traversed in reverse.
+Points line_pattern_corners(const MotionConfig& config, const Vector3d& along,
+                            const Vector3d& across) {
   Points corners;
   for (int i = 0; i < config.lines; ++i) {
     const Vector3d near = origin_of(config) + i * across;
@@ -32,8 +32,8 @@ Points lines_corners(const MotionConfig& config, const Vector3d& along, const Ve
   if (!config.revisit) {
     for (std::size_t i = corners.size() - 1; i-- > 1;) corners.push_back(corners[i]);
   } else if (config.lines % 2 == 0) {
-    // The last line ends beside the first corner: run down its length once more, to cross all
-    // lines.
+    // The last line ends on the side of the first corner: return along its length, so that the
+    // diagonal crosses all lines.
     corners.push_back(origin_of(config) + config.length_m * along);
   }
   corners.push_back(corners.front());
@@ -42,7 +42,7 @@ Points lines_corners(const MotionConfig& config, const Vector3d& along, const Ve
 
 Points orbit_corners(const MotionConfig& config) {
   constexpr int kPerLap = 90;
-  const double heading = config.heading_deg * kDegree;
+  const double heading = config.heading_deg * kRadiansPerDegree;
   const Vector3d u(std::cos(heading), std::sin(heading), 0.0);
   const Vector3d v(-u.y(), u.x(), 0.0);
   const int up = config.laps * kPerLap;
@@ -51,7 +51,7 @@ Points orbit_corners(const MotionConfig& config) {
     const double angle = 2.0 * std::numbers::pi * i / kPerLap;
     const double climbed = static_cast<double>(i <= up ? i : 2 * up - i) / kPerLap;
     corners.push_back(origin_of(config) + config.radius_m * std::cos(angle) * u +
-                      config.radius_m * config.aspect * std::sin(angle) * v +
+                      config.radius_m * config.aspect_ratio * std::sin(angle) * v +
                       Vector3d(0.0, 0.0, config.climb_m * climbed));
   }
   return corners;
@@ -59,7 +59,7 @@ Points orbit_corners(const MotionConfig& config) {
 
 Points waypoint_corners(const MotionConfig& config) {
   if (config.waypoints.size() < 2) {
-    fail_input("motion.waypoints: path: waypoints needs at least two [x, y, z] points");
+    fail_input("motion.waypoints: at least two [x, y, z] points are required");
   }
   Points corners;
   for (const auto& w : config.waypoints) corners.emplace_back(w[0], w[1], w[2]);
@@ -71,8 +71,8 @@ Points waypoint_corners(const MotionConfig& config) {
   return corners;
 }
 
-// Walks along the closed polyline round after round.
-Points walk(const Points& corners, double length_m) {
+// Samples the closed polyline repeatedly until the length is reached.
+Points sample_polyline(const Points& corners, double length_m) {
   Points dense{corners.front()};
   const auto wanted = static_cast<std::size_t>(std::ceil(length_m / kPathStep)) + 2;
   double left = kPathStep;  // until the next point
@@ -91,26 +91,25 @@ Points walk(const Points& corners, double length_m) {
 }
 
 void follow_terrain(Points& path, double altitude_m, const HeightFunction& height) {
-  if (!height) fail_input("motion.altitude_m: there is no terrain to follow; give z in origin");
+  if (!height)
+    fail_input("motion.altitude_m: there is no terrain to follow; set z in motion.origin");
   for (Vector3d& p : path) {
     const auto ground = height(p.x(), p.y());
     if (!ground) {
       fail_input(
           "motion.altitude_m: no terrain below the path at x {:.1f}, y {:.1f} m; move the path "
-          "inside "
-          "the world or make the world larger",
+          "inside the world or enlarge the world",
           p.x(), p.y());
     }
     p.z() = *ground + altitude_m;
   }
-  constexpr double kTerrainSmoothing = 1.2;  // [m]: a vehicle does not follow every stone
+  constexpr double kTerrainSmoothing = 1.2;  // [m]: small objects are not followed
   smooth(path, kTerrainSmoothing / kPathStep);
 }
 
-// One moving average over 2 half + 1 samples; near the ends over as many as there are on both
-// sides.
+// Moving average over 2 half + 1 samples; the window shrinks symmetrically near the ends.
 template <typename T>
-void average(std::vector<T>& values, std::size_t half) {
+void moving_average(std::vector<T>& values, std::size_t half) {
   const std::vector<T> in = values;
   std::vector<T> sums{T(in[0] * 0.0)};
   for (const T& value : in) sums.push_back(T(sums.back() + (value - in[0])));
@@ -127,7 +126,7 @@ void smooth_any(std::vector<T>& values, double sigma) {
   const double width = std::sqrt(12.0 * sigma * sigma / kPasses + 1.0);
   const auto half = static_cast<std::size_t>(std::lround((width - 1.0) / 2.0));
   if (values.size() < 3 || half == 0) return;
-  for (int pass = 0; pass < kPasses; ++pass) average(values, half);
+  for (int pass = 0; pass < kPasses; ++pass) moving_average(values, half);
 }
 
 }  // namespace
@@ -140,16 +139,16 @@ void smooth(std::vector<double>& values, double sigma) {
 }
 
 Points pattern_corners(const MotionConfig& config) {
-  const double heading = config.heading_deg * kDegree;
+  const double heading = config.heading_deg * kRadiansPerDegree;
   const Vector3d along(std::cos(heading), std::sin(heading), 0.0);
   const Vector3d left(-along.y(), along.x(), 0.0);
   Points corners;
   switch (config.path) {
     case PathKind::lawnmower:
-      corners = lines_corners(config, along, config.spacing_m * left);
+      corners = line_pattern_corners(config, along, config.spacing_m * left);
       break;
     case PathKind::wall:
-      corners = lines_corners(config, along, Vector3d(0.0, 0.0, config.spacing_m));
+      corners = line_pattern_corners(config, along, Vector3d(0.0, 0.0, config.spacing_m));
       break;
     case PathKind::orbit:
       corners = orbit_corners(config);
@@ -163,12 +162,13 @@ Points pattern_corners(const MotionConfig& config) {
   }
   double length = 0.0;
   for (std::size_t i = 1; i < corners.size(); ++i) length += (corners[i] - corners[i - 1]).norm();
-  if (length < 0.1) fail_input("motion: the path is {:.2f} m long; give it an extent", length);
+  if (length < 0.1)
+    fail_input("motion: the path is only {:.2f} m long; increase its extent", length);
   return corners;
 }
 
 Points dense_path(const MotionConfig& config, double length_m, const HeightFunction& height) {
-  Points path = walk(pattern_corners(config), length_m);
+  Points path = sample_polyline(pattern_corners(config), length_m);
   if (config.altitude_m) follow_terrain(path, *config.altitude_m, height);
   smooth(path, config.corner_m / kPathStep);
   return path;

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 /// The geometry of a path, before it becomes a motion.
 namespace apvi::sim {

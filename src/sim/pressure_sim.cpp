@@ -1,24 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/pressure_sim.hpp"
+#include "sim/pressure_sim.hpp"
 
 #include <cmath>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 namespace apvi::sim {
 namespace {
 
 constexpr std::uint64_t kPressureStream = 41;
 
-// True depth as the water presses: hydrostatic and the waves' share [m].
-double felt_depth(const Se3Spline& spline, const WaveField& waves, const Eigen::Vector3d& p_body,
-                  Stamp stamp, double t) {
+// Depth equivalent of the true pressure: hydrostatic plus wave pressure [m].
+double equivalent_depth(const Se3Spline& spline, const WaveField& waves,
+                        const Eigen::Vector3d& p_body, Stamp stamp, double t) {
   const Eigen::Vector3d p = spline.at(stamp).T_world_body * p_body;
   const double depth = -p.z();
   if (depth < 0.0) {
-    fail_input("motion: the pressure sensor is {:.2f} m above the water at {:.1f} s; dive deeper",
-               -depth, t);
+    fail_input(
+        "motion: the pressure sensor is {:.2f} m above the water at {:.1f} s; lower the path",
+        -depth, t);
   }
   return waves.calm() ? depth : depth + waves.pressure_head(p.x(), p.y(), depth, t);
 }
@@ -39,7 +40,7 @@ std::vector<PressureSample> simulate_pressure(const Se3Spline& spline, const Wav
                                               const EventSchedule& events, Stamp start,
                                               double duration_s, std::uint64_t seed) {
   Random random = Random(seed).fork(kPressureStream);
-  const double per_metre = calibration.water_density * calibration.gravity;
+  const double per_meter = calibration.water_density * calibration.gravity;
   const double step = config.bias_walk / std::sqrt(config.rate_hz);
   double bias = config.bias_m * random.normal();
   std::vector<PressureSample> samples;
@@ -47,14 +48,14 @@ std::vector<PressureSample> simulate_pressure(const Se3Spline& spline, const Wav
   for (std::int64_t i = 0; i < count; ++i) {
     const double t = static_cast<double>(i) / config.rate_hz;
     const Stamp truth = start + Duration::from_seconds(t);
-    double depth = felt_depth(spline, waves, calibration.p_body_sensor, truth, t);
+    double depth = equivalent_depth(spline, waves, calibration.p_body_sensor, truth, t);
     depth += bias + config.noise_m * random.normal();
     bias += step * random.normal();
-    constexpr double kSpikeShare = 0.1;
-    const bool spike = random.uniform() < kSpikeShare;
+    constexpr double kSpikeFraction = 0.1;
+    const bool spike = random.uniform() < kSpikeFraction;
     const double sign = random.uniform() < 0.5 ? -1.0 : 1.0;
     if (spike) depth += sign * events.strength(EventKind::pressure_spikes, t);
-    double pressure = calibration.atmospheric_pressure_pa + per_metre * depth;
+    double pressure = calibration.atmospheric_pressure_pa + per_meter * depth;
     if (config.resolution_pa > 0.0) {
       pressure = config.resolution_pa * std::round(pressure / config.resolution_pa);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/ray_caster.hpp"
+#include "sim/ray_caster.hpp"
 
 #include <embree3/rtcore.h>
 
@@ -12,14 +12,14 @@
 namespace apvi::sim {
 namespace {
 
-constexpr float kNear = 1e-4F;  // [m]; a ray that starts on a surface does not hit it
+constexpr float kMinRange = 1e-4F;  // [m]; avoids self-intersection
 
 RTCRay make_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, float max_range) {
   RTCRay ray{};
   ray.org_x = origin.x();
   ray.org_y = origin.y();
   ray.org_z = origin.z();
-  ray.tnear = kNear;
+  ray.tnear = kMinRange;
   ray.dir_x = direction.x();
   ray.dir_y = direction.y();
   ray.dir_z = direction.z();
@@ -43,7 +43,7 @@ RTCScene build_scene(RTCDevice device, const TriangleMesh& mesh) {
               mesh.triangles.size() * sizeof(TriangleMesh::Triangle));
   rtcCommitGeometry(geometry);
   RTCScene scene = rtcNewScene(device);
-  rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through between two triangles
+  rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);  // watertight at shared edges
   rtcAttachGeometry(scene, geometry);
   rtcReleaseGeometry(geometry);
   rtcCommitScene(scene);
@@ -58,7 +58,7 @@ void load_packet(const RayBatch& rays, std::size_t first, std::size_t count, RTC
     packet.ray.org_x[k] = rays.ox[i];
     packet.ray.org_y[k] = rays.oy[i];
     packet.ray.org_z[k] = rays.oz[i];
-    packet.ray.tnear[k] = kNear;
+    packet.ray.tnear[k] = kMinRange;
     packet.ray.dir_x[k] = rays.dx[i];
     packet.ray.dir_y[k] = rays.dy[i];
     packet.ray.dir_z[k] = rays.dz[i];
@@ -87,7 +87,7 @@ void store_packet(const RTCRayHit8& packet, std::size_t first, std::size_t count
 struct RayCaster::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
-  bool packets = false;  // whether the machine has registers for eight rays
+  bool packets = false;  // whether the CPU supports 8-ray packets
 
   Impl() = default;
   Impl(const Impl&) = delete;
@@ -116,13 +116,13 @@ void RayBatch::resize(std::size_t count) {
 }
 
 RayCaster::RayCaster(const TriangleMesh& mesh) : impl_(std::make_unique<Impl>()) {
-  // One thread, so that nothing of ours leaves threads behind; building takes about a second.
+  // One thread, so that Embree leaves no worker threads behind; building takes about one second.
   impl_->device = rtcNewDevice("threads=1,set_affinity=0");
-  if (impl_->device == nullptr) fail_run("Embree cannot be started on this machine");
+  if (impl_->device == nullptr) fail_run("cannot initialize Embree on this machine");
   impl_->scene = build_scene(impl_->device, mesh);
   const RTCError error = rtcGetDeviceError(impl_->device);
   if (error != RTC_ERROR_NONE || impl_->scene == nullptr) {
-    fail_run("Embree cannot take a mesh of {} triangles (error {}): is memory short?",
+    fail_run("Embree cannot build a scene of {} triangles (error {}); is there enough memory?",
              mesh.triangles.size(), static_cast<int>(error));
   }
   impl_->packets =

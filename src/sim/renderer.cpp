@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/renderer.hpp"
+#include "sim/renderer.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
-#include "shading.hpp"
-#include "snow.hpp"
+#include "sim/shading.hpp"
+#include "sim/snow.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -18,17 +18,17 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr int kTile = 16;  // pixels a side: kBatch of them
+constexpr int kTile = 16;  // pixels per side; a tile has kBatch pixels
 static_assert(kTile * kTile == kBatch);
-constexpr float kFarthest = 200.0F;  // [m]; light is lost in the veil long before
+constexpr float kMaxRange = 200.0F;  // [m]; beyond the visibility of any water
 
-/// Rays of the lens, once for all frames: unit vectors in the camera frame, zero where the inverse
-/// of the distortion does not exist.
+/// Rays of all pixels: unit vectors in the camera frame, zero where the distortion cannot be
+/// inverted.
 struct Lens {
   int width = 0;
   int height = 0;
   std::vector<Vector3f> rays;
-  std::vector<float> angle;  ///< between a pixel and its neighbour [rad]
+  std::vector<float> angle;  ///< between a pixel and its neighbor [rad]
 
   std::size_t index(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
@@ -52,30 +52,31 @@ Lens make_lens(const CameraModel& camera) {
   lens.angle.reserve(count);
   for (int y = 0; y < p.height; ++y) {
     for (int x = 0; x < p.width; ++x) {
-      const int beside = x + 1 < p.width ? x + 1 : x - 1;
-      lens.angle.push_back((lens.rays[lens.index(beside, y)] - lens.rays[lens.index(x, y)]).norm());
+      const int neighbor = x + 1 < p.width ? x + 1 : x - 1;
+      lens.angle.push_back(
+          (lens.rays[lens.index(neighbor, y)] - lens.rays[lens.index(x, y)]).norm());
     }
   }
   return lens;
 }
 
-/// Where inside the pixel the k-th pose of an exposure looks, in fractions of it: the middle one in
-/// the middle, the others spread so that blur smooths edges too.
-Vector2d jitter(int k, int count) {
+/// Offset of the k-th exposure sample from the pixel center, in pixels: zero for the middle sample,
+/// spread for the others, so that motion blur also antialiases edges.
+Vector2d pixel_offset(int k, int count) {
   if (2 * k + 1 == count) return Vector2d::Zero();
   const double angle = 2.399963 * k;
   return 0.35 * Vector2d(std::cos(angle), std::sin(angle));
 }
 
-/// The linear picture before gain: what the passes over it share.
+/// Linear images before gain, shared by the rendering passes.
 struct Canvas {
-  cv::Mat seen, clear;  ///< CV_32FC3 BGR
+  cv::Mat observed, clear;  ///< CV_32FC3 BGR
   cv::Mat range, depth;
 };
 
 Canvas make_canvas(const Lens& lens) {
   const cv::Size size(lens.width, lens.height);
-  return {.seen = cv::Mat::zeros(size, CV_32FC3),
+  return {.observed = cv::Mat::zeros(size, CV_32FC3),
           .clear = cv::Mat::zeros(size, CV_32FC3),
           .range = cv::Mat::zeros(size, CV_32F),
           .depth = cv::Mat::zeros(size, CV_32F)};
@@ -92,7 +93,7 @@ struct Renderer::Impl {
   Lens lens;
   BakedLight baked;
 
-  /// Poses of one frame: for every sample of the exposure, one, or one a row (rolling shutter).
+  /// Poses of one frame: one per exposure sample, or one per sample and row (rolling shutter).
   struct Poses {
     int samples = 1;
     std::vector<SE3> poses;
@@ -107,13 +108,13 @@ struct Renderer::Impl {
 
   LightState light_state(const ImageRequest& request) const;
   int count_samples(const ImageRequest& request) const;
-  Poses take_poses(const ImageRequest& request) const;
+  Poses exposure_poses(const ImageRequest& request) const;
   void fill_rays(const Poses& poses, int sample, const cv::Rect& tile, TileRays& rays) const;
   void render_tile(const LightState& light, const Poses& poses, const cv::Rect& tile,
                    Canvas& canvas) const;
-  double meter(const Canvas& canvas, double exposure) const;
-  RenderedFrame develop_frame(const ImageRequest& request, const LightState& light,
-                              const Canvas& canvas) const;
+  double camera_gain(const Canvas& canvas, double exposure) const;
+  RenderedFrame make_frame(const ImageRequest& request, const LightState& light,
+                           const Canvas& canvas) const;
 };
 
 LightState Renderer::Impl::light_state(const ImageRequest& request) const {
@@ -124,17 +125,17 @@ LightState Renderer::Impl::light_state(const ImageRequest& request) const {
   light.config.daylight *= brightness;
   if (light.config.lamp) light.config.lamp->intensity *= brightness;
   light.medium.b_inf *= config.light.daylight * brightness;
-  light.veil_gradient = config.water.veil_gradient;
+  light.veiling_light_gradient = config.water.veiling_light_gradient;
   light.silt = d.silt;
   light.time_s = std::fmod(request.stamp.seconds(), 36000.0);
   const Vector3d around = daylight_at(light.config, light.medium, config.water.reference_depth_m);
   const double lamp = light.config.lamp ? 0.1 * light.config.lamp->intensity : 0.0;
-  light.silt_colour =
+  light.silt_color =
       (Vector3d(0.38, 0.36, 0.29).cwiseProduct(around + lamp * Vector3d::Ones())).cast<float>();
   return light;
 }
 
-// One pose for every pixel that the picture moves over the exposure, an odd number so that one of
+// About one sample per pixel of image motion during the exposure; an odd number, so that one of
 // them is at mid-exposure.
 int Renderer::Impl::count_samples(const ImageRequest& request) const {
   const auto& p = camera.parameters();
@@ -157,7 +158,7 @@ int Renderer::Impl::count_samples(const ImageRequest& request) const {
   return std::clamp(wanted, 1, (config.camera.blur_samples - 1) / 2 * 2 + 1);
 }
 
-Renderer::Impl::Poses Renderer::Impl::take_poses(const ImageRequest& request) const {
+Renderer::Impl::Poses Renderer::Impl::exposure_poses(const ImageRequest& request) const {
   Poses result;
   result.samples = count_samples(request);
   const bool rolling = config.camera.shutter == Shutter::rolling;
@@ -176,7 +177,7 @@ Renderer::Impl::Poses Renderer::Impl::take_poses(const ImageRequest& request) co
 
 void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& tile,
                                TileRays& out) const {
-  const Vector2d shift = jitter(sample, poses.samples);
+  const Vector2d shift = pixel_offset(sample, poses.samples);
   out.rays.resize(static_cast<std::size_t>(tile.area()));
   std::size_t i = 0;
   for (int y = tile.y; y < tile.y + tile.height; ++y) {
@@ -201,8 +202,8 @@ void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& t
       out.rays.dx[i] = world.x();
       out.rays.dy[i] = world.y();
       out.rays.dz[i] = world.z();
-      // No ray of the lens: a ray that ends at once sees nothing.
-      out.rays.range[i] = ray.isZero() ? 1e-3F : kFarthest;
+      // Pixels without a ray get a tiny range and hit nothing.
+      out.rays.range[i] = ray.isZero() ? 1e-3F : kMaxRange;
       out.pixel_angle[static_cast<int>(i)] = lens.angle[lens.index(x, y)];
     }
   }
@@ -211,7 +212,7 @@ void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& t
 void Renderer::Impl::render_tile(const LightState& light, const Poses& poses, const cv::Rect& tile,
                                  Canvas& canvas) const {
   TileRays rays;
-  const float share = 1.0F / static_cast<float>(poses.samples);
+  const float weight = 1.0F / static_cast<float>(poses.samples);
   for (int k = 0; k < poses.samples; ++k) {
     fill_rays(poses, k, tile, rays);
     const SE3& T_world_camera = poses.at(k, tile.y + tile.height / 2);
@@ -226,8 +227,8 @@ void Renderer::Impl::render_tile(const LightState& light, const Poses& poses, co
     for (int i = 0; i < tile.area(); ++i) {
       const int x = tile.x + i % tile.width;
       const int y = tile.y + i / tile.width;
-      auto& seen = canvas.seen.at<cv::Vec3f>(y, x);
-      for (int c = 0; c < 3; ++c) seen[c] += share * rays.seen[2 - c][i];
+      auto& observed = canvas.observed.at<cv::Vec3f>(y, x);
+      for (int c = 0; c < 3; ++c) observed[c] += weight * rays.observed[2 - c][i];
       if (!middle) continue;
       auto& clear = canvas.clear.at<cv::Vec3f>(y, x);
       for (int c = 0; c < 3; ++c) clear[c] = rays.clear[2 - c][i];
@@ -239,29 +240,29 @@ void Renderer::Impl::render_tile(const LightState& light, const Poses& poses, co
   }
 }
 
-// Mean of the picture as the sensor would see it at gain 1, green counting as usual.
-double Renderer::Impl::meter(const Canvas& canvas, double exposure) const {
+// Gain that brings the mean of the image (Bayer weights) to the target, times `exposure`.
+double Renderer::Impl::camera_gain(const Canvas& canvas, double exposure) const {
   const CameraEffectsConfig& camera_config = config.camera;
   if (!camera_config.auto_gain) return camera_config.gain * exposure;
-  const cv::Scalar mean = cv::mean(canvas.seen);
+  const cv::Scalar mean = cv::mean(canvas.observed);
   const double level = 0.25 * mean[0] * white_balance.z() + 0.5 * mean[1] * white_balance.y() +
                        0.25 * mean[2] * white_balance.x();
   return exposure *
          std::min(camera_config.max_gain, camera_config.target_mean / std::max(level, 1e-9));
 }
 
-RenderedFrame Renderer::Impl::develop_frame(const ImageRequest& request, const LightState& light,
-                                            const Canvas& canvas) const {
+RenderedFrame Renderer::Impl::make_frame(const ImageRequest& request, const LightState& light,
+                                         const Canvas& canvas) const {
   RenderedFrame frame;
-  frame.gain = meter(canvas, request.disturbance.exposure);
+  frame.gain = camera_gain(canvas, request.disturbance.exposure);
   frame.medium = light.medium;
   Vector3f factor;
   for (int c = 0; c < 3; ++c) {
     frame.medium.b_inf[c] *= frame.gain * white_balance[c];
     factor[c] = static_cast<float>(frame.gain * white_balance[c]);
   }
-  cv::Mat picture(canvas.seen.size(), CV_32FC3);
-  cv::Mat clear(canvas.seen.size(), CV_32FC3);
+  cv::Mat exposed(canvas.observed.size(), CV_32FC3);
+  cv::Mat clear(canvas.observed.size(), CV_32FC3);
   const float radius2 =
       0.25F * static_cast<float>(lens.width * lens.width + lens.height * lens.height);
   for (int y = 0; y < lens.height; ++y) {
@@ -270,21 +271,21 @@ RenderedFrame Renderer::Impl::develop_frame(const ImageRequest& request, const L
       const float dy = static_cast<float>(y) - 0.5F * static_cast<float>(lens.height);
       const float corner = (dx * dx + dy * dy) / radius2;
       const float lens_loss = 1.0F - static_cast<float>(config.camera.vignetting) * corner;
-      const auto& in = canvas.seen.at<cv::Vec3f>(y, x);
-      const auto& bare = canvas.clear.at<cv::Vec3f>(y, x);
+      const auto& in = canvas.observed.at<cv::Vec3f>(y, x);
+      const auto& clear_pixel = canvas.clear.at<cv::Vec3f>(y, x);
       for (int c = 0; c < 3; ++c) {
-        picture.at<cv::Vec3f>(y, x)[c] = in[c] * factor[2 - c] * lens_loss;
-        clear.at<cv::Vec3f>(y, x)[c] = bare[c] * factor[2 - c];
+        exposed.at<cv::Vec3f>(y, x)[c] = in[c] * factor[2 - c] * lens_loss;
+        clear.at<cv::Vec3f>(y, x)[c] = clear_pixel[c] * factor[2 - c];
       }
     }
   }
   if (config.camera.lens_blur_px > 0.0) {
-    for (cv::Mat* layer : {&picture, &clear}) {
-      soften(*layer, config.camera.lens_blur_px);
+    for (cv::Mat* layer : {&exposed, &clear}) {
+      gaussian_blur(*layer, config.camera.lens_blur_px);
     }
   }
-  frame.image = develop(picture, config.camera, frame.gain, seed, request.frame);
-  frame.clear = develop_clean(clear, config.camera);
+  frame.image = simulate_sensor(exposed, config.camera, frame.gain, seed, request.frame);
+  frame.clear = simulate_noiseless_sensor(clear, config.camera);
   frame.range = canvas.range;
   frame.depth = canvas.depth;
   return frame;
@@ -313,7 +314,7 @@ Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 RenderedFrame Renderer::render(const ImageRequest& request, int threads) const {
   const LightState light = impl_->light_state(request);
-  const Impl::Poses poses = impl_->take_poses(request);
+  const Impl::Poses poses = impl_->exposure_poses(request);
   Canvas canvas = make_canvas(impl_->lens);
   const int columns = (impl_->lens.width + kTile - 1) / kTile;
   const int rows = (impl_->lens.height + kTile - 1) / kTile;
@@ -323,10 +324,10 @@ RenderedFrame Renderer::render(const ImageRequest& request, int threads) const {
     impl_->render_tile(light, poses, tile & all, canvas);
   });
   const Duration half = Duration::from_seconds(0.5 * impl_->config.camera.exposure_s);
-  draw_snow(impl_->config.water.snow, light, impl_->camera,
-            request.T_world_camera(request.stamp - half),
-            request.T_world_camera(request.stamp + half), impl_->seed, canvas.range, canvas.seen);
-  return impl_->develop_frame(request, light, canvas);
+  draw_snow(
+      impl_->config.water.snow, light, impl_->camera, request.T_world_camera(request.stamp - half),
+      request.T_world_camera(request.stamp + half), impl_->seed, canvas.range, canvas.observed);
+  return impl_->make_frame(request, light, canvas);
 }
 
 }  // namespace apvi::sim

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Where things lie: by chance, in clusters, more of them on rocky ground.
+// Random placement of objects: clustered, denser on rocky ground.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <vector>
 
-#include "shapes.hpp"
-#include "world_parts.hpp"
+#include "sim/shapes.hpp"
+#include "sim/world_parts.hpp"
 
 namespace apvi::sim::parts {
 namespace {
 
-int count_for(const WorldConfig& config, double per_square_metre) {
-  return static_cast<int>(per_square_metre * config.size_m * config.size_m);
+int count_for(const WorldConfig& config, double per_square_meter) {
+  return static_cast<int>(per_square_meter * config.size_m * config.size_m);
 }
 
-// A point of the fine square that nothing stands on; false behind a dam or inside a wreck.
-bool usable(const WorldConfig& config, float x, float y) {
+// Whether objects may be placed here: not behind the dam, not inside the wreck.
+bool is_free(const WorldConfig& config, float x, float y) {
   if (config.kind == WorldKind::dam) return y < -0.4F;
   if (config.kind == WorldKind::ship) return std::abs(x) > 9.5F || std::abs(y) > 2.6F;
   return true;
@@ -26,7 +26,7 @@ struct Spot {
   float x, y;
 };
 
-Spot anywhere(const WorldConfig& config, Random& random) {
+Spot random_spot(const WorldConfig& config, Random& random) {
   const double half = 0.5 * config.size_m;
   return {uniform(random, -half, half), uniform(random, -half, half)};
 }
@@ -49,13 +49,13 @@ void scatter_rocks(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig
                    Random random) {
   const int count = count_for(config, 0.9 * config.rocks);
   for (int i = 0; i < count; ++i) {
-    const Spot spot = anywhere(config, random);
+    const Spot spot = random_spot(config, random);
     const double u = random.uniform();
     const float radius =
         0.03F + 0.75F * static_cast<float>(std::pow(u, 9.0)) + 0.10F * static_cast<float>(u * u);
     const float welcome = 0.35F + 0.65F * terrain.reef(spot.x, spot.y);
     const bool here =
-        usable(config, spot.x, spot.y) &&
+        is_free(config, spot.x, spot.y) &&
         random.uniform() < static_cast<double>(welcome * terrain.richness(spot.x, spot.y));
     if (!here) continue;
     const float z = terrain.height(spot.x, spot.y) + radius * uniform(random, -0.1, 0.35);
@@ -63,23 +63,23 @@ void scatter_rocks(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig
   }
 }
 
-void scatter_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
-                  Random random) {
+void scatter_marine_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
+                         Random random) {
   const double density = config.kind == WorldKind::seabed ? 0.30 : 0.08;
-  const int clusters = count_for(config, density * config.life);
+  const int clusters = count_for(config, density * config.marine_life);
   for (int i = 0; i < clusters; ++i) {
-    const Spot centre = anywhere(config, random);
+    const Spot center = random_spot(config, random);
     const int members = 2 + static_cast<int>(random.uniform() * 8.0);
     const float keep =
-        (0.3F + 0.7F * terrain.reef(centre.x, centre.y)) * terrain.richness(centre.x, centre.y);
+        (0.3F + 0.7F * terrain.reef(center.x, center.y)) * terrain.richness(center.x, center.y);
     if (random.uniform() > static_cast<double>(keep)) continue;
     for (int k = 0; k < members; ++k) {
-      const Spot spot{centre.x + static_cast<float>(random.normal(0.0, 0.5)),
-                      centre.y + static_cast<float>(random.normal(0.0, 0.5))};
+      const Spot spot{center.x + static_cast<float>(random.normal(0.0, 0.5)),
+                      center.y + static_cast<float>(random.normal(0.0, 0.5))};
       const float size = 0.12F + 0.5F * static_cast<float>(std::pow(random.uniform(), 2.5));
-      if (!usable(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
-      add_life(mesh, upright(terrain, spot, random), size, random, object_number(random),
-               Ground::bed);
+      if (!is_free(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
+      add_marine_life(mesh, upright(terrain, spot, random), size, random, object_number(random),
+                      Ground::bed);
     }
   }
 }
@@ -88,16 +88,16 @@ void scatter_debris(TriangleMesh& mesh, const Terrain& terrain, const WorldConfi
                     Random random) {
   const int count = count_for(config, 0.02 * config.debris);
   for (int i = 0; i < count; ++i) {
-    const Spot spot = anywhere(config, random);
-    if (!usable(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
+    const Spot spot = random_spot(config, random);
+    if (!is_free(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
     add_debris(mesh, {spot.x, spot.y, terrain.height(spot.x, spot.y)}, random,
                object_number(random));
   }
 }
 
-void grow_on(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_triangle, int count,
-             float size, Random random) {
-  std::vector<double> area;  // running sum, so that large plates get more than thin rails
+void add_surface_growth(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_triangle,
+                        int count, float size, Random random) {
+  std::vector<double> area;  // cumulative, so that placement is uniform by area
   double total = 0.0;
   for (std::size_t i = first_triangle; i < last_triangle; ++i) {
     const TriangleMesh::Triangle& t = mesh.triangles[i];
@@ -114,8 +114,8 @@ void grow_on(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_tr
     if (!normal.allFinite() || normal.z() < -0.3F) continue;
     const Vector3f direction = (normal + 0.5F * Vector3f::UnitZ()).normalized();
     const float s = size * (0.35F + 0.8F * static_cast<float>(std::pow(random.uniform(), 2.0)));
-    add_life(mesh, shapes::frame_along(a, direction, uniform(random, 0, 6.28)), s, random,
-             object_number(random), Ground::wall);
+    add_marine_life(mesh, shapes::frame_along(a, direction, uniform(random, 0, 6.28)), s, random,
+                    object_number(random), Ground::wall);
   }
 }
 
@@ -127,7 +127,7 @@ void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uin
   T.rotate(Eigen::AngleAxisf(uniform(random, -0.25, 0.25), Vector3f::UnitX()));
   const Vector3f along = T.linear() * Vector3f::UnitX();
   const double kind = random.uniform();
-  if (kind < 0.2) {  // a tyre
+  if (kind < 0.2) {  // a tire
     std::vector<shapes::Ring> loop;
     for (int k = 0; k <= 28; ++k) {
       const float angle = 2.0F * std::numbers::pi_v<float> * static_cast<float>(k) / 28.0F;
@@ -147,7 +147,7 @@ void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uin
   } else if (kind < 0.65) {  // a plank
     shapes::box(mesh, T, {uniform(random, 0.4, 1.1), 0.09F, 0.025F},
                 {.material = Material::wood, .object = object}, 0.08F);
-  } else if (kind < 0.8) {  // a drum, half sunk
+  } else if (kind < 0.8) {  // a half-buried drum
     const Affine3f lying = shapes::frame_along(at - 0.4F * along + Vector3f(0, 0, 0.12F), along);
     shapes::lathe(mesh, lying,
                   {{{0, 0, 0}, 0.01F},

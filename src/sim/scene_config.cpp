@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/scene_config.hpp"
+#include "sim/scene_config.hpp"
 
 #include <fmt/format.h>
 
 #include <numbers>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "config/renamed_keys.hpp"
+#include "core/random.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -16,11 +17,11 @@ namespace fs = std::filesystem;
 using config::Node;
 
 constexpr std::uint64_t kRigErrorStream = 51;
-constexpr double kAssumedSoundSpeed = 1500.0;  // the A50's [m/s]
+constexpr double kAssumedSoundSpeed = 1500.0;  // by the A50 [m/s]
 
 // A small survey vehicle. Body forward-left-up; the camera looks forward and 25 degrees down, the
 // DVL (forward-right-down) straight down.
-constexpr const char* kSurveyVehicle = R"(
+constexpr const char* kDefaultRig = R"(
 body: imu0
 world: up
 cam0:
@@ -38,15 +39,15 @@ dvl0:
 pressure0: {p_body_sensor: [-0.05, 0.06, 0.08], water_density: 1025.0, gravity: 9.80665, atmospheric_pressure_pa: 101325}
 )";
 
-Node number(double value) {
+Node number_node(double value) {
   Node node;
   node.kind = Node::Kind::scalar;
   node.text = fmt::format("{:.10g}", value);
   return node;
 }
 
-// A file name as written in a configuration file, relative to that file.
-std::string beside(const Node& node) {
+// Resolves a file name relative to the configuration file that contains it.
+std::string resolve_relative(const Node& node) {
   const fs::path name = node.text;
   if (name.is_absolute() || !node.source || node.line == 0) return node.text;
   const fs::path candidate = fs::path(*node.source).parent_path() / name;
@@ -57,41 +58,43 @@ void resolve_file_names(Node& root) {
   if (root.find("motion") == nullptr) return;
   Node& motion = root.member("motion");
   if (const Node* file = motion.find("file"); file != nullptr && !file->text.empty()) {
-    const std::string name = beside(*file);
+    const std::string name = resolve_relative(*file);
     motion.member("file").text = name;
   }
 }
 
-Node rig_of(const Node& given) {
-  if (given.kind == Node::Kind::scalar) return config::load_file(beside(given));
-  Node rig = config::parse_yaml(kSurveyVehicle, "built-in rig");
+Node load_rig(const Node& given) {
+  if (given.kind == Node::Kind::scalar) return config::load_file(resolve_relative(given));
+  Node rig = config::parse_yaml(kDefaultRig, "built-in rig");
   if (!given.is_null()) config::merge(rig, given);
   return rig;
 }
 
-// The rig's noise and the DVL's scale are what the simulated devices have.
+// The true rig: noise parameters and DVL scale are those of the simulated sensors.
 Node true_rig(const SceneConfig& scene) {
-  Node rig = rig_of(scene.rig);
-  constexpr double kLeast = 1e-9;  // a rig does not know perfect devices
+  Node rig = load_rig(scene.rig);
+  constexpr double kMinNoise = 1e-9;  // a rig file requires positive noise
   if (scene.imu.enabled) {
     Node& imu = rig.member("imu0");
-    imu.member("rate_hz") = number(scene.imu.rate_hz);
-    imu.member("gyro_noise_density") = number(std::max(scene.imu.gyro_noise_density, kLeast));
-    imu.member("gyro_random_walk") = number(scene.imu.gyro_random_walk);
-    imu.member("accel_noise_density") = number(std::max(scene.imu.accel_noise_density, kLeast));
-    imu.member("accel_random_walk") = number(scene.imu.accel_random_walk);
+    imu.member("rate_hz") = number_node(scene.imu.rate_hz);
+    imu.member("gyro_noise_density") =
+        number_node(std::max(scene.imu.gyro_noise_density, kMinNoise));
+    imu.member("gyro_random_walk") = number_node(scene.imu.gyro_random_walk);
+    imu.member("accel_noise_density") =
+        number_node(std::max(scene.imu.accel_noise_density, kMinNoise));
+    imu.member("accel_random_walk") = number_node(scene.imu.accel_random_walk);
   }
   if (rig.find("dvl0") != nullptr && scene.dvl.enabled) {
     Node& dvl = rig.member("dvl0");
     const double noise =
         std::hypot(scene.dvl.noise_floor, scene.dvl.noise_per_speed * scene.motion.speed_m_s);
-    dvl.member("velocity_noise") = number(std::max(noise, 1e-5));
-    dvl.member("sound_speed") = number(kAssumedSoundSpeed / (1.0 + scene.dvl.scale_error));
-    dvl.member("assumed_sound_speed") = number(kAssumedSoundSpeed);
+    dvl.member("velocity_noise") = number_node(std::max(noise, 1e-5));
+    dvl.member("sound_speed") = number_node(kAssumedSoundSpeed / (1.0 + scene.dvl.scale_error));
+    dvl.member("assumed_sound_speed") = number_node(kAssumedSoundSpeed);
   }
   for (const char* name : {"pressure0", "depth0"}) {
     if (rig.find(name) != nullptr && scene.pressure.enabled) {
-      rig.member(name).member("noise_m") = number(std::max(scene.pressure.noise_m, 1e-5));
+      rig.member(name).member("noise_m") = number_node(std::max(scene.pressure.noise_m, 1e-5));
     }
   }
   return rig;
@@ -102,12 +105,12 @@ Node pose_node(const SE3& pose) {
   node.kind = Node::Kind::list;
   const Eigen::Matrix4d m = pose.matrix();
   for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 4; ++column) node.items.push_back(number(m(row, column)));
+    for (int column = 0; column < 4; ++column) node.items.push_back(number_node(m(row, column)));
   }
   return node;
 }
 
-// What a vehicle's builder would measure of its lamp.
+// Adds the pose and the beam angle of the lamp to the rig.
 void add_lamp(const SceneConfig& scene, const Rig& rig, Node& node) {
   if (!scene.light.lamp || rig.cameras.empty()) return;
   const LampConfig& lamp = *scene.light.lamp;
@@ -115,7 +118,7 @@ void add_lamp(const SceneConfig& scene, const Rig& rig, Node& node) {
                           {lamp.position_m[0], lamp.position_m[1], lamp.position_m[2]}};
   Node& section = node.member("lamp0");
   section.member("T_body_sensor") = pose_node(rig.cameras.front().T_body_camera * T_camera_lamp);
-  section.member("half_beam_deg") = number(lamp.beam_deg);
+  section.member("half_beam_deg") = number_node(lamp.half_beam_deg);
 }
 
 void drop_disabled(const SceneConfig& scene, Node& rig) {
@@ -132,7 +135,7 @@ Eigen::Vector3d normal3(Random& random) {
   return {x, y, random.normal()};
 }
 
-SE3 shaken(const SE3& pose, const RigErrorConfig& error, Random& random) {
+SE3 perturbed(const SE3& pose, const RigErrorConfig& error, Random& random) {
   const double angle = error.rotation_deg * std::numbers::pi / 180.0;
   const Eigen::Vector3d turn = angle * normal3(random);
   const Eigen::Vector3d shift = error.translation_m * normal3(random);
@@ -147,29 +150,29 @@ Node perturbed_rig(const Scene& scene) {
   Node rig = scene.rig_node;
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     Node& camera = rig.member(fmt::format("cam{}", i));
-    const SE3 pose = shaken(scene.rig.cameras[i].T_body_camera, error, random);
+    const SE3 pose = perturbed(scene.rig.cameras[i].T_body_camera, error, random);
     const double focal = 1.0 + 0.01 * error.focal_percent * random.normal();
     if (error.rotation_deg + error.translation_m > 0.0)
       camera.member("T_body_sensor") = pose_node(pose);
     if (error.focal_percent == 0.0) continue;
     const CameraModel::Parameters& p = scene.rig.cameras[i].model.parameters();
-    camera.member("intrinsics").items[0] = number(p.fx * focal);
-    camera.member("intrinsics").items[1] = number(p.fy * focal);
+    camera.member("intrinsics").items[0] = number_node(p.fx * focal);
+    camera.member("intrinsics").items[1] = number_node(p.fy * focal);
   }
   if (scene.rig.dvl) {
     Node& dvl = rig.member("dvl0");
-    const SE3 pose = shaken(scene.rig.dvl->T_body_dvl, error, random);
+    const SE3 pose = perturbed(scene.rig.dvl->T_body_dvl, error, random);
     if (error.rotation_deg + error.translation_m > 0.0)
       dvl.member("T_body_sensor") = pose_node(pose);
-    if (error.hide_dvl_latency) dvl.member("time_offset_s") = number(0.0);
-    if (error.hide_dvl_scale) dvl.member("sound_speed") = number(kAssumedSoundSpeed);
+    if (error.hide_dvl_latency) dvl.member("time_offset_s") = number_node(0.0);
+    if (error.hide_dvl_scale) dvl.member("sound_speed") = number_node(kAssumedSoundSpeed);
   }
   if (scene.rig.pressure && error.translation_m > 0.0) {
     const Eigen::Vector3d p =
         scene.rig.pressure->p_body_sensor + error.translation_m * normal3(random);
     Node& arm = rig.member("pressure0").member("p_body_sensor");
     arm = pose_node({});
-    arm.items = {number(p.x()), number(p.y()), number(p.z())};
+    arm.items = {number_node(p.x()), number_node(p.y()), number_node(p.z())};
   }
   return rig;
 }
@@ -190,13 +193,13 @@ Scene make_scene(const Node& node) {
   add_lamp(scene.config, make_rig(scene.rig_node), scene.rig_node);
   scene.rig = make_rig(scene.rig_node);
   if (scene.rig.world != WorldFrame::up) {
-    fail_input("rig: world: the simulator's world has z up; remove `world: ned`");
+    fail_input("rig.world: the simulator requires z up; remove `world: ned`");
   }
   if (!scene.config.camera.enabled) {
     std::erase_if(scene.rig_node.members, [](const auto& m) { return m.first.starts_with("cam"); });
     scene.rig.cameras.clear();
   }
-  make_schedule(scene.config);  // complains now, not after the world is built
+  make_schedule(scene.config);  // reports errors before the world is built
   return scene;
 }
 
@@ -205,9 +208,7 @@ std::string scene_documentation() {
 }
 
 Scene load_scene(const fs::path& path, const std::vector<std::string>& overrides) {
-  Node root = config::load_with_inheritance(path);
-  for (const std::string& assignment : overrides) config::apply_override(root, assignment);
-  return make_scene(root);
+  return make_scene(config::load_config(path, overrides, config::scene_renames()));
 }
 
 }  // namespace apvi::sim

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shading.hpp"
+#include "sim/shading.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,20 +7,20 @@
 #include <iterator>
 #include <numbers>
 
-#include "apvi/sim/material.hpp"
-#include "clones.hpp"
+#include "sim/clones.hpp"
+#include "sim/material.hpp"
 
 namespace apvi::sim {
 namespace {
 
 using Eigen::Vector3f;
 
-/// The hits of one tile on one material.
+/// The points of one tile that hit one material.
 struct Patch {
   SurfaceBatch surface;
   Lanes sky{}, sun{}, range{}, dx{}, dy{}, dz{};
   Lanes light[3]{};
-  std::array<int, kBatch> lane{};  ///< where in the tile each point belongs
+  std::array<int, kBatch> lane{};  ///< index in the tile of each point
 };
 
 struct Channels {
@@ -46,7 +46,7 @@ void gather_point(const TriangleMesh& mesh, const BakedLight& baked, const TileR
   const Vector3f facet =
       (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
   Vector3f n = Vector3f(blend(baked.normals)).normalized();
-  if (facet.dot(d) > 0.0F) n = -n;  // seen from behind: sheets have two sides
+  if (facet.dot(d) > 0.0F) n = -n;  // hit from behind: surfaces are two-sided
   const float range = rays.range[k];
   SurfaceBatch& s = patch.surface;
   s.p.x[i] = rays.ox[k] + range * d.x();
@@ -68,7 +68,7 @@ void gather_point(const TriangleMesh& mesh, const BakedLight& baked, const TileR
   patch.lane[static_cast<std::size_t>(i)] = lane;
 }
 
-// Copies the first point into the lanes that are not in use, so that kernels may run over all.
+// Copies the first point into the unused lanes, so that kernels can process full batches.
 void pad(Patch& patch) {
   SurfaceBatch& s = patch.surface;
   for (Lanes* lanes :
@@ -80,7 +80,7 @@ void pad(Patch& patch) {
 
 struct DaylightTerms {
   Channels surface, k_d;
-  float sun_x, sun_y, sun_z, sun_share;
+  float sun_x, sun_y, sun_z, direct_fraction;
 };
 
 APVI_CLONES void add_daylight(const DaylightTerms& terms, const Lanes& caustic, Patch& patch) {
@@ -90,10 +90,11 @@ APVI_CLONES void add_daylight(const DaylightTerms& terms, const Lanes& caustic, 
     const float facing =
         s.nx.v[i] * terms.sun_x + s.ny.v[i] * terms.sun_y + s.nz.v[i] * terms.sun_z;
     const float direct = facing > 0.0F ? facing / terms.sun_z : 0.0F;
-    // A level plane gets 1 from the two together; what faces down gets some from the bed.
+    // Direct and diffuse light add up to 1 on a horizontal plane; downward faces receive light
+    // reflected by the bed.
     const float diffuse = patch.sky.v[i] * (0.5F + 0.5F * s.nz.v[i] + 0.10F * (1.0F - s.nz.v[i]));
-    const float geometry = (1.0F - terms.sun_share) * diffuse +
-                           terms.sun_share * patch.sun.v[i] * direct * caustic.v[i];
+    const float geometry = (1.0F - terms.direct_fraction) * diffuse +
+                           terms.direct_fraction * patch.sun.v[i] * direct * caustic.v[i];
     for (int c = 0; c < 3; ++c) {
       patch.light[c].v[i] = geometry * terms.surface.v[c] * fast_exp(-terms.k_d.v[c] * depth);
     }
@@ -101,7 +102,7 @@ APVI_CLONES void add_daylight(const DaylightTerms& terms, const Lanes& caustic, 
 }
 
 struct LampTerms {
-  Channels colour{}, beta_d{};
+  Channels color{}, beta_d{};
   Vector3f position = Vector3f::Zero();
   Vector3f axis = Vector3f::UnitZ();
   float falloff = 0.0F;  ///< ln 2 / (1 - cos beam)
@@ -109,10 +110,10 @@ struct LampTerms {
 
 LampTerms lamp_terms(const LightState& light, const TileRays& tile) {
   const LampConfig& lamp = *light.config.lamp;
-  const double half = std::cos(lamp.beam_deg * std::numbers::pi / 180.0);
+  const double half = std::cos(lamp.half_beam_deg * std::numbers::pi / 180.0);
   LampTerms terms;
   for (std::size_t c = 0; c < 3; ++c) {
-    terms.colour.v[c] = static_cast<float>(lamp.intensity * lamp.colour[c]);
+    terms.color.v[c] = static_cast<float>(lamp.intensity * lamp.color[c]);
   }
   terms.beta_d = channels(light.medium.beta_d);
   terms.position = tile.lamp_position;
@@ -121,8 +122,8 @@ LampTerms lamp_terms(const LightState& light, const TileRays& tile) {
   return terms;
 }
 
-// lamp_beam of the public interface; a factor instead of a branch, so that loops vectorise.
-inline float beam_at(float falloff, float cosine) {
+// Same as lamp_beam(), with a factor instead of a branch, so that loops vectorize.
+inline float beam_falloff(float falloff, float cosine) {
   return fast_exp(-falloff * (1.0F - cosine)) * static_cast<float>(cosine > 0.0F);
 }
 
@@ -139,15 +140,15 @@ APVI_CLONES void add_lamp(const LampTerms& lamp, Patch& patch) {
     const float cosine = (x * ax + y * ay + z * az) / d;
     const float facing = -(x * s.nx.v[i] + y * s.ny.v[i] + z * s.nz.v[i]) / d;
     const float geometry =
-        (facing > 0.0F ? facing : 0.0F) * beam_at(lamp.falloff, cosine) / (d * d);
+        (facing > 0.0F ? facing : 0.0F) * beam_falloff(lamp.falloff, cosine) / (d * d);
     for (int c = 0; c < 3; ++c) {
-      patch.light[c].v[i] += geometry * lamp.colour.v[c] * fast_exp(-lamp.beta_d.v[c] * d);
+      patch.light[c].v[i] += geometry * lamp.color.v[c] * fast_exp(-lamp.beta_d.v[c] * d);
     }
   }
 }
 
-// cos(2 pi t), accurate to 1e-3: good enough for a pattern of light, and it vectorises.
-inline float cosine_turns(float t) {
+// cos(2 pi t), accurate to 1e-3; vectorizes.
+inline float cos_turns(float t) {
   const int whole = static_cast<int>(t + (t < 0.0F ? -0.5F : 0.5F));
   const float f = (t - static_cast<float>(whole)) * 6.2831853F;
   const float q = f * f;
@@ -155,7 +156,7 @@ inline float cosine_turns(float t) {
 }
 
 struct Wave {
-  float kx, ky, phase, xx, xy, yy;  ///< turns per metre, turns, second derivatives
+  float kx, ky, phase, xx, xy, yy;  ///< turns per meter, turns, second derivatives
 };
 constexpr int kWaves = 7;
 
@@ -165,9 +166,9 @@ std::array<Wave, kWaves> caustic_waves(const LightConfig& light, double time_s) 
     const float angle = 6.2831853F * unit_float(hash32(w, 501));
     const float spread = 0.6F + 0.9F * unit_float(hash32(w, 502));
     const float k = spread / static_cast<float>(light.caustic_scale_m);
-    const float speed = 0.5F * std::sqrt(k);  // [turns/s]: short waves run through the long ones
+    const float speed = 0.5F * std::sqrt(k);  // [turns/s]: dispersion of deep-water waves
     const double turns = time_s * static_cast<double>(speed);
-    const float curvature = 0.33F;  // of the wave surface times its depth: below 1 / sqrt(waves)
+    const float curvature = 0.33F;  // curvature of the surface times depth: below 1 / sqrt(kWaves)
     waves[w] = {.kx = k * std::cos(angle),
                 .ky = k * std::sin(angle),
                 .phase = unit_float(hash32(w, 503)) - static_cast<float>(turns - std::floor(turns)),
@@ -178,7 +179,7 @@ std::array<Wave, kWaves> caustic_waves(const LightConfig& light, double time_s) 
   return waves;
 }
 
-// Light through a wavy surface: rays are displaced by the slope, so their density is one over the
+// Refraction by a wavy surface displaces rays by the slope, so the light density is one over the
 // determinant of (identity - focal length * Hessian).
 APVI_CLONES void caustics(const Points& p, const std::array<Wave, kWaves>& waves, float shear_x,
                           float shear_y, float contrast, Lanes& out) {
@@ -190,7 +191,7 @@ APVI_CLONES void caustics(const Points& p, const std::array<Wave, kWaves>& waves
     float yy = 1.0F;
     for (int w = 0; w < kWaves; ++w) {
       const Wave& wave = waves[static_cast<std::size_t>(w)];
-      const float c = cosine_turns(wave.kx * x + wave.ky * y + wave.phase);
+      const float c = cos_turns(wave.kx * x + wave.ky * y + wave.phase);
       xx -= wave.xx * c;
       xy -= wave.xy * c;
       yy -= wave.yy * c;
@@ -216,7 +217,7 @@ void light_patch(const LightState& light, const TileRays& tile, Patch& patch) {
                                .sun_x = static_cast<float>(sun.x()),
                                .sun_y = static_cast<float>(sun.y()),
                                .sun_z = static_cast<float>(sun.z()),
-                               .sun_share = static_cast<float>(light.config.sun_share)};
+                               .direct_fraction = static_cast<float>(light.config.direct_fraction)};
   add_daylight(daylight, caustic, patch);
   if (light.config.lamp) add_lamp(lamp_terms(light, tile), patch);
 }
@@ -231,27 +232,29 @@ void scatter_patch(const Patch& patch, TileRays& tile) {
   }
 }
 
-struct WaterTerms {
+struct MediumTerms {
   Channels beta_d, beta_b, b_inf;
   float gradient;
 };
 
-// Where nothing is, the range is so long that only the veil is left.
-APVI_CLONES void add_water(const WaterTerms& water, const float* range, const float* dz, int count,
-                           TileRays& tile) {
+// Without a surface, the range is so large that only veiling light remains.
+APVI_CLONES void add_medium(const MediumTerms& medium, const float* range, const float* dz,
+                            int count, TileRays& tile) {
   for (int i = 0; i < count; ++i) {
     const float r = range[i] < 0.0F ? 1e4F : range[i];
-    const float veil = 1.0F + water.gradient * dz[i];
+    const float brightening = 1.0F + medium.gradient * dz[i];
     for (int c = 0; c < 3; ++c) {
-      tile.seen[c].v[i] = tile.clear[c].v[i] * fast_exp(-water.beta_d.v[c] * r) +
-                          water.b_inf.v[c] * veil * (1.0F - fast_exp(-water.beta_b.v[c] * r));
+      tile.observed[c].v[i] =
+          tile.clear[c].v[i] * fast_exp(-medium.beta_d.v[c] * r) +
+          medium.b_inf.v[c] * brightening * (1.0F - fast_exp(-medium.beta_b.v[c] * r));
     }
   }
 }
 
-// Light of the lamp that the water between `near` and `far` [m] along the ray sends back.
-APVI_CLONES void add_glow(const LampTerms& lamp, float strength, float near, float far,
-                          const RayBatch& rays, int count, TileRays& tile) {
+// Backscatter of the lamp from the water between `near` and `far` [m] along the ray.
+APVI_CLONES void add_backscatter_segment(const LampTerms& lamp, float strength, float near,
+                                         float far, const RayBatch& rays, int count,
+                                         TileRays& tile) {
   const float* ox = rays.ox.data();
   const float* oy = rays.oy.data();
   const float* oz = rays.oz.data();
@@ -261,7 +264,7 @@ APVI_CLONES void add_glow(const LampTerms& lamp, float strength, float near, flo
   const float* range = rays.range.data();
   const float lx = lamp.position.x(), ly = lamp.position.y(), lz = lamp.position.z();
   const float ax = lamp.axis.x(), ay = lamp.axis.y(), az = lamp.axis.z();
-#pragma GCC ivdep  // the rays and the colours are not the same memory
+#pragma GCC ivdep  // rays and colors do not alias
   for (int i = 0; i < count; ++i) {
     const float end = range[i] < 0.0F || range[i] > far ? far : range[i];
     const float length = end > near ? end - near : 0.0F;
@@ -272,26 +275,27 @@ APVI_CLONES void add_glow(const LampTerms& lamp, float strength, float near, flo
     float d = __builtin_sqrtf(x * x + y * y + z * z);
     d = d < 0.05F ? 0.05F : d;
     const float cosine = (x * ax + y * ay + z * az) / d;
-    const float geometry = strength * beam_at(lamp.falloff, cosine) * length / (d * d);
+    const float geometry = strength * beam_falloff(lamp.falloff, cosine) * length / (d * d);
     for (int c = 0; c < 3; ++c) {
-      tile.seen[c].v[i] += geometry * lamp.colour.v[c] * fast_exp(-lamp.beta_d.v[c] * (d + along));
+      tile.observed[c].v[i] +=
+          geometry * lamp.color.v[c] * fast_exp(-lamp.beta_d.v[c] * (d + along));
     }
   }
 }
 
-// From the lens on, in steps that grow with distance: most of it comes from where the ray passes
-// the lamp, within the first half metre. One part in a hundred from the integral for lamps beside
-// the camera.
+// Integrates from the lens in steps that grow with distance: most backscatter comes from the first
+// half meter, where the ray passes the lamp. Within 1 % of the integral for lamps next to the
+// camera.
 void add_lamp_backscatter(const LampTerms& lamp, float strength, TileRays& tile) {
   static constexpr float kEdges[] = {0.0F,  0.05F, 0.12F, 0.2F, 0.3F, 0.42F, 0.56F,
                                      0.75F, 1.0F,  1.4F,  2.0F, 3.0F, 4.5F,  6.0F};
   const int count = static_cast<int>(tile.rays.size());
   for (std::size_t k = 0; k + 1 < std::size(kEdges); ++k) {
-    add_glow(lamp, strength, kEdges[k], kEdges[k + 1], tile.rays, count, tile);
+    add_backscatter_segment(lamp, strength, kEdges[k], kEdges[k + 1], tile.rays, count, tile);
   }
 }
 
-// A cloud of silt between camera and scene: noise sampled at a few distances, drifting.
+// Adds a drifting cloud of silt in front of the camera, from noise sampled at a few distances.
 void add_silt(const LightState& light, TileRays& tile) {
   static constexpr float kDistances[] = {0.35F, 0.8F, 1.6F};
   const RayBatch& rays = tile.rays;
@@ -310,7 +314,7 @@ void add_silt(const LightState& light, TileRays& tile) {
     }
     p.count = count;
     fbm(p, {.frequency = 1.1F, .octaves = 5, .gain = 0.55F, .seed = 301}, density);
-    // A thin cloud has gaps, a dense one has not.
+    // Thin clouds have gaps, dense ones do not.
     const auto silt = static_cast<float>(light.silt);
     const float contrast = mix(1.6F, 0.5F, std::min(1.0F, silt * silt));
     for (int i = 0; i < count; ++i) {
@@ -323,7 +327,7 @@ void add_silt(const LightState& light, TileRays& tile) {
   for (int i = 0; i < count; ++i) {
     const float left = fast_exp(-depth[i]);
     for (int c = 0; c < 3; ++c) {
-      tile.seen[c][i] = tile.seen[c][i] * left + light.silt_colour[c] * (1.0F - left);
+      tile.observed[c][i] = tile.observed[c][i] * left + light.silt_color[c] * (1.0F - left);
     }
   }
 }
@@ -364,14 +368,14 @@ void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& 
   for (Lanes& lanes : tile.clear) lanes.fill(0.0F);
   shade_surfaces(mesh, baked, light, tile);
   const int count = static_cast<int>(tile.rays.size());
-  const WaterTerms water{.beta_d = channels(light.medium.beta_d),
-                         .beta_b = channels(light.medium.beta_b),
-                         .b_inf = channels(light.medium.b_inf),
-                         .gradient = static_cast<float>(light.veil_gradient)};
-  add_water(water, tile.rays.range.data(), tile.rays.dz.data(), count, tile);
+  const MediumTerms medium{.beta_d = channels(light.medium.beta_d),
+                           .beta_b = channels(light.medium.beta_b),
+                           .b_inf = channels(light.medium.b_inf),
+                           .gradient = static_cast<float>(light.veiling_light_gradient)};
+  add_medium(medium, tile.rays.range.data(), tile.rays.dz.data(), count, tile);
   if (light.config.lamp && light.config.lamp->backscatter > 0.0) {
-    // Water sends back about one percent of what it scatters, per steradian, on the way of one
-    // metre; the large particles that do it are grey.
+    // The backward phase function is about 0.01 per steradian of the scattering; large particles
+    // scatter without color.
     const double strength = 0.035 * light.config.lamp->backscatter * light.medium.beta_d.y();
     add_lamp_backscatter(lamp_terms(light, tile), static_cast<float>(strength), tile);
   }

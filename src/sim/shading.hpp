@@ -5,36 +5,36 @@
 #include <functional>
 #include <vector>
 
-#include "apvi/sim/light.hpp"
-#include "apvi/sim/mesh.hpp"
-#include "apvi/sim/noise_texture.hpp"
-#include "apvi/sim/ray_caster.hpp"
-#include "apvi/sim/water.hpp"
+#include "sim/light.hpp"
+#include "sim/mesh.hpp"
+#include "sim/noise_texture.hpp"
+#include "sim/ray_caster.hpp"
+#include "sim/water.hpp"
 
 namespace apvi::sim {
 
-/// Everything about light that is the same over a picture.
+/// Light parameters that are constant over an image.
 struct LightState {
-  LightConfig config;  ///< intensities already scaled by the darkness of the moment
-  Medium medium;       ///< b_inf too
-  double veil_gradient = 0.0;
+  LightConfig config;  ///< intensities already scaled by 1 - darkness
+  Medium medium;       ///< b_inf scaled likewise
+  double veiling_light_gradient = 0.0;
   double silt = 0.0;
   double time_s = 0.0;
-  Eigen::Vector3f silt_colour = Eigen::Vector3f::Zero();  ///< light that a dense cloud sends back
+  Eigen::Vector3f silt_color = Eigen::Vector3f::Zero();  ///< light scattered back by a dense cloud
 };
 
-/// Up to kBatch neighbouring rays of one pose, and what they see. Structure of arrays; unused lanes
-/// hold copies of the first ray.
+/// Up to kBatch neighboring rays of one pose and their colors, as a structure of arrays; unused
+/// lanes hold copies of the first ray.
 struct TileRays {
   RayBatch rays;
-  Lanes pixel_angle;  ///< angle between neighbouring pixels [rad]
+  Lanes pixel_angle;  ///< angle between neighboring pixels [rad]
   Eigen::Vector3f lamp_position = Eigen::Vector3f::Zero();  ///< world [m]
   Eigen::Vector3f lamp_axis = Eigen::Vector3f::UnitX();     ///< world, unit
-  Lanes clear[3];  ///< J: red, green, blue; 0 where nothing is
-  Lanes seen[3];   ///< I: through the water
+  Lanes clear[3];     ///< J: red, green, blue; 0 for no surface
+  Lanes observed[3];  ///< I: through the water
 };
 
-/// Light that reaches the vertices of a mesh: how much of the sky and of the sun they see, 0 to 1.
+/// Precomputed visibility of the sky and of the sun from the vertices of a mesh, 0 to 1.
 struct BakedLight {
   std::vector<Eigen::Vector3f> normals;
   std::vector<float> sky;
@@ -43,12 +43,12 @@ struct BakedLight {
 BakedLight bake_light(const TriangleMesh& mesh, const RayCaster& caster, const Eigen::Vector3f& sun,
                       int threads);
 
-/// Colours of what the (already cast) rays hit, without and with water.
+/// Computes the colors of the surfaces hit by the (already cast) rays, without and with water.
 void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& light,
            TileRays& tile);
 
-/// Runs `work(index)` for 0 to count - 1 on `threads` threads, in no particular order. An exception
-/// ends the work and is thrown here.
+/// Runs `work(index)` for 0 to count - 1 on `threads` threads, in unspecified order. An exception
+/// stops the work and is rethrown here.
 void parallel_for(int count, int threads, const std::function<void(int)>& work);
 
 }  // namespace apvi::sim

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shapes.hpp"
+#include "sim/shapes.hpp"
 
 #include <algorithm>
 #include <array>
@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Affine3f;
 using Eigen::Vector3f;
-constexpr float kTurn = 2.0F * std::numbers::pi_v<float>;
+constexpr float kTwoPi = 2.0F * std::numbers::pi_v<float>;
 
 struct Sphere {
   std::vector<Vector3f> points;
@@ -57,11 +57,11 @@ void subdivide(Sphere& s) {
   s.faces = std::move(faces);
 }
 
-// Cuts the triangles of a grid along the zero line of their points' `keep`. A point becomes a
-// vertex of the mesh when the first triangle needs it.
-class Cutter {
+// Clips the triangles of a grid at the zero crossings of `keep`. Mesh vertices are created on first
+// use.
+class GridClipper {
  public:
-  Cutter(TriangleMesh& mesh, const Skin& skin, std::vector<GridPoint> points)
+  GridClipper(TriangleMesh& mesh, const Skin& skin, std::vector<GridPoint> points)
       : mesh_(mesh), skin_(skin), points_(std::move(points)), vertex_(points_.size(), kNone) {}
 
   void add(const std::array<std::size_t, 3>& corner) {
@@ -97,8 +97,8 @@ class Cutter {
 
 }  // namespace
 
-void blob(TriangleMesh& mesh, int level, const Skin& skin,
-          const std::function<Vector3f(const Vector3f&)>& place) {
+void deformed_sphere(TriangleMesh& mesh, int level, const Skin& skin,
+                     const std::function<Vector3f(const Vector3f&)>& place) {
   Sphere s = icosahedron();
   for (int i = 0; i < level; ++i) subdivide(s);
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
@@ -114,10 +114,10 @@ void tube(TriangleMesh& mesh, const std::vector<Ring>& rings, int sides, const S
   const auto n = static_cast<std::uint32_t>(sides);
   for (std::size_t i = 0; i < rings.size(); ++i) {
     const Vector3f along =
-        rings[std::min(i + 1, rings.size() - 1)].centre - rings[i > 0 ? i - 1 : 0].centre;
-    const Affine3f T = frame_along(rings[i].centre, along);
+        rings[std::min(i + 1, rings.size() - 1)].center - rings[i > 0 ? i - 1 : 0].center;
+    const Affine3f T = frame_along(rings[i].center, along);
     for (int k = 0; k < sides; ++k) {
-      const float angle = kTurn * static_cast<float>(k) / static_cast<float>(sides);
+      const float angle = kTwoPi * static_cast<float>(k) / static_cast<float>(sides);
       mesh.add_vertex(
           T * Vector3f(rings[i].radius * std::cos(angle), rings[i].radius * std::sin(angle), 0.0F),
           rings[i].detail);
@@ -131,8 +131,8 @@ void tube(TriangleMesh& mesh, const std::vector<Ring>& rings, int sides, const S
     }
   }
   if (!capped) return;
-  const std::uint32_t bottom = mesh.add_vertex(rings.front().centre, rings.front().detail);
-  const std::uint32_t top = mesh.add_vertex(rings.back().centre, rings.back().detail);
+  const std::uint32_t bottom = mesh.add_vertex(rings.front().center, rings.front().detail);
+  const std::uint32_t top = mesh.add_vertex(rings.back().center, rings.back().detail);
   const std::uint32_t last = first + (static_cast<std::uint32_t>(rings.size()) - 1) * n;
   for (std::uint32_t k = 0; k < n; ++k) {
     mesh.add_triangle(bottom, first + (k + 1) % n, first + k, skin.material, skin.object);
@@ -141,15 +141,15 @@ void tube(TriangleMesh& mesh, const std::vector<Ring>& rings, int sides, const S
 }
 
 void lathe(TriangleMesh& mesh, const Affine3f& T, const std::vector<Ring>& profile, int sides,
-           const Skin& skin, float wobble) {
+           const Skin& skin, float radius_ripple) {
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
   const auto n = static_cast<std::uint32_t>(sides);
   for (const Ring& step : profile) {
     for (int k = 0; k < sides; ++k) {
-      const float angle = kTurn * static_cast<float>(k) / static_cast<float>(sides);
-      const float radius = step.radius * (1.0F + wobble * std::sin(11.0F * angle));
-      mesh.add_vertex(T * Vector3f(step.centre.x() + radius * std::cos(angle),
-                                   step.centre.y() + radius * std::sin(angle), step.centre.z()),
+      const float angle = kTwoPi * static_cast<float>(k) / static_cast<float>(sides);
+      const float radius = step.radius * (1.0F + radius_ripple * std::sin(11.0F * angle));
+      mesh.add_vertex(T * Vector3f(step.center.x() + radius * std::cos(angle),
+                                   step.center.y() + radius * std::sin(angle), step.center.z()),
                       step.detail);
     }
   }
@@ -188,13 +188,13 @@ void grid(TriangleMesh& mesh, int columns, int rows, const Skin& skin,
   for (int j = 0; j <= rows; ++j) {
     for (int i = 0; i <= columns; ++i) points.push_back(point(i, j));
   }
-  Cutter cutter(mesh, skin, std::move(points));
+  GridClipper clipper(mesh, skin, std::move(points));
   const auto stride = static_cast<std::size_t>(columns + 1);
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
       const std::size_t a = static_cast<std::size_t>(j) * stride + static_cast<std::size_t>(i);
-      cutter.add({a, a + 1, a + 1 + stride});
-      cutter.add({a, a + 1 + stride, a + stride});
+      clipper.add({a, a + 1, a + 1 + stride});
+      clipper.add({a, a + 1 + stride, a + stride});
     }
   }
 }
@@ -202,7 +202,7 @@ void grid(TriangleMesh& mesh, int columns, int rows, const Skin& skin,
 Affine3f frame_along(const Vector3f& origin, const Vector3f& direction, float turn) {
   const float length = direction.norm();
   const Vector3f z = length > 0.0F ? Vector3f(direction / length) : Vector3f(Vector3f::UnitZ());
-  // The same helper axis along a whole tube, so that its rings do not twist.
+  // Use the same helper axis along a whole tube, so that its rings do not twist.
   const Vector3f helper =
       std::abs(z.y()) < 0.95F ? Vector3f(Vector3f::UnitY()) : Vector3f(Vector3f::UnitX());
   const Vector3f x = helper.cross(z).normalized();

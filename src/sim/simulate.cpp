@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/simulate.hpp"
+#include "sim/simulate.hpp"
 
 #include <fstream>
 #include <sstream>
 #include <system_error>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/interrupt.hpp"
 #include "apvi/core/log.hpp"
-#include "apvi/core/stopwatch.hpp"
-#include "formats.hpp"
-#include "frames.hpp"
+#include "core/interrupt.hpp"
+#include "core/stopwatch.hpp"
+#include "sim/formats.hpp"
+#include "sim/frames.hpp"
 
 namespace apvi::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kIdentity = "truth/scene.yaml";
+constexpr const char* kFingerprintFile = "truth/scene.yaml";
 
 std::string_view format_name(OutputFormat format) {
   switch (format) {
@@ -35,9 +35,9 @@ std::string_view format_name(OutputFormat format) {
   return "";
 }
 
-// All that the bytes of the data set depend on; stored in it, and the ground for going on or
-// refusing.
-std::string identity_of(const Scene& scene, OutputFormat format) {
+// Everything that determines the content of the dataset. Stored in it, to decide whether a
+// simulation can be resumed.
+std::string scene_fingerprint(const Scene& scene, OutputFormat format) {
   std::string rig = config::to_yaml(scene.rig_node);
   for (std::size_t at = 0; (at = rig.find('\n', at)) != std::string::npos; at += 3) {
     rig.replace(at, 1, "\n# ");
@@ -46,40 +46,41 @@ std::string identity_of(const Scene& scene, OutputFormat format) {
                      config::to_yaml(config::to_node(scene.config)), rig);
 }
 
-std::string text_of(const fs::path& path) {
+std::string read_text(const fs::path& path) {
   std::ostringstream text;
   text << std::ifstream(path, std::ios::binary).rdbuf();
   return text.str();
 }
 
-bool is_complete(const fs::path& out, const std::string& identity) {
+bool is_complete(const fs::path& out, const std::string& fingerprint) {
   if (!fs::exists(out)) return false;
   if (fs::is_directory(out) && fs::is_empty(out)) return false;
-  if (fs::exists(out / kIdentity) && text_of(out / kIdentity) == identity) return true;
-  fail_input("{}: exists and is not the data set of this scene; delete it or choose another -o",
+  if (fs::exists(out / kFingerprintFile) && read_text(out / kFingerprintFile) == fingerprint)
+    return true;
+  fail_input("{}: exists and is not the dataset of this scene; delete it or choose another -o",
              out.string());
 }
 
-void open_partial(const fs::path& partial, const std::string& identity) {
-  const fs::path marker = partial / kIdentity;
+void open_partial(const fs::path& partial, const std::string& fingerprint) {
+  const fs::path marker = partial / kFingerprintFile;
   if (fs::exists(marker)) {
-    if (text_of(marker) == identity) {
-      log::info("{}: goes on with what is there", partial.string());
+    if (read_text(marker) == fingerprint) {
+      log::info("{}: resuming the interrupted simulation", partial.string());
       return;
     }
-    fail_input("{}: was begun with another scene, format or version; delete it to start again",
+    fail_input("{}: belongs to another scene, format or version; delete it to start over",
                partial.string());
   }
   if (fs::exists(partial) && !fs::is_empty(partial)) {
-    fail_input("{}: is in the way; delete it or choose another -o", partial.string());
+    fail_input("{}: exists already; delete it or choose another -o", partial.string());
   }
   std::error_code error;
   fs::create_directories(marker.parent_path(), error);
   if (error) {
-    fail_input("{}: cannot make this folder: {}; choose another -o", partial.string(),
+    fail_input("{}: cannot create this folder: {}; choose another -o", partial.string(),
                error.message());
   }
-  write_below(marker, identity);
+  write_file(marker, fingerprint);
 }
 
 void move_into_place(const fs::path& partial, const fs::path& out) {
@@ -87,16 +88,16 @@ void move_into_place(const fs::path& partial, const fs::path& out) {
   if (fs::exists(out)) fs::remove(out, error);  // an empty folder, see is_complete
   fs::rename(partial, out, error);
   if (error) {
-    fail_run("{}: complete, but cannot be renamed to {}: {}", partial.string(), out.string(),
+    fail_run("{}: complete, but cannot rename it to {}: {}", partial.string(), out.string(),
              error.message());
   }
 }
 
 }  // namespace
 
-Outcome simulate(const Scene& scene, const fs::path& out, const SimulateOptions& options) {
-  const std::string identity = identity_of(scene, options.format);
-  if (is_complete(out, identity)) return Outcome::was_complete;
+SimulateResult simulate(const Scene& scene, const fs::path& out, const SimulateOptions& options) {
+  const std::string fingerprint = scene_fingerprint(scene, options.format);
+  if (is_complete(out, fingerprint)) return SimulateResult::already_complete;
   fs::path partial = out;
   partial += ".partial";
   const InterruptGuard interrupt;
@@ -107,17 +108,17 @@ Outcome simulate(const Scene& scene, const fs::path& out, const SimulateOptions&
   const Recording recording = simulate_sensors(scene, events, world);
   log::debug("world of {} triangles and sensors after {:.1f} s", mesh.triangles.size(),
              watch.seconds());
-  open_partial(partial, identity);
+  open_partial(partial, fingerprint);
   render_frames(partial, options.format, scene, events, recording, mesh, world, options.threads,
                 interrupt);
   if (interrupt.interrupted()) {
-    fail_run("stopped; what is done is in {}, and the same command goes on with it",
+    fail_run("interrupted; partial results are in {}; run the same command again to resume",
              partial.string());
   }
   write_recording(partial, options.format, scene, recording);
   write_truth(partial, scene, events, recording, mesh);
   move_into_place(partial, out);
-  return Outcome::written;
+  return SimulateResult::written;
 }
 
 }  // namespace apvi::sim

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/simulation.hpp"
+#include "sim/simulation.hpp"
 
 #include <array>
 #include <cmath>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -13,9 +13,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::uint64_t kFramesStream = 61;
-constexpr double kFarM = 500.0;
+constexpr double kMaxRange_m = 500.0;
 
-std::array<Vector3d, 14> all_around() {
+std::array<Vector3d, 14> probe_directions() {
   std::array<Vector3d, 14> directions;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const Vector3d unit = Vector3d::Unit(static_cast<Eigen::Index>(axis));
@@ -30,14 +30,14 @@ std::array<Vector3d, 14> all_around() {
   return directions;
 }
 
-std::string place_text(const Vector3d& p, double t) {
+std::string position_text(const Vector3d& p, double t) {
   return fmt::format("at {:.1f} s, x {:.2f}, y {:.2f}, z {:.2f} m", t, p.x(), p.y(), p.z());
 }
 
 void check_start(const Vector3d& p, const RayCaster& world) {
-  const bool ground_below = world.cast(p, -Vector3d::UnitZ(), kFarM).has_value();
-  if (!ground_below && world.cast(p, Vector3d::UnitZ(), kFarM)) {
-    fail_input("motion: the path starts below the ground ({}); raise it", place_text(p, 0.0));
+  const bool ground_below = world.cast(p, -Vector3d::UnitZ(), kMaxRange_m).has_value();
+  if (!ground_below && world.cast(p, Vector3d::UnitZ(), kMaxRange_m)) {
+    fail_input("motion: the path starts below the ground {}; raise it", position_text(p, 0.0));
   }
 }
 
@@ -45,16 +45,17 @@ void check_step(const Vector3d& from, const Vector3d& to, double t, const RayCas
                 double clearance_m) {
   const Vector3d step = to - from;
   if (step.norm() > 1e-9 && world.cast(from, step.normalized(), step.norm())) {
-    fail_input("motion: the path goes through the terrain {}; move or raise it", place_text(to, t));
+    fail_input("motion: the path goes through the terrain {}; move or raise it",
+               position_text(to, t));
   }
-  static const std::array<Vector3d, 14> directions = all_around();
+  static const std::array<Vector3d, 14> directions = probe_directions();
   for (const Vector3d& direction : directions) {
     const auto hit = world.cast(to, direction, clearance_m);
     if (!hit) continue;
     fail_input(
-        "motion: the path comes within {:.2f} m of something {}; move it or lower "
+        "motion: the path comes within {:.2f} m of a surface {}; move it or lower "
         "motion.clearance_m ({:.2f} m)",
-        hit->range, place_text(to, t), clearance_m);
+        hit->range, position_text(to, t), clearance_m);
   }
 }
 
@@ -94,12 +95,12 @@ void simulate_depth(const Scene& scene, const EventSchedule& events, Recording& 
 
 }  // namespace
 
-HeightFunction height_above(const RayCaster& world) {
+HeightFunction terrain_height(const RayCaster& world) {
   return [&world](double x, double y) -> std::optional<double> {
-    constexpr double kAbove = 5.0;
-    const auto hit = world.cast({x, y, kAbove}, -Vector3d::UnitZ(), kFarM);
+    constexpr double kRayOrigin_m = 5.0;
+    const auto hit = world.cast({x, y, kRayOrigin_m}, -Vector3d::UnitZ(), kMaxRange_m);
     if (!hit) return std::nullopt;
-    return kAbove - hit->range;
+    return kRayOrigin_m - hit->range;
   };
 }
 
@@ -115,7 +116,7 @@ void check_path(const Se3Spline& spline, const RayCaster& world, double duration
         spline.at(kSimulationStart + Duration::from_seconds(t)).T_world_body.translation;
     if (p.z() > 0.0) {
       fail_input("motion: the vehicle is out of the water {}; the surface is at z = 0",
-                 place_text(p, t));
+                 position_text(p, t));
     }
     check_step(before, p, t, world, clearance_m);
     before = p;
@@ -129,7 +130,7 @@ Recording simulate_sensors(const Scene& scene, const EventSchedule& events,
                                                             .duration_s = config.duration_s,
                                                             .gravity = config.gravity_m_s2,
                                                             .seed = scene.seed(),
-                                                            .height = height_above(world)}),
+                                                            .height = terrain_height(world)}),
                       .imu = {},
                       .dvl = {},
                       .pressure = {},

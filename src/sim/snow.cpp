@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "snow.hpp"
+#include "sim/snow.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,8 +10,8 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kCell = 0.25;       // [m], side of the cells that particles are drawn for
-constexpr double kFocus = 2.0;       // [m]
+constexpr double kCell = 0.25;       // [m], size of the cells in which particles are generated
+constexpr double kFocus = 2.0;       // [m], focus distance
 constexpr double kAperture = 0.006;  // [m]
 
 struct Particle {
@@ -35,7 +35,7 @@ Particle make_particle(const SnowConfig& config, const Cell& cell, std::uint32_t
   const auto random = [key](std::uint32_t k) {
     return static_cast<double>(unit_float(hash32(key, k)));
   };
-  const double rare = random(4) * random(5) * random(6);  // few large flakes, many small ones
+  const double rare = random(4) * random(5) * random(6);  // few large particles, many small ones
   return {.position = kCell * Vector3d(cell.x + random(1), cell.y + random(2), cell.z + random(3)),
           .diameter = 1e-3 * config.size_mm * (0.6 + 4.0 * rare),
           .brightness = config.brightness * (0.5 + random(7))};
@@ -45,7 +45,7 @@ Vector3d drift(const SnowConfig& config, double time_s) {
   return time_s * Vector3d(config.current_m_s[0], config.current_m_s[1], config.current_m_s[2]);
 }
 
-// Box around what the camera sees up to `range`, in the coordinates that drift with the water.
+// Bounding box of the view frustum up to `range`, in coordinates that drift with the water.
 Eigen::AlignedBox3d view_box(const CameraModel& camera, const SE3& T_world_camera,
                              const Vector3d& shift, double range) {
   const auto& p = camera.parameters();
@@ -59,21 +59,22 @@ Eigen::AlignedBox3d view_box(const CameraModel& camera, const SE3& T_world_camer
   return box;
 }
 
-/// A soft spot of light in pixels.
+/// A Gaussian spot, in pixels.
 struct Spot {
   Vector2d start, end;
   double sigma;
-  double cover;  ///< how much of the background it hides in its middle
+  double opacity;  ///< at the center
   double range;
-  Vector3d colour;
+  Vector3d color;
 };
 
-Vector3d light_on(const LightState& light, const Vector3d& p_world, const Vector3d& p_camera) {
+Vector3d particle_irradiance(const LightState& light, const Vector3d& p_world,
+                             const Vector3d& p_camera) {
   Vector3d sum = daylight_at(light.config, light.medium, -p_world.z());
   if (light.config.lamp) {
     const auto& at = light.config.lamp->position_m;
-    const Vector3d towards = (Vector3d(at[0], at[1], at[2]) - p_camera).normalized();
-    sum += lamp_irradiance(*light.config.lamp, light.medium, p_camera, towards);
+    const Vector3d toward = (Vector3d(at[0], at[1], at[2]) - p_camera).normalized();
+    sum += lamp_irradiance(*light.config.lamp, light.medium, p_camera, toward);
   }
   return sum;
 }
@@ -93,25 +94,25 @@ void draw_spot(const Spot& spot, const cv::Mat& range, cv::Mat& linear) {
         const float behind = range.at<float>(y, x);
         if (behind > 0.0F && static_cast<double>(behind) < spot.range) continue;
         const double square = (Vector2d(x, y) - at).squaredNorm();
-        const auto a = static_cast<float>(spot.cover / steps * std::exp(scale * square));
+        const auto a = static_cast<float>(spot.opacity / steps * std::exp(scale * square));
         auto& pixel = linear.at<cv::Vec3f>(y, x);
         for (int c = 0; c < 3; ++c) {
-          pixel[c] += a * (static_cast<float>(spot.colour[2 - c]) - pixel[c]);
+          pixel[c] += a * (static_cast<float>(spot.color[2 - c]) - pixel[c]);
         }
       }
     }
   }
 }
 
-struct Views {
+struct ExposurePoses {
   SE3 T_camera_world_start, T_camera_world_end;
 };
 
 void draw_particle(const Particle& particle, const SnowConfig& config, const LightState& light,
-                   const CameraModel& camera, const Views& views, const cv::Mat& range,
+                   const CameraModel& camera, const ExposurePoses& poses, const cv::Mat& range,
                    cv::Mat& linear) {
-  const Vector3d start = views.T_camera_world_start * particle.position;
-  const Vector3d end = views.T_camera_world_end * particle.position;
+  const Vector3d start = poses.T_camera_world_start * particle.position;
+  const Vector3d end = poses.T_camera_world_end * particle.position;
   if (start.z() < 0.12 || end.z() < 0.12 || start.norm() > config.range_m) return;
   const auto from = camera.project(start);
   const auto to = camera.project(end);
@@ -121,14 +122,14 @@ void draw_particle(const Particle& particle, const SnowConfig& config, const Lig
   const double blur = 0.5 * focal * kAperture * std::abs(1.0 / start.z() - 1.0 / kFocus);
   const double sigma = std::sqrt(0.36 + 0.4 * radius * radius + 0.25 * blur * blur);
   const double fade = std::min(1.0, 4.0 * (1.0 - start.norm() / config.range_m));
-  const double cover = 0.8 * fade * std::min(1.0, radius * radius / (2.0 * sigma * sigma));
-  const Vector3d lit = particle.brightness * light_on(light, particle.position, start);
+  const double opacity = 0.8 * fade * std::min(1.0, radius * radius / (2.0 * sigma * sigma));
+  const Vector3d lit = particle.brightness * particle_irradiance(light, particle.position, start);
   draw_spot({.start = *from,
              .end = *to,
              .sigma = sigma,
-             .cover = cover,
+             .opacity = opacity,
              .range = start.norm(),
-             .colour = apply_medium(light.medium, lit, start.norm())},
+             .color = apply_medium(light.medium, lit, start.norm())},
             range, linear);
 }
 
@@ -138,8 +139,8 @@ void draw_snow(const SnowConfig& config, const LightState& light, const CameraMo
                const SE3& T_world_camera_start, const SE3& T_world_camera_end, std::uint64_t seed,
                const cv::Mat& range, cv::Mat& linear) {
   if (config.density_per_m3 <= 0.0) return;
-  const Views views{.T_camera_world_start = T_world_camera_start.inverse(),
-                    .T_camera_world_end = T_world_camera_end.inverse()};
+  const ExposurePoses poses{.T_camera_world_start = T_world_camera_start.inverse(),
+                            .T_camera_world_end = T_world_camera_end.inverse()};
   const Vector3d shift = drift(config, light.time_s);
   const auto box = view_box(camera, T_world_camera_start, shift, config.range_m);
   const Eigen::Vector3i low = (box.min() / kCell).array().floor().cast<int>();
@@ -156,7 +157,7 @@ void draw_snow(const SnowConfig& config, const LightState& light, const CameraMo
           Particle particle =
               make_particle(config, cell, hash32(key, static_cast<std::uint32_t>(100 + k)));
           particle.position += shift;
-          draw_particle(particle, config, light, camera, views, range, linear);
+          draw_particle(particle, config, light, camera, poses, range, linear);
         }
       }
     }

@@ -6,13 +6,13 @@
 
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
-#include "shading.hpp"
+#include "sim/shading.hpp"
 
 namespace apvi::sim {
 
-/// Draws marine snow into a linear picture (CV_32FC3 BGR): particles fixed to the drifting water,
-/// as streaks from the first to the last pose of the exposure, behind nothing that `range` [m]
-/// shows nearer, out of focus when close.
+/// Draws marine snow into a linear image (CV_32FC3 BGR): particles that drift with the current, as
+/// streaks from the first to the last pose of the exposure, occluded where `range` [m] is nearer,
+/// and out of focus when close.
 void draw_snow(const SnowConfig& config, const LightState& light, const CameraModel& camera,
                const SE3& T_world_camera_start, const SE3& T_world_camera_end, std::uint64_t seed,
                const cv::Mat& range, cv::Mat& linear);

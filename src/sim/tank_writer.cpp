@@ -3,10 +3,10 @@
 
 #include <iterator>
 
-#include "formats.hpp"
+#include "sim/formats.hpp"
 
-// The raw folder of the Tank data set, columns as its bag2raw.py writes them. It has heights
-// instead of pressures and no validity of DVL pings, so invalid ones are left out.
+// Raw folder of the Tank dataset, with the columns written by its bag2raw.py. It stores heights
+// instead of pressures and no DVL validity, so invalid pings are omitted.
 namespace apvi::sim {
 namespace {
 
@@ -36,9 +36,9 @@ std::string tank_dvl(const std::vector<DvlSample>& samples) {
   return csv;
 }
 
-std::string tank_depth(const std::vector<DepthSample>& samples) {
+std::string tank_depth(const std::vector<PressureDepthSample>& samples) {
   std::string csv = "timestamp[ns],pos_z[m]\n";
-  for (const DepthSample& s : samples) append(csv, "{},{:.9g}\n", s.stamp.ns, -s.depth_m);
+  for (const PressureDepthSample& s : samples) append(csv, "{},{:.9g}\n", s.stamp.ns, -s.depth_m);
   return csv;
 }
 
@@ -68,8 +68,8 @@ config::Node rig_with_depth(const Scene& scene) {
   return rig;
 }
 
-std::vector<DepthSample> depths(const Scene& scene, const Recording& recording) {
-  std::vector<DepthSample> samples = recording.depth;
+std::vector<PressureDepthSample> depth_samples(const Scene& scene, const Recording& recording) {
+  std::vector<PressureDepthSample> samples = recording.depth;
   for (const PressureSample& s : recording.pressure) {
     samples.push_back({s.stamp, scene.rig.pressure->depth(s.pressure_pa)});
   }
@@ -77,13 +77,13 @@ std::vector<DepthSample> depths(const Scene& scene, const Recording& recording) 
 }
 
 void write_tank(const std::filesystem::path& root, const Scene& scene, const Recording& recording) {
-  write_below(root / "rig.yaml", config::to_yaml(rig_with_depth(scene)) + "\n");
-  if (scene.rig.imu) write_below(root / "imu.csv", tank_imu(recording.imu.samples));
-  if (scene.rig.dvl) write_below(root / "dvl.csv", tank_dvl(recording.dvl));
+  write_file(root / "rig.yaml", config::to_yaml(rig_with_depth(scene)) + "\n");
+  if (scene.rig.imu) write_file(root / "imu.csv", tank_imu(recording.imu.samples));
+  if (scene.rig.dvl) write_file(root / "dvl.csv", tank_dvl(recording.dvl));
   if (scene.rig.pressure || scene.rig.depth) {
-    write_below(root / "depth.csv", tank_depth(depths(scene, recording)));
+    write_file(root / "depth.csv", tank_depth(depth_samples(scene, recording)));
   }
-  write_below(root / "gt.csv", tank_truth(recording.imu));
+  write_file(root / "gt.csv", tank_truth(recording.imu));
 }
 
 }  // namespace apvi::sim

@@ -4,16 +4,16 @@
 #include <numbers>
 #include <vector>
 
-#include "apvi/sim/noise_texture.hpp"
-#include "shapes.hpp"
-#include "world_parts.hpp"
+#include "sim/noise_texture.hpp"
+#include "sim/shapes.hpp"
+#include "sim/world_parts.hpp"
 
 namespace apvi::sim::parts {
 namespace {
 
-constexpr float kApron = 90.0F;  // [m] of coarse bed around the fine square, out to the veil
+constexpr float kApron = 90.0F;  // [m] of coarse bed around the fine square, beyond the visibility
 
-// Grid lines: evenly spaced over the fine square, then wider and wider.
+// Grid lines: evenly spaced over the fine square, with increasing spacing outside.
 std::vector<float> grid_lines(double size, double spacing) {
   std::vector<float> lines;
   const int half = static_cast<int>(std::ceil(0.5 * size / spacing));
@@ -41,7 +41,7 @@ Terrain::Terrain(const WorldConfig& config, std::uint64_t seed)
 
 float Terrain::richness(float x, float y) const {
   float rich = 1.0F;
-  for (const BarePatch& patch : config_.bare) {
+  for (const BarePatch& patch : config_.bare_patches) {
     const float distance =
         std::hypot(x - static_cast<float>(patch.x_m), y - static_cast<float>(patch.y_m));
     const auto radius = static_cast<float>(patch.radius_m);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/water.hpp"
+#include "sim/water.hpp"
 
 #include <cmath>
 
@@ -8,7 +8,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-struct TypeRow {
+struct JerlovRow {
   double k_d[3];   // [1/m] at 600, 525 and 475 nm
   double b_green;  // scattering [1/m]
 };
@@ -17,7 +17,7 @@ struct TypeRow {
 // fitted to the same types by Solonenko and Mobley, "Inherent optical properties of Jerlov water
 // types", Applied Optics 54 (17), 2015, as tabulated for red, green, blue by Droske et al., "Path
 // tracing in production: the path of water", SIGGRAPH courses 2023.
-constexpr TypeRow kTypes[] = {
+constexpr JerlovRow kTypes[] = {
     {{0.235, 0.043, 0.018}, 0.002},  // I
     {{0.240, 0.048, 0.025}, 0.004},  // IA
     {{0.245, 0.054, 0.033}, 0.054},  // IB
@@ -30,11 +30,11 @@ constexpr TypeRow kTypes[] = {
     {{0.600, 0.780, 1.230}, 3.180},  // 9C
 };
 
-// Scattering of red and blue relative to green, common to the types of that table.
-const Vector3d kScatterColour(0.74, 1.0, 1.41);
-// Part of the scattering that is so narrow (Petzold's phase functions: half of it within five
-// degrees) that the veil does not grow by it.
-constexpr double kForward = 0.4;
+// Scattering of red and blue relative to green, common to all types of that table.
+const Vector3d kScatterColor(0.74, 1.0, 1.41);
+// Fraction of the scattering at such small angles (Petzold's phase functions: half within five
+// degrees) that it does not contribute to backscatter.
+constexpr double kForwardFraction = 0.4;
 
 // Absorption from k_d and scattering: k_d^2 = a^2 + 0.256 a b (Kirk 1984).
 Vector3d absorption(const Vector3d& k_d, const Vector3d& b) {
@@ -47,16 +47,16 @@ struct Optics {
 };
 
 Optics type_optics(JerlovType type) {
-  const TypeRow& row = kTypes[static_cast<int>(type)];
+  const JerlovRow& row = kTypes[static_cast<int>(type)];
   Optics optics;
   optics.k_d = Vector3d(row.k_d[0], row.k_d[1], row.k_d[2]);
-  optics.b = row.b_green * kScatterColour;
+  optics.b = row.b_green * kScatterColor;
   optics.a = absorption(optics.k_d, optics.b);
   return optics;
 }
 
-// More or fewer particles, so that green has the attenuation asked for; absorption follows only
-// when the water alone would absorb more than that.
+// Scales the particle concentration to reach the requested attenuation of green; absorption is
+// scaled too only if it alone exceeds that attenuation.
 void set_attenuation_length(Optics& optics, double length_m) {
   const double wanted = 1.0 / length_m;
   const double particles = (wanted - optics.a.y()) / optics.b.y();
@@ -82,7 +82,7 @@ Medium make_medium(const WaterConfig& config, std::optional<double> attenuation_
   Medium medium;
   medium.k_d = optics.k_d;
   medium.beta_d = optics.a + optics.b;
-  medium.beta_b = optics.a + (1.0 - kForward) * optics.b;
+  medium.beta_b = optics.a + (1.0 - kForwardFraction) * optics.b;
   if (config.beta_d) medium.beta_d = to_vector(*config.beta_d);
   if (config.beta_b) medium.beta_b = to_vector(*config.beta_b);
   if (attenuation_length_m && (config.beta_d || config.beta_b) && medium.beta_d.y() > 0.0) {
@@ -93,14 +93,14 @@ Medium make_medium(const WaterConfig& config, std::optional<double> attenuation_
   const Vector3d daylight = (-medium.k_d * config.reference_depth_m).array().exp();
   const Vector3d albedo = optics.b.cwiseQuotient(optics.a + optics.b);
   medium.b_inf = config.b_inf ? to_vector(*config.b_inf)
-                              : Vector3d(config.veil * albedo.cwiseProduct(daylight));
+                              : Vector3d(config.veiling_light * albedo.cwiseProduct(daylight));
   return medium;
 }
 
 Vector3d apply_medium(const Medium& medium, const Vector3d& clear, double range) {
   const Vector3d direct = (-medium.beta_d * range).array().exp();
-  const Vector3d veil = 1.0 - (-medium.beta_b * range).array().exp();
-  return clear.cwiseProduct(direct) + medium.b_inf.cwiseProduct(veil);
+  const Vector3d backscatter = 1.0 - (-medium.beta_b * range).array().exp();
+  return clear.cwiseProduct(direct) + medium.b_inf.cwiseProduct(backscatter);
 }
 
 }  // namespace apvi::sim

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/world.hpp"
+#include "sim/world.hpp"
 
-#include "world_parts.hpp"
+#include "sim/world_parts.hpp"
 
 namespace apvi::sim {
 
@@ -13,7 +13,7 @@ TriangleMesh make_world(const WorldConfig& config, std::uint64_t seed) {
   if (config.kind == WorldKind::ship) parts::add_wreck(mesh, config, terrain, random.fork(1));
   if (config.kind == WorldKind::dam) parts::add_dam(mesh, config, random.fork(2));
   parts::scatter_rocks(mesh, terrain, config, random.fork(3));
-  parts::scatter_life(mesh, terrain, config, random.fork(4));
+  parts::scatter_marine_life(mesh, terrain, config, random.fork(4));
   parts::scatter_debris(mesh, terrain, config, random.fork(5));
   return mesh;
 }

@@ -4,11 +4,11 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "apvi/core/random.hpp"
-#include "apvi/sim/mesh.hpp"
-#include "apvi/sim/world.hpp"
+#include "core/random.hpp"
+#include "sim/mesh.hpp"
+#include "sim/world.hpp"
 
-/// Parts of worlds, each appended to a mesh.
+/// Parts of worlds; each function appends to a mesh.
 namespace apvi::sim::parts {
 
 using Eigen::Affine3f;
@@ -25,7 +25,7 @@ class Terrain {
   float height(float x, float y) const;  ///< z [m]
   /// 1 on rocky reef, 0 on sand.
   float reef(float x, float y) const;
-  /// 0 in bare patches, 1 outside.
+  /// Texture strength: 0 in bare patches, 1 outside.
   float richness(float x, float y) const;
   void append_to(TriangleMesh& mesh) const;
 
@@ -37,8 +37,8 @@ class Terrain {
   float ripple_x_, ripple_y_;  // wave vector [1/m]
 };
 
-/// Single things. `T` puts their foot at its origin, upright along its z; `size` [m] is about their
-/// height or width.
+/// Single objects. `T` places the base at its origin, upright along its z axis; `size` [m] is the
+/// approximate height or width.
 void add_boulder(TriangleMesh& mesh, const Vector3f& at, float radius, Random& random,
                  std::uint16_t object, Material material = Material::rock);
 void add_brain_coral(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
@@ -53,22 +53,22 @@ void add_fan(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
              std::uint16_t object);
 void add_weed(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
               std::uint16_t object);
-/// One of the above, by chance; on walls, those that hold on to walls.
+/// A random coral, sponge or weed; on walls only those that grow on walls.
 enum class Ground { bed, wall };
-void add_life(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
-              std::uint16_t object, Ground ground);
-/// A tyre, pipe, plank, drum, jar or concrete block lying on the bed.
+void add_marine_life(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
+                     std::uint16_t object, Ground ground);
+/// A random tire, pipe, plank, drum, jar or concrete block lying on the bed.
 void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uint16_t object);
 
 void scatter_rocks(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
                    Random random);
-void scatter_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
-                  Random random);
+void scatter_marine_life(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
+                         Random random);
 void scatter_debris(TriangleMesh& mesh, const Terrain& terrain, const WorldConfig& config,
                     Random random);
-/// Life on surfaces that are there already: on `count` triangles of the range given.
-void grow_on(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_triangle, int count,
-             float size, Random random);
+/// Adds marine life to existing surfaces, on `count` random triangles of the given range.
+void add_surface_growth(TriangleMesh& mesh, std::size_t first_triangle, std::size_t last_triangle,
+                        int count, float size, Random random);
 
 void add_wreck(TriangleMesh& mesh, const WorldConfig& config, const Terrain& terrain,
                Random random);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A small coaster of steel, thirty years on the bed: 18 m, keel along x, bow towards +x.
+// Wreck of a small steel coaster on the bed: 18 m long, keel along x, bow toward +x.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "apvi/sim/noise_texture.hpp"
-#include "shapes.hpp"
-#include "world_parts.hpp"
+#include "sim/noise_texture.hpp"
+#include "sim/shapes.hpp"
+#include "sim/world_parts.hpp"
 
 namespace apvi::sim::parts {
 namespace {
@@ -45,7 +45,7 @@ Vector3f hull_point(float s, float t, float side, float inset) {
           top * t + 0.9F * v_shape * v_shape * (1.0F - t) * (1.0F - t)};
 }
 
-// Negative where the shell has rusted through, and in the gash that sank her.
+// Negative where the shell has rusted through, and in the gash in its starboard side.
 float soundness(float s, float t, float side) {
   const Vector3f p = hull_point(s, t, side, 0.0F);
   const float rot = fbm(p, {.frequency = 0.8F, .octaves = 6, .gain = 0.55F, .seed = 401});
@@ -69,7 +69,7 @@ void add_shell(TriangleMesh& mesh, float side, float inset) {
   const bool outer = inset == 0.0F;
   const auto s_of = [](int i) { return static_cast<float>(i) / kColumns; };
   const auto t_of = [](int j) { return static_cast<float>(j) / kRows; };
-  // Outside, plates face outwards; inside, the other way round.
+  // Triangles face outward on the outer shell and inward on the inner one.
   const bool mirrored = (side > 0.0F) == outer;
   shapes::grid(mesh, kColumns, kRows, skin, [&](int i, int j) {
     const float s = s_of(mirrored ? kColumns - i : i);
@@ -149,21 +149,21 @@ void add_deck(TriangleMesh& mesh, Random& random) {
   }
 }
 
-void add_box(TriangleMesh& mesh, const Vector3f& centre, const Vector3f& half, Material material,
+void add_box(TriangleMesh& mesh, const Vector3f& center, const Vector3f& half, Material material,
              std::uint16_t object, float tilt = 0.0F, float cell = 0.12F) {
   Affine3f T = Affine3f::Identity();
-  T.translation() = centre;
+  T.translation() = center;
   T.rotate(Eigen::AngleAxisf(tilt, Vector3f::UnitX()));
   shapes::box(mesh, T, half, {.material = material, .object = object}, cell);
 }
 
-// A wall of plates with openings, standing on `foot` and going along `u`.
+// A plate wall with openings, from `foot` along `u`.
 void add_wall(TriangleMesh& mesh, const Vector3f& foot, const Vector3f& u, float height,
               int windows, std::uint16_t object) {
   const float width = u.norm();
   const int columns = static_cast<int>(width / 0.06F);
   const int rows = static_cast<int>(height / 0.06F);
-  // Negative in the windows and where rust has eaten through.
+  // Negative in the windows and where the plate has rusted through.
   const auto soundness_at = [&](float along, float z) {
     const float x = along * static_cast<float>(windows);
     const float beside = (std::abs(x - std::floor(x) - 0.5F) - 0.3F) * width /
@@ -236,16 +236,16 @@ void add_deck_gear(TriangleMesh& mesh, Random& random) {
   }
   add_box(mesh, {-2.45F, 0, z + 0.2F}, {0.05F, 1.2F, 0.28F}, Material::steel, 24);
   add_box(mesh, {1.65F, 0, z + 0.2F}, {0.05F, 1.2F, 0.28F}, Material::steel, 24);
-  // Windlass on the foredeck: a drum on two cheeks.
+  // Windlass on the foredeck: a drum between two cheeks.
   const float fore = sheer(0.82F);
   add_pole(mesh, {5.6F, -0.8F, fore + 0.45F}, {5.6F, 0.8F, fore + 0.45F}, 0.26F, 26);
   add_box(mesh, {5.6F, -0.55F, fore + 0.3F}, {0.4F, 0.05F, 0.4F}, Material::steel, 26);
   add_box(mesh, {5.6F, 0.55F, fore + 0.3F}, {0.4F, 0.05F, 0.4F}, Material::steel, 26);
-  // The mast broke at the deck and lies over the side; its stump stands.
+  // Broken mast: the stump stands, the rest lies over the side.
   add_pole(mesh, {3.1F, 0, z + 0.1F}, {3.1F, 0.05F, z + 1.3F}, 0.16F, 27);
   add_pole(mesh, {2.9F, 0.4F, z + 0.7F}, {1.2F, -6.2F, -0.1F}, 0.15F, 27);
   add_pole(mesh, {2.2F, -1.4F, z + 0.3F}, {-3.4F, -3.6F, 0.4F}, 0.07F, 28);
-  for (int k = 0; k < 6; ++k) {  // cargo that fell out of the gash
+  for (int k = 0; k < 6; ++k) {  // cargo on the bed below the gash
     add_box(mesh,
             {uniform(random, -4.5, 1.0), uniform(random, -5.6, -3.0), uniform(random, 0.45, 0.6)},
             {uniform(random, 0.2, 0.5), uniform(random, 0.2, 0.35), uniform(random, 0.12, 0.3)},
@@ -271,9 +271,9 @@ void add_wreck(TriangleMesh& mesh, const WorldConfig& config, const Terrain& ter
   add_wheelhouse(ship);
   add_deck_gear(ship, random);
   const std::size_t deck_end = ship.triangles.size();
-  const int growth = static_cast<int>(420.0 * config.life);
-  grow_on(ship, 0, shell_end, growth, 0.28F, random.fork(1));
-  grow_on(ship, deck_start, deck_end, growth, 0.24F, random.fork(2));
+  const int growth = static_cast<int>(420.0 * config.marine_life);
+  add_surface_growth(ship, 0, shell_end, growth, 0.28F, random.fork(1));
+  add_surface_growth(ship, deck_start, deck_end, growth, 0.24F, random.fork(2));
   Affine3f T = Affine3f::Identity();
   T.translation() = Vector3f(0, 0, terrain.height(0, 0) - 0.75F);
   T.rotate(Eigen::AngleAxisf(0.16F, Vector3f::UnitX()));

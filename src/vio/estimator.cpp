@@ -1,39 +1,39 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/vio/estimator.hpp"
+#include "vio/estimator.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
-#include "apvi/core/stopwatch.hpp"
-#include "graph.hpp"
-#include "window_edges.hpp"
+#include "apvi/core/constants.hpp"
+#include "core/stopwatch.hpp"
+#include "vio/window/graph.hpp"
+#include "vio/window/window_update.hpp"
 
 namespace apvi::vio {
 namespace {
 
-// Spans of samples kept for windows that stand still or are blind for a while.
-constexpr double kKeepSamplesS = 30.0;
+// History of samples, for frozen windows and short gaps [s].
+constexpr double kSampleHistory_s = 30.0;
 
-// A preintegration is summed up anew when its biases have moved by more.
+// A preintegration is repeated when its biases have changed by more than this.
 constexpr double kStaleGyroBias = 0.005;  // [rad/s]
 constexpr double kStaleAccelBias = 0.05;  // [m/s²]
 
-// Over samples that are missing the vehicle went on about as before, and nobody knows how exactly.
+// Gaps in the inertial data: a step longer than this many sample periods gets inflated noise.
 constexpr double kMissingSamples = 4.0;
-constexpr double kLongestStep_s = 0.05;  // should the rig say too much of the sensor's rate
-constexpr double kBridgedNoise = 100.0;
+constexpr double kMinMaxStep_s =
+    0.05;  // lower limit, in case the nominal rate of the rig is too high
+constexpr double kGapNoiseFactor = 100.0;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-
-// Without a window nothing is taken out at the other end.
+// Appends a measurement and drops those older than the history; nothing else removes them before
+// initialization.
 template <typename Measurement>
 void keep(std::deque<Measurement>& kept, const Measurement& measurement) {
   kept.push_back(measurement);
-  const Stamp oldest = measurement.stamp - Duration::from_seconds(kKeepSamplesS);
+  const Stamp oldest = measurement.stamp - Duration::from_seconds(kSampleHistory_s);
   while (kept.front().stamp < oldest) kept.pop_front();
 }
 
@@ -63,14 +63,14 @@ std::string_view to_string(Status status) {
 }
 
 Estimator::Estimator(const Config& config, const Rig& rig)
-    : config_(config), rig_(rig), imu_(Duration::from_seconds(kKeepSamplesS)) {
+    : config_(config), rig_(rig), imu_(Duration::from_seconds(kSampleHistory_s)) {
   const ImuCalibration imu = rig.imu.value_or(ImuCalibration{});
   noise_ = {.gyro = imu.gyro_noise_density * config.gyro_noise_factor,
             .accel = imu.accel_noise_density * config.accel_noise_factor,
             .gyro_walk = imu.gyro_random_walk,
             .accel_walk = imu.accel_random_walk};
   if (imu.rate_hz > 0.0) {
-    longest_step_s_ = std::max(kLongestStep_s, kMissingSamples / imu.rate_hz);
+    max_step_s_ = std::max(kMinMaxStep_s, kMissingSamples / imu.rate_hz);
   }
   reset();
 }
@@ -81,57 +81,60 @@ void Estimator::reset() {
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
   frozen_ = false;
-  in_doubt_ = false;
-  has_seen_ = false;
-  aided_ = false;
+  vision_failed_ = false;
+  has_used_landmarks_ = false;
+  started_with_prior_ = false;
   first_ping_.reset();
 }
 
 void Estimator::add(const ImuSample& sample) {
   const HealthConfig& limits = config_.health;
-  const bool shock = sample.gyro.norm() > limits.max_gyro || sample.accel.norm() > limits.max_accel;
-  if (!shock) imu_.add(sample);
+  const bool saturated =
+      sample.gyro.norm() > limits.max_gyro || sample.accel.norm() > limits.max_accel;
+  if (!saturated) imu_.add(sample);
 }
 
 void Estimator::add(const DvlMeasurement& measurement) {
   if (rig_.dvl) keep(pings_, measurement);
 }
 
-void Estimator::add(const DepthMeasurement& measurement) {
+void Estimator::add(const PressureDepthMeasurement& measurement) {
   if (config_.graph == GraphKind::tight) keep(depths_, measurement);
 }
 
-Result Estimator::process(const TrackedFrame& tracked, const std::optional<Aid>& aid,
-                          const std::optional<SE3>& place) {
+Result Estimator::process(const TrackedFrame& tracked, const std::optional<StatePrior>& prior,
+                          const std::optional<SE3>& start_pose) {
   const auto newest = imu_.newest();
-  if (aid && starts_anew(tracked)) reset();
+  if (prior && should_restart(tracked)) reset();
   Result result;
   if (!newest || *newest < tracked.stamp) {
     result = {.stamp = tracked.stamp, .detail = "inertial data"};
   } else if (started() && tracked.stamp <= window_.newest().stamp) {
-    result = {.stamp = tracked.stamp, .status = Status::blind, .detail = "stamp goes backward"};
+    result = {.stamp = tracked.stamp,
+              .status = Status::blind,
+              .detail = "stamp is not newer than the last frame"};
     result.state = to_nav_state(window_.newest().state);
   } else if (started()) {
-    result = track(tracked, aid);
+    result = track(tracked, prior);
   } else {
-    result = aid ? start_with_aid(tracked, *aid) : start_alone(tracked, place);
+    result = prior ? start_with_prior(tracked, *prior) : start_alone(tracked, start_pose);
   }
   if (result.status == Status::lost) reset();
   return result;
 }
 
-Result Estimator::track(const TrackedFrame& tracked, const std::optional<Aid>& aid) {
+Result Estimator::track(const TrackedFrame& tracked, const std::optional<StatePrior>& prior) {
   Result result{.stamp = tracked.stamp, .status = Status::tracking};
   if (!append(tracked)) {
     return {.stamp = tracked.stamp, .status = Status::lost, .detail = "gap in the inertial data"};
   }
-  if (frozen_ && aid) lean_on(*aid);
-  estimate(result, config_.window.iterations);
+  if (frozen_ && prior) use_prior(*prior);
+  estimate(result, config_.window.max_iterations);
   if (frozen_) {
     result.status = Status::frozen;
     return result;
   }
-  result.detail = why_diverged(result);
+  result.detail = divergence_reason(result);
   if (!result.detail.empty()) {
     result.status = Status::lost;
     return result;
@@ -140,23 +143,23 @@ Result Estimator::track(const TrackedFrame& tracked, const std::optional<Aid>& a
   return result;
 }
 
-// Solve, tidy up, measure the information, let the window move on.
+// One update of the window: solve, reject outliers, compute the information, marginalize.
 void Estimator::estimate(Result& result, int iterations) {
-  triangulate(window_, config_.vision.min_parallax_deg * kDegree);
+  triangulate(window_, config_.vision.min_parallax_deg * kRadiansPerDegree);
   attach_measurements();
   const Graph graph(window_, config_, rig_);
   Stopwatch watch;
   solve(graph, window_, config_, iterations);
   result.solve_s = watch.seconds();
   result.landmarks = graph.landmarks();
-  has_seen_ = has_seen_ || result.landmarks > 0;
-  result.sightings = graph.sightings();
+  has_used_landmarks_ = has_used_landmarks_ || result.landmarks > 0;
+  result.observations = graph.observations();
   Frame& newest = window_.newest();
-  if (!newest.doubtful) give_up_outliers(window_, rig_, config_.vision.max_reprojection_px);
-  result.reprojection_rms_px = newest.doubtful ? 0.0 : newest_rms_px(window_, rig_);
+  if (!newest.vision_excluded) reject_outliers(window_, rig_, config_.vision.max_reprojection_px);
+  result.reprojection_rms_px = newest.vision_excluded ? 0.0 : newest_rms_px(window_, rig_);
   result.state = to_nav_state(newest.state);
   watch.reset();
-  const Informations informations = newest_informations(graph, window_, config_);
+  const PoseInformation informations = newest_pose_information(graph, window_, config_);
   result.information = informations.absolute;
   result.window_information = informations.over_window;
   result.window_s = seconds_between(window_.frames.front()->stamp, newest.stamp);
@@ -164,13 +167,13 @@ void Estimator::estimate(Result& result, int iterations) {
   newest_is_keyframe_ = window_.frames.size() == 1 || is_keyframe(window_, config_, rig_);
   result.keyframe = newest_is_keyframe_;
   watch.reset();
-  if (newest_is_keyframe_) make_room(graph);
+  if (newest_is_keyframe_) limit_window(graph);
   result.marginalize_s = watch.seconds();
-  forget_given_up(window_);
+  remove_rejected(window_);
   refresh_preintegrations();
 }
 
-void Estimator::make_room(const Graph& graph) {
+void Estimator::limit_window(const Graph& graph) {
   const auto room = static_cast<std::size_t>(config_.window.keyframes);
   if (!frozen_) {
     if (window_.frames.size() > room) marginalize_oldest(graph, window_, config_);
@@ -181,16 +184,16 @@ void Estimator::make_room(const Graph& graph) {
   remove_frame(window_, static_cast<std::size_t>(held));
 }
 
-void Estimator::lean_on(const Aid& aid) {
+void Estimator::use_prior(const StatePrior& prior) {
   Frame& newest = window_.newest();
-  newest.state = to_frame_state(aid.state);
-  newest.lean = prior_from(newest, aid, config_.start.yaw_position_sigma);
+  newest.state = to_frame_state(prior.state);
+  newest.state_prior = make_state_prior(newest, prior, config_.initialization.gauge_sigma);
 }
 
 void Estimator::freeze() {
   if (!started()) return;
   if (config_.graph == GraphKind::tight) {
-    in_doubt_ = true;
+    vision_failed_ = true;
     return;
   }
   frozen_ = true;
@@ -201,22 +204,22 @@ void Estimator::freeze() {
 }
 
 void Estimator::release() {
-  if (std::exchange(in_doubt_, false)) end_doubt(window_);
+  if (std::exchange(vision_failed_, false)) restore_excluded_frames(window_);
   if (!frozen_) return;
   frozen_ = false;
   first_ping_.reset();
   while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
-  const auto leaning =
-      std::ranges::find_if(window_.frames, [](const auto& f) { return f->lean != nullptr; });
-  if (leaning == window_.frames.end()) return reset();
-  while (window_.frames.front() != *leaning) remove_frame(window_, 0);
-  window_.prior = window_.frames.front()->lean;
-  for (const auto& frame : window_.frames) frame->lean.reset();
-  if (window_.frames.size() == 1) newest_is_keyframe_ = true;  // the only one must not be dropped
+  const auto first_with_prior =
+      std::ranges::find_if(window_.frames, [](const auto& f) { return f->state_prior != nullptr; });
+  if (first_with_prior == window_.frames.end()) return reset();
+  while (window_.frames.front() != *first_with_prior) remove_frame(window_, 0);
+  window_.prior = window_.frames.front()->state_prior;
+  for (const auto& frame : window_.frames) frame->state_prior.reset();
+  if (window_.frames.size() == 1) newest_is_keyframe_ = true;  // the only frame must not be dropped
 }
 
-std::string Estimator::why_diverged(const Result& result) {
+std::string Estimator::divergence_reason(const Result& result) {
   const HealthConfig& limits = config_.health;
   const imu::NavState& s = result.state;
   if (!is_finite(window_.newest().state)) return "the solution is not finite";
@@ -239,7 +242,7 @@ Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
   frame->stamp = stamp;
   frame->state = state;
   frame->from_previous = std::move(from_previous);
-  frame->takes_pings = takes_pings(stamp);
+  frame->uses_pings = uses_pings(stamp);
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }
@@ -255,13 +258,14 @@ bool Estimator::append(const TrackedFrame& tracked) {
     if (!motion) return false;
   }
   Frame& frame = push_frame(tracked.stamp, predicted, std::move(motion));
-  frame.doubtful = in_doubt_ && tracked.statistics.tracked < config_.tight.believed_tracks;
-  add_sightings(window_, frame, tracked);
+  frame.vision_excluded =
+      vision_failed_ && tracked.statistics.tracked < config_.tight.recovery_min_tracks;
+  add_observations(window_, frame, tracked);
   return true;
 }
 
 void Estimator::drop_newest() {
-  remove_sightings(window_, window_.newest());
+  remove_observations(window_, window_.newest());
   window_.frames.pop_back();
 }
 
@@ -278,13 +282,13 @@ std::shared_ptr<imu::Preintegration> Estimator::preintegrate(Stamp from, Stamp t
   const Eigen::Map<const Eigen::Vector3d> accel_bias(state.motion.data() + 6);
   auto sum = std::make_shared<imu::Preintegration>(noise_, gyro_bias, accel_bias);
   for (std::size_t k = 1; k < samples.size(); ++k) {
-    const bool bridged = seconds_between(samples[k - 1].stamp, samples[k].stamp) > longest_step_s_;
-    sum->integrate(samples[k - 1], samples[k], bridged ? kBridgedNoise : 1.0);
+    const bool bridged = seconds_between(samples[k - 1].stamp, samples[k].stamp) > max_step_s_;
+    sum->integrate(samples[k - 1], samples[k], bridged ? kGapNoiseFactor : 1.0);
   }
   return sum;
 }
 
-// First-order bias correction holds for small changes only.
+// The first-order bias correction is accurate for small changes only.
 void Estimator::refresh_preintegrations() {
   for (std::size_t k = 1; k < window_.frames.size(); ++k) {
     const Frame& before = *window_.frames[k - 1];
@@ -297,24 +301,25 @@ void Estimator::refresh_preintegrations() {
         (sum.accel_bias() - accel_bias).norm() < kStaleAccelBias) {
       continue;
     }
-    if (auto anew = preintegrate(before.stamp, frame.stamp, before.state)) {
-      frame.from_previous = std::move(anew);
+    if (auto updated = preintegrate(before.stamp, frame.stamp, before.state)) {
+      frame.from_previous = std::move(updated);
     }
   }
 }
 
-// DVL in the paper's graph: only while the aid supplies the poses, and so long after it that the
-// window knows its speed as well as the aid does.
-bool Estimator::takes_pings(Stamp stamp) const {
+// With `graph: paper`, DVL pings are used while the window is frozen and for some time afterwards
+// or after initialization, until the velocity is observable without them.
+bool Estimator::uses_pings(Stamp stamp) const {
   if (!rig_.dvl) return false;
-  if (config_.graph == GraphKind::tight) return config_.tight.velocity;
+  if (config_.graph == GraphKind::tight) return config_.tight.use_dvl_velocity;
   if (frozen_) return true;
-  return aided_ && (!first_ping_ || seconds_between(*first_ping_, stamp) < config_.start.dvl_s);
+  return started_with_prior_ && (!first_ping_ || seconds_between(*first_ping_, stamp) <
+                                                     config_.initialization.dvl_aiding_s);
 }
 
 void Estimator::attach_measurements() {
   const Stamp oldest = window_.frames.front()->stamp;
-  // Not in order: the filter that puts them on the true clock changes its mind.
+  // Not sorted: the time offset estimate changes over time.
   std::erase_if(pings_, [&](const DvlMeasurement& ping) { return ping.stamp < oldest; });
   while (depths_.size() > 1 && depths_[1].stamp < oldest) depths_.pop_front();
   for (const DvlMeasurement& ping : pings_) {
@@ -323,24 +328,25 @@ void Estimator::attach_measurements() {
                          [](Stamp stamp, const auto& frame) { return stamp < frame->stamp; });
     attach(**std::prev(after), ping);
   }
-  if (config_.graph != GraphKind::tight || !config_.tight.depth) return;
-  for (const auto& frame : window_.frames) attach_depth(*frame);
+  if (config_.graph != GraphKind::tight || !config_.tight.use_depth) return;
+  for (const auto& frame : window_.frames) attach_pressure_depth(*frame);
 }
 
-// Depth is measured from wherever the window started: tide, atmosphere and the sensor's zero are
-// nobody's concern here.
-void Estimator::attach_depth(Frame& frame) {
-  const auto measured = depth_at(frame, depths_, rig_.depth_sign());
+// Depth is measured relative to the start of the window, so tide, atmospheric pressure and sensor
+// offset cancel.
+void Estimator::attach_pressure_depth(Frame& frame) {
+  const auto measured = pressure_depth_at(frame, depths_, rig_.down_sign());
   if (!measured || (frame.depth && frame.depth->stamp == measured->stamp)) return;
   if (!window_.depth_zero_m) {
     const SE3 pose = to_se3(frame.state.pose.data());
-    window_.depth_zero_m = measured->depth_m - rig_.depth_sign() * (pose * depth_lever(rig_)).z();
+    window_.depth_zero_m =
+        measured->depth_m - rig_.down_sign() * (pose * pressure_sensor_position(rig_)).z();
   }
   frame.depth = measured;
 }
 
 void Estimator::attach(Frame& frame, const DvlMeasurement& measured) {
-  if (!frame.takes_pings) return;
+  if (!frame.uses_pings) return;
   const auto same = [&](const Frame::Ping& p) { return p.measured.stamp == measured.stamp; };
   if (std::any_of(frame.pings.begin(), frame.pings.end(), same)) return;
   const auto motion = preintegrate(frame.stamp, measured.stamp, frame.state);

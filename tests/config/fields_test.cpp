@@ -21,8 +21,8 @@ ExampleConfig read_text(const std::string& yaml) {
   return example;
 }
 
-// The message with which reading fails, or "" when it does not.
-std::string complaint(const std::string& yaml) {
+// The error message of reading, or "" on success.
+std::string error_of(const std::string& yaml) {
   try {
     read_text(yaml);
   } catch (const InputError& e) {
@@ -31,7 +31,7 @@ std::string complaint(const std::string& yaml) {
   return "";
 }
 
-TEST(Fields, AbsentKeysKeepTheDefaults) {
+TEST(Fields, AbsentKeysKeepDefaults) {
   for (const char* yaml : {"", "{}", "# nothing\n", "tracker:\n"}) {
     const ExampleConfig c = read_text(yaml);
     EXPECT_EQ(c.name, "first");
@@ -41,7 +41,7 @@ TEST(Fields, AbsentKeysKeepTheDefaults) {
   }
 }
 
-TEST(Fields, EveryKindOfFieldIsRead) {
+TEST(Fields, ReadsEveryFieldType) {
   const ExampleConfig c = read_text(R"(
 enabled: no
 seed: -3
@@ -76,55 +76,55 @@ raw: {anything: [1, {x: y}]}
   EXPECT_EQ(c.raw.find("anything")->items.size(), 2u);
 }
 
-TEST(Fields, AnUnknownKeyIsNamedWithItsLineAndTheLikelyOneMeant) {
-  EXPECT_EQ(complaint("seed: 1\ntracker:\n  min_distnce_px: 3\n"),
+TEST(Fields, UnknownKeyErrorNamesLineAndSuggestion) {
+  EXPECT_EQ(error_of("seed: 1\ntracker:\n  min_distnce_px: 3\n"),
             "a.yaml:3: unknown key tracker.min_distnce_px; did you mean min_distance_px?");
-  EXPECT_THAT(complaint("seed: 1\nzzz: 3\n"),
+  EXPECT_THAT(error_of("seed: 1\nzzz: 3\n"),
               HasSubstr("a.yaml:2: unknown key zzz; known here: enabled,"));
-  EXPECT_THAT(complaint("nmae:\n"), HasSubstr("a.yaml:1: unknown key nmae; did you mean name?"));
-  EXPECT_THAT(complaint("cases: {a: {max_fetures: 3}}"), HasSubstr("cases.a.max_fetures"));
+  EXPECT_THAT(error_of("nmae:\n"), HasSubstr("a.yaml:1: unknown key nmae; did you mean name?"));
+  EXPECT_THAT(error_of("cases: {a: {max_fetures: 3}}"), HasSubstr("cases.a.max_fetures"));
 }
 
-TEST(Fields, WrongTypesAreNamedWithWhatWasExpected) {
-  EXPECT_EQ(complaint("seed: fast"), "a.yaml:1: seed: expected a whole number, got fast");
-  EXPECT_EQ(complaint("\nseed: 1.5"), "a.yaml:2: seed: expected a whole number, got 1.5");
-  EXPECT_EQ(complaint("seed: 3000000000"),
+TEST(Fields, WrongTypeErrorNamesExpectedType) {
+  EXPECT_EQ(error_of("seed: fast"), "a.yaml:1: seed: expected a whole number, got fast");
+  EXPECT_EQ(error_of("\nseed: 1.5"), "a.yaml:2: seed: expected a whole number, got 1.5");
+  EXPECT_EQ(error_of("seed: 3000000000"),
             "a.yaml:1: seed: expected a whole number, got 3000000000");
-  EXPECT_EQ(complaint("rate_hz: 20Hz"), "a.yaml:1: rate_hz: expected a number, got 20Hz");
-  EXPECT_EQ(complaint("enabled: 1"), "a.yaml:1: enabled: expected true or false, got 1");
-  EXPECT_EQ(complaint("seed: [1]"), "a.yaml:1: seed: expected a whole number");
-  EXPECT_EQ(complaint("name: {a: b}"), "a.yaml:1: name: expected a word or text");
-  EXPECT_EQ(complaint("tracker: 3"), "a.yaml:1: tracker: expected keys below this one");
-  EXPECT_EQ(complaint("cases: [1]"), "a.yaml:1: cases: expected keys below this one");
-  EXPECT_EQ(complaint("weights: 3"), "a.yaml:1: weights: expected a list, like [1, 2, 3]");
-  EXPECT_EQ(complaint("size: [1, 2, 3]"), "a.yaml:1: size: expected 2 values, got 3");
-  EXPECT_EQ(complaint("spans: [[1, 2], [3]]"), "a.yaml:1: spans[1]: expected 2 values, got 1");
-  EXPECT_EQ(complaint("weights: [1, x]"), "a.yaml:1: weights[1]: expected a number, got x");
-  EXPECT_THAT(complaint("[1, 2]"), HasSubstr("expected keys"));
+  EXPECT_EQ(error_of("rate_hz: 20Hz"), "a.yaml:1: rate_hz: expected a number, got 20Hz");
+  EXPECT_EQ(error_of("enabled: 1"), "a.yaml:1: enabled: expected true or false, got 1");
+  EXPECT_EQ(error_of("seed: [1]"), "a.yaml:1: seed: expected a whole number");
+  EXPECT_EQ(error_of("name: {a: b}"), "a.yaml:1: name: expected a string");
+  EXPECT_EQ(error_of("tracker: 3"), "a.yaml:1: tracker: expected nested keys");
+  EXPECT_EQ(error_of("cases: [1]"), "a.yaml:1: cases: expected nested keys");
+  EXPECT_EQ(error_of("weights: 3"), "a.yaml:1: weights: expected a list, such as [1, 2, 3]");
+  EXPECT_EQ(error_of("size: [1, 2, 3]"), "a.yaml:1: size: expected 2 values, got 3");
+  EXPECT_EQ(error_of("spans: [[1, 2], [3]]"), "a.yaml:1: spans[1]: expected 2 values, got 1");
+  EXPECT_EQ(error_of("weights: [1, x]"), "a.yaml:1: weights[1]: expected a number, got x");
+  EXPECT_THAT(error_of("[1, 2]"), HasSubstr("expected nested keys"));
 }
 
-TEST(Fields, NumbersThatAreNotFiniteAreNoNumbers) {
+TEST(Fields, RejectsNonFiniteNumbers) {
   for (const char* word : {"nan", ".nan", "inf", "-inf", ".inf"}) {
-    EXPECT_NE(complaint(std::string("rate_hz: ").append(word)), "") << word;
+    EXPECT_NE(error_of(std::string("rate_hz: ").append(word)), "") << word;
   }
 }
 
-TEST(Fields, ValuesOutOfRangeAreNamedWithTheRange) {
-  EXPECT_EQ(complaint("tracker:\n  max_features: 5\n"),
+TEST(Fields, OutOfRangeErrorNamesRange) {
+  EXPECT_EQ(error_of("tracker:\n  max_features: 5\n"),
             "a.yaml:2: tracker.max_features: 5 is outside [20, 2000]");
-  EXPECT_EQ(complaint("rate_hz: 1000.5"), "a.yaml:1: rate_hz: 1000.5 is outside [0.1, 1000]");
-  EXPECT_EQ(complaint("limit: -0.1"), "a.yaml:1: limit: -0.1 is outside [0, 1]");
-  EXPECT_EQ(complaint("weights: [1, 11]"), "a.yaml:1: weights[1]: 11 is outside [0, 10]");
-  EXPECT_EQ(complaint("tracker: {max_features: 20}"), "");
-  EXPECT_EQ(complaint("tracker: {max_features: 2000}"), "");
+  EXPECT_EQ(error_of("rate_hz: 1000.5"), "a.yaml:1: rate_hz: 1000.5 is outside [0.1, 1000]");
+  EXPECT_EQ(error_of("limit: -0.1"), "a.yaml:1: limit: -0.1 is outside [0, 1]");
+  EXPECT_EQ(error_of("weights: [1, 11]"), "a.yaml:1: weights[1]: 11 is outside [0, 10]");
+  EXPECT_EQ(error_of("tracker: {max_features: 20}"), "");
+  EXPECT_EQ(error_of("tracker: {max_features: 2000}"), "");
 }
 
-TEST(Fields, WordsOutsideTheirChoiceAreNamedWithTheChoice) {
-  EXPECT_EQ(complaint("mode: lose"), "a.yaml:1: mode: lose is none of: paper, tight");
-  EXPECT_NE(complaint("mode:\n"), "");
+TEST(Fields, UnknownEnumNameErrorListsChoices) {
+  EXPECT_EQ(error_of("mode: lose"), "a.yaml:1: mode: lose is none of: paper, tight");
+  EXPECT_NE(error_of("mode:\n"), "");
 }
 
-TEST(Fields, NullTakesAnOptionalValueAway) {
+TEST(Fields, NullResetsOptional) {
   ExampleConfig c;
   c.limit = 0.3;
   c.second.emplace();
@@ -133,7 +133,7 @@ TEST(Fields, NullTakesAnOptionalValueAway) {
   EXPECT_FALSE(c.second);
 }
 
-TEST(Fields, WhatIsWrittenReadsBackTheSame) {
+TEST(Fields, RoundTripsThroughYaml) {
   ExampleConfig c = read_text(R"(
 enabled: false
 seed: 7
@@ -166,7 +166,7 @@ raw: {x: [1, {y: "007"}]}
   }
 }
 
-TEST(Fields, DefaultsReadBackToThemselves) {
+TEST(Fields, DefaultsRoundTrip) {
   ExampleConfig back;
   back.seed = 99;
   back.limit = 0.9;
@@ -182,14 +182,14 @@ FieldDoc doc_of(const std::string& key) {
   return {};
 }
 
-TEST(Documentation, HasARowForEveryKeyWithTypeDefaultRangeAndMeaning) {
+TEST(Documentation, ListsTypeDefaultRangeAndDescription) {
   const FieldDoc features = doc_of("tracker.max_features");
   EXPECT_EQ(features.type, "int");
   EXPECT_EQ(features.default_value, "150");
   EXPECT_EQ(features.range, "[20, 2000]");
   EXPECT_EQ(features.doc, "corners kept in a frame");
   EXPECT_EQ(doc_of("enabled").default_value, "true");
-  EXPECT_EQ(doc_of("mode").type, "word");
+  EXPECT_EQ(doc_of("mode").type, "enum");
   EXPECT_EQ(doc_of("mode").default_value, "paper");
   EXPECT_THAT(doc_of("mode").range, HasSubstr("tight"));
   EXPECT_EQ(doc_of("limit").type, "number or null");
@@ -197,10 +197,10 @@ TEST(Documentation, HasARowForEveryKeyWithTypeDefaultRangeAndMeaning) {
   EXPECT_EQ(doc_of("weights").default_value, "[1, 2]");
   EXPECT_EQ(doc_of("size").type, "list of int");
   EXPECT_EQ(doc_of("tracker").type, "section");
-  EXPECT_EQ(doc_of("second.max_features").default_value, "150");  // an absent section too
+  EXPECT_EQ(doc_of("second.max_features").default_value, "150");  // also of an absent section
 }
 
-TEST(Documentation, MarkdownHasOneLineForEachRowBelowTheHead) {
+TEST(Documentation, MarkdownHasOneLinePerRow) {
   const auto rows = document(ExampleConfig{});
   const std::string table = to_markdown(rows);
   EXPECT_EQ(static_cast<std::size_t>(std::count(table.begin(), table.end(), '\n')),

@@ -17,7 +17,7 @@ using testing::HasSubstr;
 
 // The message of the InputError that `f` throws, or "" when it throws none.
 template <typename F>
-std::string complaint_of(const F& f) {
+std::string error_of(const F& f) {
   try {
     f();
   } catch (const InputError& e) {
@@ -26,8 +26,8 @@ std::string complaint_of(const F& f) {
   return "";
 }
 
-std::string complaint_about(const std::string& yaml) {
-  return complaint_of([&] { parse_yaml(yaml, "a.yaml"); });
+std::string parse_error_of(const std::string& yaml) {
+  return error_of([&] { parse_yaml(yaml, "a.yaml"); });
 }
 
 ExampleConfig as_example(const Node& node) {
@@ -36,52 +36,51 @@ ExampleConfig as_example(const Node& node) {
   return example;
 }
 
-TEST(Yaml, AKeyGivenTwiceIsRefusedWithTheLineOfTheSecond) {
-  EXPECT_EQ(complaint_about("a: 1\nb: 2\na: 3\n"),
-            "a.yaml:3: a: this key is given twice; delete one of them");
-  EXPECT_THAT(complaint_about("x:\n  a: 1\n  a: 1\n"), HasSubstr("a.yaml:3"));
+TEST(Yaml, DuplicateKeyErrorNamesLine) {
+  EXPECT_EQ(parse_error_of("a: 1\nb: 2\na: 3\n"), "a.yaml:3: a: duplicate key; delete one of them");
+  EXPECT_THAT(parse_error_of("x:\n  a: 1\n  a: 1\n"), HasSubstr("a.yaml:3"));
 }
 
-TEST(Yaml, BrokenSyntaxIsRefusedWithItsLine) {
-  EXPECT_THAT(complaint_about("a: 1\nb: [1, 2\nc: 3\n"), HasSubstr("a.yaml:3: not valid YAML"));
-  EXPECT_THAT(complaint_about("a: 1\n\tb: 2\n"), HasSubstr("not valid YAML"));
+TEST(Yaml, SyntaxErrorNamesLine) {
+  EXPECT_THAT(parse_error_of("a: 1\nb: [1, 2\nc: 3\n"), HasSubstr("a.yaml:3: not valid YAML"));
+  EXPECT_THAT(parse_error_of("a: 1\n\tb: 2\n"), HasSubstr("not valid YAML"));
 }
 
-TEST(Yaml, OnlyPlainKeysAreKeys) {
-  EXPECT_THAT(complaint_about("[1, 2]: 3"), HasSubstr("a.yaml:1"));
+TEST(Yaml, RejectsNonScalarKeys) {
+  EXPECT_THAT(parse_error_of("[1, 2]: 3"), HasSubstr("a.yaml:1"));
 }
 
-TEST(Yaml, ASecondDocumentInAFileIsNotPassedOverInSilence) {
-  EXPECT_THAT(complaint_about("a: 1\n---\nb: 2\n"), HasSubstr("a.yaml"));
-  EXPECT_EQ(complaint_about("---\na: 1\n"), "");
-  EXPECT_EQ(complaint_about("%YAML:1.0\n---\na: 1\n...\n"), "");  // as OpenCV writes it
+TEST(Yaml, RejectsSecondDocument) {
+  EXPECT_THAT(parse_error_of("a: 1\n---\nb: 2\n"), HasSubstr("a.yaml"));
+  EXPECT_EQ(parse_error_of("---\na: 1\n"), "");
+  EXPECT_EQ(parse_error_of("%YAML:1.0\n---\na: 1\n...\n"), "");  // as OpenCV writes it
 }
 
-TEST(Yaml, HostileNestingAndAliasesEndInAnErrorNotInTheStackOrTheMemory) {
+TEST(Yaml, LimitsNestingAndAliases) {
   std::string flow(200, '[');
-  EXPECT_NE(complaint_about(flow.append(std::string(200, ']'))), "");
-  EXPECT_NE(complaint_about(std::string(100000, '[')), "");
-  std::string laughs = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
+  EXPECT_NE(parse_error_of(flow.append(std::string(200, ']'))), "");
+  EXPECT_NE(parse_error_of(std::string(100000, '[')), "");
+  std::string nested_aliases = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
   for (int i = 1; i < 12; ++i) {
     const std::string item = fmt::format("*a{}", i - 1);
-    laughs +=
+    nested_aliases +=
         fmt::format("a{0}: &a{0} [{1}, {1}, {1}, {1}, {1}, {1}, {1}, {1}, {1}, {1}]\n", i, item);
   }
-  EXPECT_THAT(complaint_about(laughs), HasSubstr("too large"));
+  EXPECT_THAT(parse_error_of(nested_aliases), HasSubstr("too large"));
 }
 
-TEST(Yaml, RemembersFileAndLineOfEveryValue) {
+TEST(Yaml, StoresSourceLocationOfValues) {
   const Node node = parse_yaml("a:\n  b: [1,\n      2]\n", "a.yaml");
   EXPECT_EQ(node.find("a")->find("b")->items[1].where(), "a.yaml:3");
 }
 
-TEST(Files, ThatAreMissingOrFoldersAreNamed) {
+TEST(Files, ErrorNamesMissingFileOrFolder) {
   const test::TmpDir dir;
-  EXPECT_THAT(complaint_of([&] { load_file(dir.path() / "no.yaml"); }), HasSubstr("no.yaml"));
-  EXPECT_THAT(complaint_of([&] { load_file(dir.path()); }), HasSubstr("folder"));
+  EXPECT_THAT(error_of([&] { load_file(dir.path() / "no.yaml"); }), HasSubstr("no.yaml"));
+  EXPECT_THAT(error_of([&] { load_file(dir.path()); }), HasSubstr("folder"));
 }
 
-TEST(Inheritance, LaterParentsWinOverEarlierAndTheFileOverAll) {
+TEST(Inheritance, LaterFilesOverrideEarlierOnes) {
   const test::TmpDir dir;
   dir.write("base/a.yaml",
             "seed: 1\nrate_hz: 1\ntracker: {max_features: 100, min_distance_px: 10}\n");
@@ -95,7 +94,7 @@ TEST(Inheritance, LaterParentsWinOverEarlierAndTheFileOverAll) {
   EXPECT_EQ(c.tracker.min_distance_px, 10.0);
 }
 
-TEST(Inheritance, PathsAreRelativeToTheFileThatNamesThem) {
+TEST(Inheritance, PathsAreRelativeToTheInheritingFile) {
   const test::TmpDir dir;
   dir.write("a/deep/x.yaml", "seed: 5\n");
   dir.write("a/mid.yaml", "inherit: deep/x.yaml\nrate_hz: 5\n");
@@ -105,31 +104,31 @@ TEST(Inheritance, PathsAreRelativeToTheFileThatNamesThem) {
   EXPECT_EQ(c.rate_hz, 5.0);
 }
 
-TEST(Inheritance, ListsAreReplacedNotJoined) {
+TEST(Inheritance, ListsAreReplaced) {
   const test::TmpDir dir;
   dir.write("a.yaml", "weights: [1, 2, 3]\n");
   const auto file = dir.write("b.yaml", "inherit: a.yaml\nweights: [9]\n");
   EXPECT_THAT(as_example(load_with_inheritance(file)).weights, ElementsAre(9.0));
 }
 
-TEST(Inheritance, AComplaintNamesTheFileThatTheValueCameFrom) {
+TEST(Inheritance, ErrorNamesFileOfTheValue) {
   const test::TmpDir dir;
   const auto parent = dir.write("a.yaml", "\nseed: fast\n");
   const auto file = dir.write("b.yaml", "inherit: a.yaml\nrate_hz: 3\n");
-  const std::string what = complaint_of([&] { as_example(load_with_inheritance(file)); });
+  const std::string what = error_of([&] { as_example(load_with_inheritance(file)); });
   EXPECT_THAT(what, HasSubstr("a.yaml:2: seed:"));
 }
 
-TEST(Inheritance, ACycleIsRefused) {
+TEST(Inheritance, RejectsCycles) {
   const test::TmpDir dir;
   dir.write("a.yaml", "inherit: b.yaml\n");
   const auto file = dir.write("b.yaml", "inherit: a.yaml\n");
-  EXPECT_THAT(complaint_of([&] { load_with_inheritance(file); }), HasSubstr("cycle"));
+  EXPECT_THAT(error_of([&] { load_with_inheritance(file); }), HasSubstr("cycle"));
   const auto self = dir.write("self.yaml", "inherit: ./self.yaml\n");
-  EXPECT_THAT(complaint_of([&] { load_with_inheritance(self); }), HasSubstr("cycle"));
+  EXPECT_THAT(error_of([&] { load_with_inheritance(self); }), HasSubstr("cycle"));
 }
 
-TEST(Inheritance, TheSameParentTwiceIsNoCycle) {
+TEST(Inheritance, AllowsDiamondInheritance) {
   const test::TmpDir dir;
   dir.write("base.yaml", "seed: 4\n");
   dir.write("a.yaml", "inherit: base.yaml\n");
@@ -138,17 +137,16 @@ TEST(Inheritance, TheSameParentTwiceIsNoCycle) {
   EXPECT_EQ(as_example(load_with_inheritance(file)).seed, 4);
 }
 
-TEST(Inheritance, AMissingParentIsNamedWithTheLineThatAsksForIt) {
+TEST(Inheritance, MissingParentErrorNamesLine) {
   const test::TmpDir dir;
   const auto file = dir.write("c.yaml", "seed: 1\ninherit: nowhere.yaml\n");
-  EXPECT_EQ(complaint_of([&] { load_with_inheritance(file); }),
+  EXPECT_EQ(error_of([&] { load_with_inheritance(file); }),
             fmt::format("{}:2: inherit: no such file: nowhere.yaml", file.string()));
   const auto wrong = dir.write("d.yaml", "inherit: {a: b}\n");
-  EXPECT_THAT(complaint_of([&] { load_with_inheritance(wrong); }),
-              HasSubstr("expected a file name"));
+  EXPECT_THAT(error_of([&] { load_with_inheritance(wrong); }), HasSubstr("expected a file name"));
 }
 
-TEST(Overrides, SetOneValueHoweverDeepAndMakeTheWayToIt) {
+TEST(Overrides, SetNestedValuesAndCreateSections) {
   Node node = parse_yaml("seed: 1\ntracker: {max_features: 100}\n", "a.yaml");
   for (const char* assignment : {"seed=2", "tracker.min_distance_px=7", "spans=[[5, 8]]",
                                  "name=a=b", "cases.x.max_features=33", "limit = 0.5"}) {
@@ -164,33 +162,33 @@ TEST(Overrides, SetOneValueHoweverDeepAndMakeTheWayToIt) {
   EXPECT_EQ(c.limit, 0.5);
 }
 
-TEST(Overrides, WorkOnAnEmptyConfiguration) {
+TEST(Overrides, ApplyToEmptyConfiguration) {
   Node node;
   apply_override(node, "tracker.max_features=44");
   EXPECT_EQ(as_example(node).tracker.max_features, 44);
 }
 
-TEST(Overrides, AComplaintSaysThatItCameFromTheCommandLine) {
+TEST(Overrides, ErrorNamesCommandLineOption) {
   Node node = parse_yaml("seed: 1\n", "a.yaml");
   apply_override(node, "tracker.max_features=5");
-  EXPECT_EQ(complaint_of([&] { as_example(node); }),
+  EXPECT_EQ(error_of([&] { as_example(node); }),
             "--set tracker.max_features: tracker.max_features: 5 is outside [20, 2000]");
   Node other;
   apply_override(other, "tracker.max_fetures=50");
   EXPECT_THAT(
-      complaint_of([&] { as_example(other); }),
+      error_of([&] { as_example(other); }),
       HasSubstr("--set tracker.max_fetures: unknown key tracker.max_fetures; did you mean"));
 }
 
-TEST(Overrides, NeedAKeyAndAnEqualsSign) {
+TEST(Overrides, RejectMissingKeyOrEqualsSign) {
   Node node;
   for (const char* bad : {"seed", "=3", "", "tracker..max_features=3", ".seed=3", "seed.=3"}) {
-    EXPECT_NE(complaint_of([&] { apply_override(node, bad); }), "") << bad;
+    EXPECT_NE(error_of([&] { apply_override(node, bad); }), "") << bad;
   }
-  EXPECT_NE(complaint_of([&] { apply_override(node, "weights=[1, 2"); }), "");
+  EXPECT_NE(error_of([&] { apply_override(node, "weights=[1, 2"); }), "");
 }
 
-TEST(Merge, MapsGoDeepAndEverythingElseReplaces) {
+TEST(Merge, MergesMapsAndReplacesOtherValues) {
   Node base = parse_yaml("a: {x: 1, y: 2}\nb: [1, 2]\nc: 3\n", "base");
   merge(base, parse_yaml("a: {y: 9, z: 8}\nb: [7]\nc: {d: 4}\n", "over"));
   EXPECT_EQ(base.find("a")->find("x")->text, "1");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/config/sweep.hpp"
+#include "config/sweep.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,13 +43,13 @@ class SweepTest : public testing::Test {
       node = node->find(word);
       if (node == nullptr) return "absent";
     }
-    return internal::flow_text(*node);
+    return internal::to_flow_yaml(*node);
   }
 
   test::TmpDir dir_;
 };
 
-TEST_F(SweepTest, WithoutAxesIsOneCase) {
+TEST_F(SweepTest, HasOneCaseWithoutAxes) {
   const Sweep sweep = load("base: ../base.yaml\n");
   ASSERT_EQ(sweep.cases.size(), 1U);
   EXPECT_EQ(sweep.cases[0].folder(), "test");
@@ -57,7 +57,7 @@ TEST_F(SweepTest, WithoutAxesIsOneCase) {
   EXPECT_EQ(value(sweep.cases[0], {"inherit"}), "[" + (dir_.path() / "base.yaml").string() + "]");
 }
 
-TEST_F(SweepTest, CasesGridAndSeedsAreMultiplied) {
+TEST_F(SweepTest, CombinesCasesGridAndSeeds) {
   const Sweep sweep = load(
       "base: ../base.yaml\n"
       "cases:\n"
@@ -80,7 +80,7 @@ TEST_F(SweepTest, CasesGridAndSeedsAreMultiplied) {
                           std::pair<std::string, std::string>("fusion.mode", "consistent")));
 }
 
-TEST_F(SweepTest, AnAxisMayHaveNamedAlternativesOfSeveralKeys) {
+TEST_F(SweepTest, SupportsNamedAlternatives) {
   const Sweep sweep = load(
       "base: ../base.yaml\n"
       "grid:\n"
@@ -93,23 +93,23 @@ TEST_F(SweepTest, AnAxisMayHaveNamedAlternativesOfSeveralKeys) {
   EXPECT_EQ(value(sweep.cases[1], {"freeze", "enabled"}), "absent");
 }
 
-TEST_F(SweepTest, ConfigurationFilesAreAnAxisToo) {
+TEST_F(SweepTest, SupportsConfigurationFilesAsAxis) {
   const Sweep sweep = load("grid: {base: [../datasets/reef.yaml, ../datasets/wreck.yaml]}\n");
   EXPECT_THAT(folders(sweep), ElementsAre("reef", "wreck"));
   EXPECT_THAT(value(sweep.cases[1], {"inherit"}), HasSubstr("/datasets/wreck.yaml]"));
   EXPECT_EQ(value(sweep.cases[1], {"base"}), "absent");
 }
 
-TEST_F(SweepTest, ACaseWinsOverWhatIsSetInAll) {
+TEST_F(SweepTest, CaseOverridesCommonKeys) {
   const Sweep sweep = load(
       "base: [../base.yaml, ../datasets/reef.yaml]\n"
-      "set: {run: {threads: 1}, dipo.gravity: 9.7}\n"
+      "set: {run: {threads: 1}, localization.gravity: 9.7}\n"
       "cases: {one: {run.threads: 4}}\n");
   EXPECT_EQ(value(sweep.cases[0], {"run", "threads"}), "4");
-  EXPECT_EQ(value(sweep.cases[0], {"dipo", "gravity"}), "9.7");
+  EXPECT_EQ(value(sweep.cases[0], {"localization", "gravity"}), "9.7");
 }
 
-TEST_F(SweepTest, NamesOfFoldersArePlainAndDiffer) {
+TEST_F(SweepTest, FolderNamesAreSanitizedAndUnique) {
   const Sweep sweep = load(
       "base: ../base.yaml\n"
       "grid: {dataset.path: [/data/a/dive one/, /data/b/dive one, dive:one]}\n");
@@ -118,20 +118,20 @@ TEST_F(SweepTest, NamesOfFoldersArePlainAndDiffer) {
   EXPECT_EQ(load("base: ../base.yaml\ncases: {../up: {}}\n").cases[0].folder(), "_._up");
 }
 
-TEST_F(SweepTest, SeedsOfAScene) {
+TEST_F(SweepTest, SetsSceneSeed) {
   const Sweep sweep = load("command: sim\nbase: ../base.yaml\nseeds: [3, 9]\n");
   EXPECT_EQ(value(sweep.cases[1], {"seed"}), "9");
 }
 
-TEST_F(SweepTest, ACaseCanBeWrittenAndReadBack) {
+TEST_F(SweepTest, CaseConfigRoundTrips) {
   const Sweep sweep = load("base: ../base.yaml\nset: {sensors.use: [imu, dvl]}\nseeds: 1\n");
   const auto file = dir_.write("case.yaml", to_yaml(sweep.cases[0].config));
   const Node node = load_with_inheritance(file);
-  EXPECT_EQ(internal::flow_text(*node.find("sensors")->find("use")), "[imu, dvl]");
+  EXPECT_EQ(internal::to_flow_yaml(*node.find("sensors")->find("use")), "[imu, dvl]");
   EXPECT_EQ(node.find("run")->find("seed")->text, "1");
 }
 
-TEST_F(SweepTest, MistakesAreSaidWithTheirLine) {
+TEST_F(SweepTest, ErrorsNameLine) {
   const std::string base = "base: ../base.yaml\n";
   EXPECT_THAT(error("seeds: 3\n"), HasSubstr("test.yaml: base: missing"));
   EXPECT_THAT(error("base: ../bass.yaml\n"), HasSubstr("test.yaml:1: base: no such file"));
@@ -140,9 +140,9 @@ TEST_F(SweepTest, MistakesAreSaidWithTheirLine) {
   EXPECT_THAT(error(base + "cases: [1]\n"), HasSubstr("test.yaml:2: cases: expected"));
   EXPECT_THAT(error(base + "cases: {a: 3}\n"), HasSubstr("test.yaml:2: case.a: expected"));
   EXPECT_THAT(error(base + "set: 3\n"), HasSubstr("test.yaml:2: set: expected"));
-  EXPECT_THAT(error(base + "set: {a..b: 3}\n"), HasSubstr("an empty word"));
+  EXPECT_THAT(error(base + "set: {a..b: 3}\n"), HasSubstr("empty key"));
   EXPECT_THAT(error(base + "seeds: [a]\n"), HasSubstr("test.yaml:2: seeds"));
-  EXPECT_THAT(error(base + "seeds: 0\n"), HasSubstr("test.yaml:2: seeds: expected one"));
+  EXPECT_THAT(error(base + "seeds: 0\n"), HasSubstr("test.yaml:2: seeds: expected at least one"));
   EXPECT_THAT(error(base + "seeds: 1000000\n"), HasSubstr("too many"));
   EXPECT_THAT(error(base + "gird: {}\n"), HasSubstr("gird"));
   EXPECT_THAT(error(base + "seeds: 100000\ngrid: {a: [1, 2]}\n"), HasSubstr("more than 100000"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/atomic_file.hpp"
+#include "core/atomic_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ std::string content_of(const fs::path& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-TEST(AtomicFile, HoldsWhatWasWrittenAndLeavesNothingBesideIt) {
+TEST(AtomicFile, ReplacesContentAndLeavesNoTemporaryFile) {
   const test::TmpDir dir;
   const fs::path file = dir.write("a.txt", "old");
   write_file_atomically(file, [](std::ostream& out) { out << "new"; });
@@ -28,7 +28,7 @@ TEST(AtomicFile, HoldsWhatWasWrittenAndLeavesNothingBesideIt) {
   EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 1);
 }
 
-TEST(AtomicFile, KeepsTheOldContentWhenWritingFails) {
+TEST(AtomicFile, KeepsOldContentWhenWritingFails) {
   const test::TmpDir dir;
   const fs::path file = dir.write("a.txt", "old");
   const auto half = [](std::ostream& out) {
@@ -40,7 +40,7 @@ TEST(AtomicFile, KeepsTheOldContentWhenWritingFails) {
   EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 1);
 }
 
-TEST(AtomicFile, NamesTheFileThatCannotBeWritten) {
+TEST(AtomicFile, ErrorNamesFile) {
   const test::TmpDir dir;
   try {
     write_file_atomically(dir.path() / "missing" / "a.txt", [](std::ostream&) {});

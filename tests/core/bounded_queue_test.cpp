@@ -14,13 +14,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(BoundedQueue, GivesBackInTheOrderOfArrival) {
+TEST(BoundedQueue, IsFirstInFirstOut) {
   BoundedQueue<int> queue(3, Overflow::block);
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(queue.push(i));
   for (int i = 0; i < 3; ++i) EXPECT_EQ(queue.pop(), i);
 }
 
-TEST(BoundedQueue, LetsGoOfTheOldestAndCountsIt) {
+TEST(BoundedQueue, DropsOldestAndCountsDrops) {
   BoundedQueue<int> queue(2, Overflow::drop_oldest);
   for (int i = 0; i < 5; ++i) EXPECT_TRUE(queue.push(i));
   EXPECT_EQ(queue.size(), 2u);
@@ -29,7 +29,7 @@ TEST(BoundedQueue, LetsGoOfTheOldestAndCountsIt) {
   EXPECT_EQ(queue.pop(), 4);
 }
 
-TEST(BoundedQueue, DeliversWhatIsQueuedAfterCloseAndThenNothing) {
+TEST(BoundedQueue, DeliversQueuedElementsAfterClose) {
   BoundedQueue<int> queue(4, Overflow::block);
   queue.push(1);
   queue.push(2);
@@ -40,13 +40,13 @@ TEST(BoundedQueue, DeliversWhatIsQueuedAfterCloseAndThenNothing) {
   EXPECT_EQ(queue.pop(), std::nullopt);
 }
 
-TEST(BoundedQueue, CarriesValuesThatCannotBeCopied) {
+TEST(BoundedQueue, SupportsMoveOnlyTypes) {
   BoundedQueue<std::unique_ptr<int>> queue(1, Overflow::block);
   queue.push(std::make_unique<int>(7));
   EXPECT_EQ(**queue.pop(), 7);
 }
 
-TEST(BoundedQueue, LosesNothingBetweenManyProducersAndConsumers) {
+TEST(BoundedQueue, LosesNothingWithManyProducersAndConsumers) {
   constexpr int kEach = 2000;
   constexpr int kThreads = 3;
   BoundedQueue<int> queue(4, Overflow::block);
@@ -71,7 +71,7 @@ TEST(BoundedQueue, LosesNothingBetweenManyProducersAndConsumers) {
   EXPECT_EQ(queue.dropped(), 0u);
 }
 
-TEST(BoundedQueue, AFullQueueHoldsItsProducerUntilThereIsRoom) {
+TEST(BoundedQueue, PushBlocksWhileFull) {
   BoundedQueue<int> queue(1, Overflow::block);
   queue.push(1);
   std::atomic<bool> pushed = false;
@@ -84,7 +84,7 @@ TEST(BoundedQueue, AFullQueueHoldsItsProducerUntilThereIsRoom) {
   EXPECT_EQ(queue.pop(), 2);
 }
 
-TEST(BoundedQueue, CloseWakesAProducerThatWaitsForRoom) {
+TEST(BoundedQueue, CloseUnblocksPush) {
   BoundedQueue<int> queue(1, Overflow::block);
   queue.push(1);
   std::atomic<int> result = -1;
@@ -95,7 +95,7 @@ TEST(BoundedQueue, CloseWakesAProducerThatWaitsForRoom) {
   EXPECT_EQ(result, 0);
 }
 
-TEST(BoundedQueue, AStopTokenEndsWaitingOnBothSides) {
+TEST(BoundedQueue, StopTokenUnblocksPushAndPop) {
   BoundedQueue<int> empty(1, Overflow::block);
   BoundedQueue<int> full(1, Overflow::block);
   full.push(1);
@@ -113,7 +113,7 @@ TEST(BoundedQueue, AStopTokenEndsWaitingOnBothSides) {
   EXPECT_EQ(full.size(), 1u);
 }
 
-TEST(BoundedQueue, HoldsAtLeastOneElement) {
+TEST(BoundedQueue, RejectsZeroCapacity) {
   EXPECT_THROW(BoundedQueue<int>(0, Overflow::block), std::logic_error);
 }
 

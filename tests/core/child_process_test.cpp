@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/child_process.hpp"
+#include "core/child_process.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/stopwatch.hpp"
+#include "core/stopwatch.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi {
@@ -47,18 +47,18 @@ void wait_for_text(const std::filesystem::path& file, const std::string& text) {
   }
 }
 
-TEST(ChildProcess, OutputOfBothKindsGoesToTheFileAndThereIsNoInput) {
+TEST(ChildProcess, RedirectsStdoutAndStderrAndHasNoInput) {
   const test::TmpDir dir;
   ChildProcess child = shell("echo one; echo two >&2; cat", dir.path() / "out");
   EXPECT_TRUE(wait(child).success());
   EXPECT_EQ(read(dir.path() / "out"), "one\ntwo\n");
 }
 
-TEST(ChildProcess, TellsExitStatusAndSignal) {
+TEST(ChildProcess, ReportsExitStatusAndSignal) {
   const test::TmpDir dir;
   ChildProcess three = shell("exit 3", dir.path() / "out");
   EXPECT_EQ(wait(three).text(), "exit status 3");
-  EXPECT_EQ(three.poll()->status, 3);  // and goes on telling
+  EXPECT_EQ(three.poll()->status, 3);  // keeps its value
   ChildProcess killed = shell("kill -SEGV $$", dir.path() / "out");
   const ChildExit exit = wait(killed);
   EXPECT_EQ(exit.signal, SIGSEGV);
@@ -66,7 +66,7 @@ TEST(ChildProcess, TellsExitStatusAndSignal) {
   EXPECT_THAT(exit.text(), HasSubstr("killed by signal 11"));
 }
 
-TEST(ChildProcess, StopIsWhatCtrlCIs) {
+TEST(ChildProcess, StopSendsInterrupt) {
   const test::TmpDir dir;
   ChildProcess child =
       shell("trap 'echo saved; exit 0' INT; echo ready; while :; do sleep 0.01; done",
@@ -78,7 +78,7 @@ TEST(ChildProcess, StopIsWhatCtrlCIs) {
   EXPECT_EQ(read(dir.path() / "out"), "ready\nsaved\n");
 }
 
-TEST(ChildProcess, DoesNotOutliveItsOwner) {
+TEST(ChildProcess, IsKilledByDestructor) {
   const test::TmpDir dir;
   {
     ChildProcess child =
@@ -89,14 +89,14 @@ TEST(ChildProcess, DoesNotOutliveItsOwner) {
   EXPECT_EQ(::kill(pid, 0), -1);
 }
 
-TEST(ChildProcess, WhatCannotBeStartedIsSaid) {
+TEST(ChildProcess, ThrowsWhenProgramCannotBeStarted) {
   const test::TmpDir dir;
   EXPECT_THROW(ChildProcess({"/no/such/program"}, dir.path() / "out"), RunError);
   EXPECT_THROW(shell("true", dir.path() / "no" / "folder" / "out"), RunError);
 }
 
-TEST(ChildProcess, OwnProgramIsThisTest) {
-  EXPECT_THAT(own_program().filename().string(), HasSubstr("apvi_core_test"));
+TEST(ChildProcess, CurrentExecutableIsThisTest) {
+  EXPECT_THAT(current_executable().filename().string(), HasSubstr("apvi_core_test"));
 }
 
 }  // namespace

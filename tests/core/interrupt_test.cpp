@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/interrupt.hpp"
+#include "core/interrupt.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 namespace apvi {
 namespace {
 
-TEST(Interrupt, ASignalSetsAFlagInsteadOfEndingTheProcess) {
+TEST(Interrupt, SignalSetsFlag) {
   for (const int signal : {SIGINT, SIGTERM}) {
     const InterruptGuard guard;
     EXPECT_FALSE(guard.interrupted());
@@ -17,7 +17,7 @@ TEST(Interrupt, ASignalSetsAFlagInsteadOfEndingTheProcess) {
   }
 }
 
-TEST(Interrupt, ANewGuardForgetsEarlierSignals) {
+TEST(Interrupt, NewGuardClearsFlag) {
   {
     const InterruptGuard guard;
     std::raise(SIGINT);
@@ -26,7 +26,7 @@ TEST(Interrupt, ANewGuardForgetsEarlierSignals) {
   EXPECT_FALSE(guard.interrupted());
 }
 
-TEST(InterruptDeathTest, ASecondSignalEndsTheProcess) {
+TEST(InterruptDeathTest, SecondSignalTerminatesProcess) {
   const auto two_signals = [] {
     const InterruptGuard guard;
     std::raise(SIGINT);
@@ -35,7 +35,7 @@ TEST(InterruptDeathTest, ASecondSignalEndsTheProcess) {
   EXPECT_EXIT(two_signals(), testing::KilledBySignal(SIGINT), "");
 }
 
-TEST(InterruptDeathTest, WithoutAGuardASignalEndsTheProcessAsEver) {
+TEST(InterruptDeathTest, SignalTerminatesProcessWithoutGuard) {
   const auto after_guard = [] {
     { const InterruptGuard guard; }
     std::raise(SIGTERM);

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/progress.hpp"
+#include "core/status_line.hpp"
 #include "support/run_program.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -15,7 +15,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(Log, GoesToStandardErrorWithItsLevelAndNeverToStandardOutput) {
+TEST(Log, WritesLevelAndMessageToStandardError) {
   testing::internal::CaptureStderr();
   testing::internal::CaptureStdout();
   log::warning("{} images are missing", 3);
@@ -23,7 +23,7 @@ TEST(Log, GoesToStandardErrorWithItsLevelAndNeverToStandardOutput) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "warning: 3 images are missing\n");
 }
 
-TEST(Log, TheFileHasEverythingWhateverTheConsoleShows) {
+TEST(Log, FileReceivesAllLevels) {
   const test::TmpDir dir;
   testing::internal::CaptureStderr();
   log::open_file(dir.path() / "log.txt");
@@ -40,27 +40,27 @@ TEST(Log, TheFileHasEverythingWhateverTheConsoleShows) {
   EXPECT_THAT(content, Not(HasSubstr("afterwards")));
 }
 
-TEST(Log, AMessageWithBracesIsPrintedAsItIs) {
+TEST(Log, DoesNotFormatPlainMessages) {
   testing::internal::CaptureStderr();
   log::write(log::Level::info, "{not} a format %s");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "info: {not} a format %s\n");
 }
 
-TEST(Log, AFileThatCannotBeOpenedIsARunError) {
+TEST(Log, ThrowsRunErrorWhenFileCannotBeOpened) {
   EXPECT_THROW(log::open_file("/proc/nonexistent/log.txt"), RunError);
 }
 
-TEST(StatusLine, AwayFromATerminalPrintsPlainLinesRarelyIfAtAll) {
+TEST(StatusLine, IsRateLimitedWithoutTerminal) {
   testing::internal::CaptureStderr();
   {
     StatusLine status("mapping");
     for (int i = 0; i < 1000; ++i) status.update(0.001 * i, "busy");
     status.finish();
   }
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // done long before the first five seconds
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // finished before the first five seconds
 }
 
-TEST(Errors, CarryTheirFormattedMessage) {
+TEST(Errors, HaveFormattedMessages) {
   try {
     fail_input("{}:{}: {}", "a.yaml", 3, "what");
     FAIL();
@@ -70,7 +70,7 @@ TEST(Errors, CarryTheirFormattedMessage) {
   EXPECT_THROW(fail_run("disk {}", "full"), RunError);
 }
 
-TEST(Errors, AFailedCheckNamesConditionAndPlace) {
+TEST(Errors, FailedCheckNamesConditionAndFile) {
   try {
     APVI_CHECK(1 + 1 == 3);
     FAIL();

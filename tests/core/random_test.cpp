@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,15 +9,15 @@
 namespace apvi {
 namespace {
 
-// Worked out with an independent implementation of SplitMix64 and xoshiro256++ in another language.
-TEST(Random, FirstNumbersAreThoseOfThePublishedAlgorithms) {
+// Reference values from an independent implementation of SplitMix64 and xoshiro256++.
+TEST(Random, MatchesReferenceImplementation) {
   Random random(42);
   EXPECT_EQ(random.next(), 15021278609987233951ULL);
   EXPECT_EQ(random.next(), 5881210131331364753ULL);
   EXPECT_EQ(random.next(), 18149643915985481100ULL);
 }
 
-TEST(Random, EqualSeedsGiveEqualNumbersAndOthersDoNot) {
+TEST(Random, DependsOnlyOnSeed) {
   Random a(7);
   Random b(7);
   Random c(8);
@@ -30,7 +30,7 @@ TEST(Random, EqualSeedsGiveEqualNumbersAndOthersDoNot) {
   EXPECT_TRUE(differs);
 }
 
-TEST(Random, UniformFillsItsIntervalEvenly) {
+TEST(Random, UniformHasExpectedMeanAndVariance) {
   Random random(1);
   constexpr int kCount = 100000;
   double sum = 0.0;
@@ -47,7 +47,7 @@ TEST(Random, UniformFillsItsIntervalEvenly) {
   EXPECT_NEAR(squares / kCount - mean * mean, 3.0, 0.05);
 }
 
-TEST(Random, NormalHasTheMomentsOfANormal) {
+TEST(Random, NormalHasExpectedMoments) {
   Random random(2);
   constexpr int kCount = 200000;
   double moments[5] = {};
@@ -61,13 +61,13 @@ TEST(Random, NormalHasTheMomentsOfANormal) {
   EXPECT_NEAR(moments[4], 3.0, 0.12);
 }
 
-TEST(Random, NormalIsScaledAndShifted) {
+TEST(Random, NormalAppliesMeanAndSigma) {
   Random a(3);
   Random b(3);
   for (int i = 0; i < 10; ++i) EXPECT_DOUBLE_EQ(a.normal(5.0, 2.0), 5.0 + 2.0 * b.normal());
 }
 
-TEST(Random, ForksAreReproducibleDistinctAndLeaveTheParentAlone) {
+TEST(Random, ForksAreReproducibleAndDistinct) {
   const Random parent(11);
   std::set<std::uint64_t> firsts;
   for (std::uint64_t key = 0; key < 1000; ++key) firsts.insert(parent.fork(key).next());
@@ -75,10 +75,10 @@ TEST(Random, ForksAreReproducibleDistinctAndLeaveTheParentAlone) {
   EXPECT_EQ(parent.fork(5).next(), parent.fork(5).next());
   Random used(11);
   used.next();
-  EXPECT_EQ(used.fork(5).next(), parent.fork(5).next());  // work may be split at any time
+  EXPECT_EQ(used.fork(5).next(), parent.fork(5).next());  // independent of the state
 }
 
-TEST(Random, ForksDoNotRepeatTheParent) {
+TEST(Random, ForkDiffersFromParent) {
   Random parent(11);
   Random child = parent.fork(0);
   EXPECT_NE(parent.next(), child.next());

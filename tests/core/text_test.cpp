@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/text.hpp"
+#include "core/text.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,20 +17,20 @@ std::vector<std::string_view> parts_of(std::string_view line, char separator = '
   return parts;
 }
 
-TEST(Text, TrimTakesWhiteSpaceAndCarriageReturnsOffBothEnds) {
+TEST(Text, TrimRemovesWhiteSpaceAndCarriageReturns) {
   EXPECT_EQ(trim(" \t a b \r\n"), "a b");
   EXPECT_EQ(trim(" \r\n "), "");
   EXPECT_EQ(trim(""), "");
 }
 
-TEST(Text, SplitKeepsEmptyPartsAndTrimsTheOthers) {
+TEST(Text, SplitKeepsEmptyPartsAndTrims) {
   EXPECT_THAT(parts_of("a, b ,c\r"), ElementsAre("a", "b", "c"));
   EXPECT_THAT(parts_of("a,,b"), ElementsAre("a", "", "b"));
   EXPECT_THAT(parts_of("a,"), ElementsAre("a", ""));
   EXPECT_THAT(parts_of(""), ElementsAre(""));
 }
 
-TEST(Text, ParsesWholeNumbersOnly) {
+TEST(Text, RejectsPartialNumbers) {
   EXPECT_EQ(parse_double("1.5"), 1.5);
   EXPECT_EQ(parse_double(" -2e-3 "), -2e-3);
   EXPECT_EQ(parse_double("+7"), 7.0);
@@ -42,12 +42,12 @@ TEST(Text, ParsesWholeNumbersOnly) {
   EXPECT_FALSE(parse_int64("9223372036854775808"));
 }
 
-TEST(Text, ParsesNanAndInfinityWhichReadersMustRefuseThemselves) {
+TEST(Text, ParsesNanAndInfinity) {
   EXPECT_TRUE(std::isnan(parse_double("nan").value()));
   EXPECT_EQ(parse_double("-inf"), -HUGE_VAL);
 }
 
-TEST(Text, SecondsBecomeNanosecondsExactly) {
+TEST(Text, ParsesSecondsAsExactNanoseconds) {
   EXPECT_EQ(parse_seconds_as_ns("1403636580.838555574"), 1403636580838555574);
   EXPECT_EQ(parse_seconds_as_ns("0"), 0);
   EXPECT_EQ(parse_seconds_as_ns("0.1"), 100'000'000);
@@ -57,35 +57,35 @@ TEST(Text, SecondsBecomeNanosecondsExactly) {
   EXPECT_EQ(parse_seconds_as_ns(" 2.000000001\r"), 2'000'000'001);
 }
 
-TEST(Text, SecondsBeyondNanosecondsAreRounded) {
+TEST(Text, RoundsDigitsBeyondNanoseconds) {
   EXPECT_EQ(parse_seconds_as_ns("1.0000000004"), 1'000'000'000);
   EXPECT_EQ(parse_seconds_as_ns("1.0000000005"), 1'000'000'001);
   EXPECT_EQ(parse_seconds_as_ns("0.9999999999"), 1'000'000'000);
 }
 
-TEST(Text, SecondsWithExponentsAreReadAsDoubles) {
+TEST(Text, ParsesSecondsWithExponents) {
   EXPECT_EQ(parse_seconds_as_ns("1.5e1"), 15'000'000'000);
   EXPECT_EQ(parse_seconds_as_ns("-1.5e1"), -15'000'000'000);
   EXPECT_EQ(parse_seconds_as_ns("1.403636580838555574e+09").value() / 1000, 1403636580838555);
 }
 
-TEST(Text, SecondsThatAreNoneOrTooManyAreRefused) {
+TEST(Text, RejectsInvalidAndOutOfRangeSeconds) {
   for (const char* bad : {"", "-", ".", "x", "1.2.3", "1-2", "--5", "- 5", "-+5", "nan", "inf",
                           "1e300", "99999999999", "9300000000"}) {
     EXPECT_FALSE(parse_seconds_as_ns(bad)) << bad;
   }
 }
 
-TEST(Text, ClosestFindsATypoAndNothingElse) {
+TEST(Text, ClosestMatchFindsOnlyTypos) {
   const std::vector<std::string> keys = {"max_features", "min_distance_px", "window"};
-  EXPECT_EQ(closest("max_feature", keys), "max_features");
-  EXPECT_EQ(closest("min_distnce_px", keys), "min_distance_px");
-  EXPECT_EQ(closest("widnow", keys), "window");
-  EXPECT_FALSE(closest("threads", keys));
-  EXPECT_FALSE(closest("window", {}));
+  EXPECT_EQ(closest_match("max_feature", keys), "max_features");
+  EXPECT_EQ(closest_match("min_distnce_px", keys), "min_distance_px");
+  EXPECT_EQ(closest_match("widnow", keys), "window");
+  EXPECT_FALSE(closest_match("threads", keys));
+  EXPECT_FALSE(closest_match("window", {}));
 }
 
-TEST(Text, LowerCaseTouchesLettersOnly) {
+TEST(Text, ToLowerChangesOnlyAsciiLetters) {
   EXPECT_EQ(to_lower("AbC-1_É"), "abc-1_É");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/core/worker.hpp"
+#include "core/worker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Worker, TreatsEveryElementInOrder) {
+TEST(Worker, ProcessesElementsInOrder) {
   std::vector<int> seen;
   Worker<int> worker(2, Overflow::block, [&](int i) { seen.push_back(i); });
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(worker.push(i));
@@ -26,7 +26,7 @@ TEST(Worker, TreatsEveryElementInOrder) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(seen[static_cast<std::size_t>(i)], i);
 }
 
-TEST(Worker, AnExceptionReachesTheCallerOnceAndNeverEndsTheProcess) {
+TEST(Worker, WaitRethrowsExceptionOnce) {
   Worker<int> worker(4, Overflow::block, [](int i) {
     if (i == 3) throw RunError("the third one");
   });
@@ -35,7 +35,7 @@ TEST(Worker, AnExceptionReachesTheCallerOnceAndNeverEndsTheProcess) {
   EXPECT_NO_THROW(worker.wait());
 }
 
-TEST(Worker, AfterAnExceptionPushesAreRefusedAndDoNotHang) {
+TEST(Worker, PushFailsAfterException) {
   Worker<int> worker(1, Overflow::block, [](int) { throw std::runtime_error("always"); });
   bool accepted = true;
   for (int i = 0; i < 1000 && accepted; ++i) accepted = worker.push(i);
@@ -43,7 +43,7 @@ TEST(Worker, AfterAnExceptionPushesAreRefusedAndDoNotHang) {
   EXPECT_THROW(worker.wait(), std::runtime_error);
 }
 
-TEST(Worker, StopAbandonsWhatIsQueued) {
+TEST(Worker, StopDiscardsQueuedElements) {
   std::promise<void> started;
   std::promise<void> release;
   std::shared_future<void> gate = release.get_future().share();
@@ -63,7 +63,7 @@ TEST(Worker, StopAbandonsWhatIsQueued) {
   EXPECT_FALSE(worker.push(9));
 }
 
-TEST(Worker, CanBeDestroyedWhileBusyOrNeverUsed) {
+TEST(Worker, CanBeDestroyedWhileBusyOrUnused) {
   {
     const Worker<int> unused(1, Overflow::block, [](int) {});
   }
@@ -78,7 +78,7 @@ TEST(Worker, CanBeDestroyedWhileBusyOrNeverUsed) {
   EXPECT_LE(done, 50);
 }
 
-TEST(Worker, CountsWhatItLetGoOf) {
+TEST(Worker, CountsDroppedElements) {
   std::promise<void> release;
   std::shared_future<void> gate = release.get_future().share();
   std::promise<void> started;

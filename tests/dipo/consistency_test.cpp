@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "apvi/dipo/timeline.hpp"
+#include "dipo/filter_history.hpp"
 #include "support/spline_imu.hpp"
 
 namespace apvi::dipo {
@@ -15,7 +15,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kSeeds = 50;
-constexpr int kStates = kTimeOffset + 1;  // motion, biases and the time offset
+constexpr int kStates = kTimeOffset + 1;  // motion, biases and time offset
 constexpr double kDuration_s = 40.0;
 constexpr double kImuRate_hz = 100.0;
 constexpr double kDvlPeriod_s = 0.2;
@@ -31,8 +31,9 @@ struct Truth {
   std::vector<ImuSample> imu;
 };
 
-// Inertial data with white noise and walking biases, and the states they come from.
-Truth make_truth(std::uint64_t seed, Random& random, const State& start, const imu::World& world) {
+// Inertial data with white noise and random-walk biases, and the true states.
+Truth make_truth(std::uint64_t seed, Random& random, const State& start,
+                 const imu::EarthModel& world) {
   Truth truth{test::wavy_spline(seed, kDuration_s), {}, {}};
   truth.imu = test::imu_along(truth.spline, world.gravity, kImuRate_hz);
   State state = start;
@@ -66,14 +67,15 @@ Matrix initial_covariance() {
   return P;
 }
 
-// True minus estimated error state, for the states that are estimated.
+// True minus estimated error state, for the estimated states.
 Eigen::Matrix<double, kStates, 1> error(const State& truth, const State& estimate) {
   Eigen::Matrix<double, kStates, 1> e;
   e << imu::boxminus(truth.nav, estimate.nav), truth.dvl_time_offset_s - estimate.dvl_time_offset_s;
   return e;
 }
 
-Timeline::Model dvl_model(const Vector3d& velocity, double offset_s, const imu::World& world) {
+FilterHistory::Model dvl_model(const Vector3d& velocity, double offset_s,
+                               const imu::EarthModel& world) {
   return [=](const Eskf& filter, const Kinematics& k) {
     const State& x = filter.state();
     Measurement m = dvl_velocity(
@@ -87,7 +89,7 @@ Timeline::Model dvl_model(const Vector3d& velocity, double offset_s, const imu::
 // One run; returns the NEES at its end.
 double run_nees(std::uint64_t seed) {
   Random random(seed);
-  const imu::World world;
+  const imu::EarthModel world;
   const Matrix P = initial_covariance();
   Vector initial_error;
   for (int i = 0; i < static_cast<int>(kSize); ++i) {
@@ -97,15 +99,15 @@ double run_nees(std::uint64_t seed) {
   start.p_body_dvl = Vector3d(0.3, 0.1, 0.2);
   start.dvl_time_offset_s = 0.3;
   const Truth truth = make_truth(seed, random, start, world);
-  // The truth is the filter's guess plus an error drawn from the filter's own covariance.
+  // The truth is the initial guess plus an error drawn from the filter's own covariance.
   const State guess = boxplus(truth.states.front(), Vector(-initial_error));
-  Timeline timeline(world, {}, Duration::from_seconds(1.0), Duration::from_seconds(1.0));
-  timeline.start(truth.imu.front(), Eskf(guess, P));
+  FilterHistory history(world, {}, Duration::from_seconds(1.0), Duration::from_seconds(1.0));
+  history.start(truth.imu.front(), Eskf(guess, P));
 
   double next_dvl = 0.5;
   double next_depth = 0.25;
   for (std::size_t i = 1; i < truth.imu.size(); ++i) {
-    timeline.push(truth.imu[i], kNoise);
+    history.push(truth.imu[i], kNoise);
     const Stamp now = truth.imu[i].stamp;
     const double t = seconds_between(truth.spline.start(), now);
     if (t >= next_depth) {
@@ -113,28 +115,28 @@ double run_nees(std::uint64_t seed) {
       const Vector3d p =
           truth.states[i].nav.p_world + truth.states[i].nav.R_world_body * kDepthLever;
       const double z = -p.z() + random.normal(0.0, kDepthNoise);
-      timeline.insert(now, [z](const Eskf& filter, const Kinematics&) {
-        return depth(filter.state(), kDepthLever, -1.0, z, kDepthNoise * kDepthNoise);
+      history.insert(now, [z](const Eskf& filter, const Kinematics&) {
+        return pressure_depth(filter.state(), kDepthLever, -1.0, z, kDepthNoise * kDepthNoise);
       });
     }
-    if (t >= next_dvl) {  // stamped now, measured three tenths of a second ago
+    if (t >= next_dvl) {  // stamped now, measured 0.3 s ago
       next_dvl += kDvlPeriod_s;
       const Stamp then = now - Duration::from_seconds(start.dvl_time_offset_s);
       State at = truth.states[i];
       at.nav = test::nav_state_at(truth.spline, then);
       const Vector3d gyro = test::imu_at(truth.spline, world.gravity, then).gyro;
       const Vector3d velocity = predict_dvl(at, gyro) + test::normal_vector(random, kDvlNoise);
-      const double offset_s = timeline.newest_filter().state().dvl_time_offset_s;
+      const double offset_s = history.newest_filter().state().dvl_time_offset_s;
       const Stamp stamp = now - Duration::from_seconds(offset_s);
-      if (timeline.covers(stamp)) timeline.insert(stamp, dvl_model(velocity, offset_s, world));
+      if (history.covers(stamp)) history.insert(stamp, dvl_model(velocity, offset_s, world));
     }
   }
-  const Eskf& filter = timeline.newest_filter();
+  const Eskf& filter = history.newest_filter();
   const auto e = error(truth.states.back(), filter.state());
   return e.dot(filter.covariance().topLeftCorner<kStates, kStates>().ldlt().solve(e));
 }
 
-TEST(Consistency, NeesOverFiftySeedsLiesWithinItsNinetyFivePercentBounds) {
+TEST(Consistency, NeesOverFiftySeedsIsWithin95PercentBounds) {
   double sum = 0.0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) sum += run_nees(seed);
   // The sum of fifty has kSeeds * kStates degrees of freedom; normal approximation of chi square.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/dipo.hpp"
+#include "dipo/dipo.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <map>
 
 #include "apvi/core/error.hpp"
-#include "apvi/dipo/noise_tracker.hpp"
+#include "dipo/noise_tracker.hpp"
 #include "support/spline_imu.hpp"
 
 namespace apvi::dipo {
@@ -35,7 +35,7 @@ Rig make_test_rig() {
   return rig;
 }
 
-// A dive along a spline: what the true vehicle's sensors say, one after the other.
+// A dive along a spline: simulated sensor data of the true vehicle.
 struct Dive {
   Rig truth = make_test_rig();
   double duration_s = 60.0;
@@ -51,8 +51,8 @@ struct Dive {
 struct Outcome {
   std::optional<Estimate> last;
   std::map<Verdict, int> pings;
-  double end_error_m = 0.0;  // of the way made good since the first estimate, heading taken out
-  double heading_error_rad = 0.0;  // gained since the first estimate
+  double end_error_m = 0.0;        // of the displacement since the first estimate, heading aligned
+  double heading_error_rad = 0.0;  // accumulated since the first estimate
   double largest_step_m = 0.0;
   std::size_t zero_velocity_updates = 0;
 };
@@ -124,7 +124,7 @@ Outcome run_dive(const Dive& dive, const Config& config, const Rig& rig) {
     }
   }
   if (outcome.last) {
-    // Heading and origin are conventions of each run; everything else must agree.
+    // Heading and origin are arbitrary in each run; everything else must agree.
     const double turn = so3::yaw(first_true->rotation) - so3::yaw(first_estimate->rotation);
     const Quaterniond heading(Eigen::AngleAxisd(turn, Vector3d::UnitZ()));
     const Vector3d made = heading * (outcome.last->state.nav.p_world - first_estimate->translation);
@@ -140,20 +140,20 @@ Outcome run_dive(const Dive& dive, const Config& config, const Rig& rig) {
   return outcome;
 }
 
-TEST(Dipo, FollowsADiveOfAMinuteToACentimetreAMetre) {
+TEST(Dipo, TracksAOneMinuteDive) {
   const Outcome outcome = run_dive({}, {}, make_test_rig());
   ASSERT_TRUE(outcome.last);
   EXPECT_LT(outcome.end_error_m, 0.3);
   EXPECT_LT(outcome.largest_step_m, 0.1);
 }
 
-TEST(Dipo, BeamsGiveTheSameTrajectoryAsTheVelocity) {
+TEST(Dipo, BeamUpdatesAreAsAccurateAsVelocityUpdates) {
   Dive dive;
   dive.beams = true;
   EXPECT_LT(run_dive(dive, {}, make_test_rig()).end_error_m, 0.3);
 }
 
-TEST(Dipo, OneBeamInLockKeepsThePositionThroughAMinute) {
+TEST(Dipo, SingleBeamInLockBoundsDrift) {
   Dive dive;
   dive.beams = true;
   int k = 0;
@@ -175,7 +175,7 @@ TEST(Dipo, OneBeamInLockKeepsThePositionThroughAMinute) {
   EXPECT_LT(one, 0.5 * none);
 }
 
-TEST(Dipo, FindsTheTimeOffsetFromZeroWithinAMinute) {
+TEST(Dipo, EstimatesTheTimeOffsetFromZeroWithinAMinute) {
   for (const double delay : {0.1, 0.3, 0.5}) {
     Dive dive;
     dive.dvl_delay_s = delay;
@@ -184,7 +184,7 @@ TEST(Dipo, FindsTheTimeOffsetFromZeroWithinAMinute) {
   }
 }
 
-TEST(Dipo, ALeverArmStartedAtZeroIsLearnt) {
+TEST(Dipo, EstimatesTheLeverArmStartingFromZero) {
   Rig wrong = make_test_rig();
   wrong.dvl->T_body_dvl.translation.setZero();
   Config config;
@@ -196,7 +196,7 @@ TEST(Dipo, ALeverArmStartedAtZeroIsLearnt) {
   EXPECT_LT((outcome.last->state.p_body_dvl - truth).norm(), 0.05);
 }
 
-TEST(Dipo, AMountingFiveDegreesOffIsLearnt) {
+TEST(Dipo, EstimatesTheMountingFromFiveDegreesOff) {
   Rig wrong = make_test_rig();
   Quaterniond& mounting = wrong.dvl->T_body_dvl.rotation;
   mounting = mounting * so3::exp(Vector3d(0.05, -0.04, 0.06));
@@ -209,7 +209,7 @@ TEST(Dipo, AMountingFiveDegreesOffIsLearnt) {
             0.01);
 }
 
-TEST(Dipo, OutliersAreRejectedAndDoNoHarm) {
+TEST(Dipo, RejectsDvlOutliers) {
   Dive dive;
   Random random(7);
   dive.disturb_dvl = [&random](DvlSample& ping, double t) {
@@ -220,7 +220,7 @@ TEST(Dipo, OutliersAreRejectedAndDoNoHarm) {
   EXPECT_LT(outcome.end_error_m, 0.4);
 }
 
-TEST(Dipo, ADvlThatIsValidWithZerosForAMinuteIsNotBelieved) {
+TEST(Dipo, IgnoresAConstantZeroDvlVelocity) {
   Dive dive;
   dive.duration_s = 120.0;
   dive.disturb_dvl = [](DvlSample& ping, double t) {
@@ -231,7 +231,7 @@ TEST(Dipo, ADvlThatIsValidWithZerosForAMinuteIsNotBelieved) {
   EXPECT_EQ(outcome.zero_velocity_updates, 0U);
 }
 
-TEST(Dipo, PressureSpikesMoveNothing) {
+TEST(Dipo, RejectsPressureSpikes) {
   Dive dive;
   dive.disturb_pressure = [](PressureSample& s, double t) {
     if (std::fmod(t, 7.0) < 0.1 && t > 5.0) s.pressure_pa += 2e5;
@@ -241,23 +241,23 @@ TEST(Dipo, PressureSpikesMoveNothing) {
   EXPECT_LT(outcome.largest_step_m, 0.1);
 }
 
-TEST(Dipo, SwellThatPressesOnTheSensorDoesNotBecomeAMotion) {
+TEST(Dipo, WavePressureDoesNotCauseMotion) {
   Dive dive;
   dive.disturb_pressure = [](PressureSample& s, double t) {
-    s.pressure_pa += 1000.0 * std::sin(t);  // ten centimetres of water every 6.3 seconds
+    s.pressure_pa += 1000.0 * std::sin(t);  // 0.1 m of water every 6.3 s
   };
   Rig rig = make_test_rig();
   rig.pressure->noise_m = 0.003;
   const Outcome measured = run_dive(dive, {}, rig);
   EXPECT_LT(measured.end_error_m, 0.3);
   EXPECT_NEAR(measured.last->state.nav.accel_bias.norm(), 0.0, 0.02);
-  Config blind;
-  blind.depth.swell_window_s = 0.0;
-  const Outcome unmeasured = run_dive(dive, blind, rig);
+  Config without_swell;
+  without_swell.depth.swell_window_s = 0.0;
+  const Outcome unmeasured = run_dive(dive, without_swell, rig);
   EXPECT_LT(measured.end_error_m, 0.5 * unmeasured.end_error_m);
 }
 
-// The spread that the tracker finds about the way swum, 20 readings a second.
+// Sigma estimated by the tracker from 20 readings a second.
 double swell_found(const std::function<double(double)>& pressed, double window_s = 10.0) {
   SwellTracker tracker(window_s);
   for (int k = 0; k < 400; ++k) {
@@ -267,16 +267,16 @@ double swell_found(const std::function<double(double)>& pressed, double window_s
   return tracker.sigma_m();
 }
 
-TEST(SwellTracker, FindsTheHeightOfASwellAndNothingInCalmWater) {
+TEST(SwellTracker, EstimatesTheWaveAmplitudeAndNothingInCalmWater) {
   EXPECT_LT(swell_found([](double) { return 0.0; }), 1e-6);
-  EXPECT_LT(swell_found([](double t) { return 0.01 * t; }), 1e-6);  // a drift is no wave
+  EXPECT_LT(swell_found([](double t) { return 0.01 * t; }), 1e-6);  // a linear drift is not a wave
   const double found = swell_found([](double t) { return 0.1 * std::sin(t); });
   EXPECT_GT(found, 0.06);
   EXPECT_LT(found, 0.13);
   EXPECT_EQ(swell_found([](double t) { return 0.1 * std::sin(t); }, 0.0), 0.0);
 }
 
-TEST(SwellTracker, VelocitiesThatComeLateAreNoSwell) {
+TEST(SwellTracker, IgnoresDelayedVelocities) {
   SwellTracker tracker(10.0);
   for (int k = 0; k < 400; ++k) {
     const double t = 0.05 * k;
@@ -285,28 +285,29 @@ TEST(SwellTracker, VelocitiesThatComeLateAreNoSwell) {
   EXPECT_LT(tracker.sigma_m(), 0.005);
 }
 
-TEST(SwellTracker, SpikesAreNoSwell) {
+TEST(SwellTracker, IgnoresSpikes) {
   int k = 0;
   EXPECT_LT(swell_found([&k](double) { return ++k % 10 == 0 ? 2.0 : 0.0; }), 1e-3);
 }
 
-TEST(SwellTracker, BeforeItHasMeasuredItExpectsAFewMillimetres) {
+TEST(SwellTracker, StartsWithASmallDefaultSigma) {
   SwellTracker tracker(10.0);
   tracker.add(Stamp{0}, 5.0, 0.0);
   EXPECT_NEAR(tracker.sigma_m(), 0.0075, 1e-12);
   tracker.add(Stamp{50'000'000}, 5.0, 0.0);
-  EXPECT_EQ(tracker.repeats(), 1.0);
+  EXPECT_EQ(tracker.correlated_samples(), 1.0);
 }
 
-TEST(Dipo, GoesOnAfterAGapInTheInertialData) {
+TEST(Dipo, ContinuesAfterAGapInTheInertialData) {
   Dive dive;
   dive.imu_present = [](double t) { return t < 20.0 || t > 25.0; };
   const Outcome outcome = run_dive(dive, {}, make_test_rig());
-  EXPECT_LT(outcome.end_error_m, 5.0);  // five blind seconds at half a metre a second, and a turn
+  EXPECT_LT(outcome.end_error_m,
+            5.0);  // five without_swell seconds at half a meter a second, and a turn
   EXPECT_LT(outcome.last->state.nav.v_body.norm(), 1.5);
 }
 
-TEST(Dipo, AShockThatSaturatesTheImuDoesNotTurnTheVehicle) {
+TEST(Dipo, RejectsSaturatedInertialSamples) {
   Dive dive;
   Random random(8);
   dive.disturb_imu = [&random](ImuSample& sample, double t) {
@@ -319,7 +320,7 @@ TEST(Dipo, AShockThatSaturatesTheImuDoesNotTurnTheVehicle) {
   EXPECT_LT(std::abs(outcome.heading_error_rad), 0.05);
 }
 
-TEST(Dipo, WithoutBottomLockItWaitsAndSaysSo) {
+TEST(Dipo, WaitingForReportsMissingBottomLock) {
   Dipo dipo({}, make_test_rig());
   EXPECT_EQ(dipo.waiting_for(), "inertial samples");
   dipo.add(ImuSample{{1'000'000'000}, Vector3d::Zero(), Vector3d(0.0, 0.0, 9.8)});
@@ -334,7 +335,7 @@ TEST(Dipo, WithoutBottomLockItWaitsAndSaysSo) {
   EXPECT_FALSE(dipo.latest());
 }
 
-TEST(Dipo, StandingStillHoldsThePosition) {
+TEST(Dipo, ZeroVelocityUpdatesHoldThePosition) {
   Config config;
   Dipo dipo(config, make_test_rig());
   Random random(9);
@@ -356,22 +357,22 @@ TEST(Dipo, StandingStillHoldsThePosition) {
   EXPECT_LT(dipo.latest()->state.nav.v_body.norm(), 0.005);
 }
 
-TEST(Dipo, TheSecondResidualOfTheDisplacementChangesLittleButIsUsed) {
+TEST(Dipo, DisplacementResidualIsUsed) {
   Config config;
-  config.dvl.displacement = true;
+  config.dvl.use_displacement = true;
   const Outcome with = run_dive({}, config, make_test_rig());
   const Outcome without = run_dive({}, {}, make_test_rig());
   EXPECT_LT(with.end_error_m, 0.3);
   EXPECT_NE(with.last->state.nav.p_world, without.last->state.nav.p_world);
 }
 
-TEST(Dipo, ARigWithoutADvlIsRefused) {
+TEST(Dipo, ThrowsWithoutADvl) {
   Rig rig = make_test_rig();
   rig.dvl.reset();
   EXPECT_THROW(Dipo({}, rig), InputError);
 }
 
-TEST(Dipo, EarthRotationKeepsTheHeadingOfANavigationGradeGyro) {
+TEST(Dipo, EarthRotationModelBoundsHeadingDriftOfANavigationGradeGyro) {
   Rig rig = make_test_rig();
   rig.imu->gyro_noise_density = 1e-6;
   rig.imu->gyro_random_walk = 0.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/initializer.hpp"
+#include "dipo/initializer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGyroBiasSigma = 0.1;  // a MEMS gyro that has just been turned on
+constexpr double kGyroBiasSigma = 0.1;  // turn-on bias of a MEMS gyro
 
 Rig make_test_rig() {
   Rig rig;
@@ -34,7 +34,7 @@ struct Start {
   imu::NavState truth;  // at the same time
 };
 
-// Under way and turning, seen by a DVL five times a second and an IMU with constant biases.
+// In motion and turning, with a DVL at five pings a second and an IMU with constant biases.
 Start start_under_way(std::uint64_t seed, const Vector3d& gyro_bias, const Vector3d& accel_bias) {
   const Se3Spline spline = test::wavy_spline(seed, 4.0);
   Initializer initializer(make_config(), make_test_rig());
@@ -53,14 +53,14 @@ Start start_under_way(std::uint64_t seed, const Vector3d& gyro_bias, const Vecto
   return {*found, test::nav_state_at(spline, found->sample.stamp)};
 }
 
-// Turn about the body's axes that takes the estimate's vertical to the true one.
+// Rotation about the body axes from the estimated to the true vertical.
 Vector3d tilt_error(const Start& start) {
   const Vector3d estimated = start.found.state.nav.R_world_body.conjugate() * Vector3d::UnitZ();
   const Vector3d truly = start.truth.R_world_body.conjugate() * Vector3d::UnitZ();
   return truly.cross(estimated);
 }
 
-// Of the tilt (two numbers) and the gyro's bias (three) by the covariance of the start.
+// NEES of the tilt (two components) and the gyro bias (three).
 double nees(const Start& start, const Vector3d& gyro_bias) {
   const Vector3d up = start.found.state.nav.R_world_body.conjugate() * Vector3d::UnitZ();
   Eigen::Matrix<double, 5, kSize> pick = Eigen::Matrix<double, 5, kSize>::Zero();
@@ -75,7 +75,7 @@ double nees(const Start& start, const Vector3d& gyro_bias) {
   return e.dot(P.ldlt().solve(e));
 }
 
-TEST(Initializer, WithoutBiasesFindsTheVerticalUnderWay) {
+TEST(Initializer, EstimatesTheVerticalInMotionWithoutBiases) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const Start start = start_under_way(seed, Vector3d::Zero(), Vector3d::Zero());
     EXPECT_LT(tilt_error(start).norm(), 2e-4) << "seed " << seed;
@@ -83,7 +83,7 @@ TEST(Initializer, WithoutBiasesFindsTheVerticalUnderWay) {
   }
 }
 
-TEST(Initializer, KnowsHowFarALargeGyroBiasMayHaveTiltedIt) {
+TEST(Initializer, TiltCovarianceIncludesTheGyroBias) {
   constexpr int kStarts = 200;
   Random random(17);
   double sum = 0.0;
@@ -96,7 +96,7 @@ TEST(Initializer, KnowsHowFarALargeGyroBiasMayHaveTiltedIt) {
     sum += nees(start, gyro_bias);
     largest_tilt = std::max(largest_tilt, tilt_error(start).norm());
   }
-  EXPECT_GT(largest_tilt, 0.1);  // more than three of tilt_sigma_deg: the case is a hard one
+  EXPECT_GT(largest_tilt, 0.1);  // more than three times tilt_sigma_deg
   EXPECT_LT(sum / kStarts, 5.0 + 3.3 * std::sqrt(2.0 * 5.0 / kStarts));
   EXPECT_GT(sum / kStarts, 2.5);
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/dipo/measurements.hpp"
+#include "dipo/measurements.hpp"
 
 #include <gtest/gtest.h>
 
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/random.hpp"
 #include "support/numeric_jacobian.hpp"
 #include "support/spline_imu.hpp"
 
@@ -35,7 +35,7 @@ Kinematics some_kinematics(Random& random) {
   return {random_vector(random, 0.5), random_vector(random, 10.0), random_vector(random, 0.2)};
 }
 
-// Compares H with minus the numeric derivative of the residual of `make(state)`.
+// Compares H with the negative numeric derivative of the residual of `make(state)`.
 template <typename Make>
 void expect_jacobian(const State& x, Make&& make) {
   const Measurement m = make(x);
@@ -44,15 +44,15 @@ void expect_jacobian(const State& x, Make&& make) {
   };
   const Eigen::MatrixXd numeric = test::numeric_jacobian(f, static_cast<Eigen::Index>(kSize));
   Measurement::Jacobian H = m.H;
-  // The state is that of stamp - offset, so the offset's column is not in the residual: see its
-  // test.
+  // The state is that at stamp - offset, so the offset column is not part of this residual; it has
+  // a test of its own.
   H.col(kTimeOffset).setZero();
   EXPECT_LT((H - numeric).cwiseAbs().maxCoeff(), 1e-6);
 }
 
-TEST(Measurements, JacobiansEqualNumericDifferences) {
+TEST(Measurements, JacobiansMatchNumericDifferences) {
   Random random(21);
-  const imu::World world{.gravity = {0.0, 0.0, -9.8}, .earth_rate = {3e-3, -4e-3, 5e-3}};
+  const imu::EarthModel world{.gravity = {0.0, 0.0, -9.8}, .earth_rate = {3e-3, -4e-3, 5e-3}};
   for (int i = 0; i < 20; ++i) {
     const State x = some_state(random);
     const Kinematics k = some_kinematics(random);
@@ -62,15 +62,15 @@ TEST(Measurements, JacobiansEqualNumericDifferences) {
     expect_jacobian(x, [&](const State& s) { return dvl_velocity(s, k, world, z, R); });
     expect_jacobian(x, [&](const State& s) { return dvl_beam(s, k, world, beam, z.x(), 1.0); });
     expect_jacobian(x, [&](const State& s) { return dvl_displacement(s, z, R); });
-    expect_jacobian(x, [&](const State& s) { return depth(s, z, -1.0, 3.0, 1.0); });
+    expect_jacobian(x, [&](const State& s) { return pressure_depth(s, z, -1.0, 3.0, 1.0); });
     expect_jacobian(x, [&](const State& s) { return zero_velocity(s, 1.0); });
     expect_jacobian(x, [&](const State& s) { return zero_rate(s, k.gyro, world, 1.0); });
     expect_jacobian(x, [&](const State& s) { return zero_acceleration(s, k.accel, world, 1.0); });
   }
 }
 
-TEST(Measurements, TimeOffsetColumnEqualsTheChangeOfAnEarlierState) {
-  const imu::World world;
+TEST(Measurements, TimeOffsetJacobianMatchesNumericDifference) {
+  const imu::EarthModel world;
   const Se3Spline spline = test::wavy_spline(22, 10.0);
   const Stamp stamp = spline.start() + Duration::from_seconds(5.0);
   State x;
@@ -89,16 +89,16 @@ TEST(Measurements, TimeOffsetColumnEqualsTheChangeOfAnEarlierState) {
   const Kinematics k{sample.gyro, sample.accel, spline.at(stamp).angular_acceleration_body};
   const Measurement m = dvl_velocity(x, k, world, Vector3d::Zero(), Matrix3d::Identity());
   EXPECT_LT((m.H.col(kTimeOffset) - numeric).norm(), 1e-5);
-  EXPECT_GT(numeric.norm(), 0.01) << "the test needs a vehicle that accelerates";
+  EXPECT_GT(numeric.norm(), 0.01) << "the test requires an accelerating vehicle";
 }
 
-TEST(Measurements, AScaledTurnedAndDisplacedDvlReadsWhatGeometrySays) {
+TEST(Measurements, PredictDvlAppliesScaleMountingAndLeverArm) {
   State x;
   x.nav.v_body = Vector3d(1.0, 0.0, 0.0);
   x.dvl_scale_error = 0.1;
   x.R_body_dvl = Eigen::AngleAxisd(std::acos(-1.0) / 2, Vector3d::UnitZ());  // x_dvl is y_body
   x.p_body_dvl = Vector3d(2.0, 0.0, 0.0);
-  const Vector3d yaw_rate(0.0, 0.0, 0.5);  // moves the DVL sideways by 1 m/s
+  const Vector3d yaw_rate(0.0, 0.0, 0.5);  // lateral velocity of 1 m/s at the DVL
   EXPECT_LT((predict_dvl(x, yaw_rate) - 1.1 * Vector3d(1.0, -1.0, 0.0)).norm(), 1e-12);
 }
 

@@ -7,13 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "apvi/doctor/doctor.hpp"
-#include "apvi/geometry/spline.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "doctor/doctor.hpp"
+#include "geometry/spline.hpp"
 #include "support/spline_imu.hpp"
 #include "support/tmp_dir.hpp"
 
-/// A simulated dive with every sensor, which tests spoil in one way each.
+/// A simulated dive with all sensors, into which each test injects one fault.
 namespace apvi::test {
 
 inline const Eigen::Vector3d kTrueLever(0.2, -0.1, 0.3);
@@ -22,7 +22,7 @@ struct Dive {
   Se3Spline spline = wavy_spline(11, 120.0);
   std::vector<ImuSample> imu;
   std::vector<DvlSample> dvl;
-  std::vector<DepthSample> depth;
+  std::vector<PressureDepthSample> depth;
   std::vector<PressureSample> pressure;
   std::vector<StampedPose> reference;
   std::string rig =
@@ -30,7 +30,7 @@ struct Dive {
       "dvl0: {T_body_sensor: [1,0,0,0.2, 0,1,0,-0.1, 0,0,1,0.3, 0,0,0,1], velocity_noise: 0.005}\n";
   std::string pressure_unit = "Pa";
 
-  /// What an ideal DVL mounted as given reports at a time, with four beams and a little noise.
+  /// Sample of a DVL with the given mounting at a time, with four beams and low noise.
   DvlSample ping(Stamp stamp, Random& random) const {
     const Motion motion = spline.at(stamp);
     const Eigen::Vector3d body = motion.T_world_body.rotation.conjugate() * motion.velocity_world +
@@ -53,7 +53,7 @@ struct Dive {
   }
 };
 
-/// Nothing is wrong with it: 100 Hz IMU, 5 Hz DVL, no pressure, depth, camera or reference.
+/// A dive without faults: 100 Hz IMU, 5 Hz DVL, no pressure, depth, camera or reference.
 inline Dive healthy_dive() {
   Dive dive;
   Random random(5);
@@ -114,7 +114,8 @@ inline void write_dive(const TmpDir& dir, const Dive& dive) {
   dir.write("mav0/dvl0/data.csv", dvl_csv(dive.dvl));
   if (!dive.depth.empty()) {
     std::string text = "#timestamp [ns],depth [m]\n";
-    for (const DepthSample& s : dive.depth) text += fmt::format("{},{}\n", s.stamp.ns, s.depth_m);
+    for (const PressureDepthSample& s : dive.depth)
+      text += fmt::format("{},{}\n", s.stamp.ns, s.depth_m);
     dir.write("mav0/depth0/data.csv", text);
   }
   if (!dive.pressure.empty()) {
@@ -148,7 +149,7 @@ inline doctor::Report examine(const Dive& dive) {
   return examine(dir);
 }
 
-/// A number of a finding; NaN when finding or number are not there.
+/// A value of a finding; NaN when the finding or value is missing.
 inline double value_of(const doctor::Report& report, const std::string& sensor,
                        const std::string& check, const std::string& name) {
   const doctor::Finding* finding = report.find(sensor, check);
@@ -161,13 +162,13 @@ inline double value_of(const doctor::Report& report, const std::string& sensor,
 
 }  // namespace apvi::test
 
-/// The finding is there, has this severity, and says (message or advice) the words.
+/// Expects a finding with this severity whose message or advice contains the words.
 #define EXPECT_FINDING(report, sensor, check, level, words)                                \
   do {                                                                                     \
-    const ::apvi::doctor::Report& judged = (report);                                       \
-    const auto* finding = judged.find(sensor, check);                                      \
+    const ::apvi::doctor::Report& checked_report = (report);                               \
+    const auto* finding = checked_report.find(sensor, check);                              \
     ASSERT_NE(finding, nullptr) << (sensor) << ": " << (check) << "\n"                     \
-                                << ::apvi::doctor::to_text(judged);                        \
+                                << ::apvi::doctor::to_text(checked_report);                \
     EXPECT_EQ(finding->severity, ::apvi::doctor::Severity::level) << finding->message;     \
     EXPECT_THAT(finding->message + " -> " + finding->advice, ::testing::HasSubstr(words)); \
   } while (false)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `apvi doctor` as its users meet it.
+// The command `apvi doctor`.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ test::ProgramResult apvi_doctor(std::vector<std::string> arguments) {
   return test::run_program(APVI_PROGRAM, arguments);
 }
 
-TEST(DoctorCommand, EndsWithZeroWhenNothingIsAnError) {
+TEST(DoctorCommand, ExitsWithZeroWithoutErrors) {
   const test::TmpDir dir;
   test::write_dive(dir, test::healthy_dive());
   const auto result = apvi_doctor({dir.path().string()});
@@ -26,7 +26,7 @@ TEST(DoctorCommand, EndsWithZeroWhenNothingIsAnError) {
   EXPECT_THAT(result.out, HasSubstr("0 errors, 0 warnings, 0 notes"));
 }
 
-TEST(DoctorCommand, EndsWithOneWhenAFindingIsAnError) {
+TEST(DoctorCommand, ExitsWithOneWhenAFindingIsAnError) {
   const test::TmpDir dir;
   test::Dive dive = test::healthy_dive();
   for (ImuSample& s : dive.imu) s.accel /= 9.80665;
@@ -36,14 +36,14 @@ TEST(DoctorCommand, EndsWithOneWhenAFindingIsAnError) {
   EXPECT_THAT(result.out, HasSubstr("these are g"));
 }
 
-TEST(DoctorCommand, EndsWithTwoAndOneLineWhenNothingCanBeOpened) {
+TEST(DoctorCommand, ExitsWithTwoAndOneLineWhenNothingCanBeOpened) {
   const auto result = apvi_doctor({"/nowhere/at/all"});
   EXPECT_EQ(result.status, 2);
   EXPECT_EQ(result.out, "");
   EXPECT_THAT(result.err, HasSubstr("/nowhere/at/all"));
 }
 
-TEST(DoctorCommand, PrintsJsonAndNothingElseWhenAsked) {
+TEST(DoctorCommand, JsonOptionPrintsOnlyJson) {
   const test::TmpDir dir;
   test::write_dive(dir, test::healthy_dive());
   const auto result = apvi_doctor({"--json", dir.path().string()});
@@ -53,7 +53,7 @@ TEST(DoctorCommand, PrintsJsonAndNothingElseWhenAsked) {
   EXPECT_EQ(json.at("dataset"), dir.path().string());
 }
 
-TEST(DoctorCommand, TakesAnotherRigAndKeysOfTheDataset) {
+TEST(DoctorCommand, AcceptsRigFileAndDatasetKeys) {
   const test::TmpDir dir;
   test::Dive dive = test::healthy_dive();
   test::write_dive(dir, dive);

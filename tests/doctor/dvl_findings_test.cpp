@@ -22,7 +22,7 @@ TEST(DvlFindings, WithoutBottomLockIsAnError) {
   EXPECT_FINDING(examine(dive), "dvl0", "validity", error, "0.0 %");
 }
 
-TEST(DvlFindings, ALowShareOfValidPingsIsAWarning) {
+TEST(DvlFindings, LowFractionOfValidPingsIsAWarning) {
   Dive dive = healthy_dive();
   for (std::size_t i = 0; i < dive.dvl.size(); ++i) dive.dvl[i].valid = i % 3 == 0;
   const Report report = examine(dive);
@@ -30,7 +30,7 @@ TEST(DvlFindings, ALowShareOfValidPingsIsAWarning) {
   EXPECT_NEAR(test::value_of(report, "dvl0", "validity", "share"), 1.0 / 3.0, 0.01);
 }
 
-TEST(DvlFindings, ALongDropoutIsAWarningThatSaysWhen) {
+TEST(DvlFindings, LongDropoutIsAWarningWithTime) {
   Dive dive = healthy_dive();
   for (std::size_t i = 101; i < 150; ++i) dive.dvl[i].valid = false;
   const Report report = examine(dive);
@@ -38,7 +38,7 @@ TEST(DvlFindings, ALongDropoutIsAWarningThatSaysWhen) {
   EXPECT_NEAR(test::value_of(report, "dvl0", "dropouts", "longest_s"), 10.0, 1e-6);
 }
 
-TEST(DvlFindings, ADropoutThatLastsToTheEndCounts) {
+TEST(DvlFindings, DropoutAtTheEndCounts) {
   Dive dive = healthy_dive();
   for (std::size_t i = dive.dvl.size() - 100; i < dive.dvl.size(); ++i) dive.dvl[i].valid = false;
   EXPECT_NEAR(test::value_of(examine(dive), "dvl0", "dropouts", "longest_s"), 20.0, 1e-6);
@@ -51,13 +51,13 @@ TEST(DvlFindings, ValidZerosAreAWarning) {
   EXPECT_FINDING(report, "dvl0", "zeros", warning, "30 pings");
 }
 
-TEST(DvlFindings, MillimetresPerSecondAreAnError) {
+TEST(DvlFindings, MillimetersPerSecondAreAnError) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) s.velocity *= 1000.0;
   EXPECT_FINDING(examine(dive), "dvl0", "speed", error, "mm/s");
 }
 
-TEST(DvlFindings, PingsLoggedSeveralTimesAreAWarning) {
+TEST(DvlFindings, RepeatedPingsAreAWarning) {
   Dive dive = healthy_dive();
   for (std::size_t i = 0; i < dive.dvl.size(); ++i) {
     const Stamp stamp = dive.dvl[i].stamp;
@@ -65,39 +65,39 @@ TEST(DvlFindings, PingsLoggedSeveralTimesAreAWarning) {
     dive.dvl[i].stamp = stamp;
   }
   const Report report = examine(dive);
-  EXPECT_FINDING(report, "dvl0", "repeats", warning, "repeat the one before");
+  EXPECT_FINDING(report, "dvl0", "repeats", warning, "repeat the previous one");
   EXPECT_NEAR(test::value_of(report, "dvl0", "repeats", "fresh_hz"), 1.25, 0.02);
 }
 
-TEST(DvlFindings, FiguresOfMeritThatMeanNoSolutionAreANote) {
+TEST(DvlFindings, FigureOfMeritWithoutSolutionIsANote) {
   Dive dive = healthy_dive();
   for (std::size_t i = 0; i < dive.dvl.size(); i += 50) dive.dvl[i].figure_of_merit = 17.49;
   EXPECT_FINDING(examine(dive), "dvl0", "figure of merit", note, "no solution");
 }
 
-TEST(DvlFindings, BeamsInAnotherOrderBreakTheParity) {
+TEST(DvlFindings, WrongBeamOrderFailsParityCheck) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) std::swap(s.beams[1], s.beams[2]);
   EXPECT_FINDING(examine(dive), "dvl0", "beam parity", warning, "beam 0 opposite to beam 1");
 }
 
-TEST(DvlFindings, ABadBeamBreaksTheParity) {
+TEST(DvlFindings, BadBeamFailsParityCheck) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) s.beams[3]->velocity *= 0.2;
   EXPECT_FINDING(examine(dive), "dvl0", "beam parity", warning, "a beam is bad");
 }
 
-TEST(DvlFindings, BeamsTurnedAgainstTheVelocityAreNamedWithTheAngle) {
+TEST(DvlFindings, ReportsAngleBetweenBeamsAndVelocity) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) turn_beams(s);
   const Report report = examine(dive);
-  EXPECT_FINDING(report, "dvl0", "beams, velocity", warning, "turned by 180 deg about z");
+  EXPECT_FINDING(report, "dvl0", "beams, velocity", warning, "rotated by 180 deg about z");
   const Finding* found = report.find("dvl0", "beams, velocity");
   EXPECT_THAT(found->advice, testing::HasSubstr("[[0.270598, -0.270598, 0.923880]"));
   EXPECT_EQ(report.find("dvl0", "beam parity")->severity, Severity::ok);
 }
 
-TEST(DvlFindings, BeamsTurnedInTheRigTooAgree) {
+TEST(DvlFindings, RotatedBeamsAgreeWithRotatedRig) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) turn_beams(s);
   dive.rig.insert(dive.rig.rfind('}'),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The sensors against each other: what was put into a simulated dive is found in its data.
+// Fits between sensors recover the parameters of a simulated dive.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ void make_late(std::vector<DvlSample>& pings, double seconds) {
   for (DvlSample& s : pings) s.stamp = s.stamp + Duration::from_seconds(seconds);
 }
 
-// As the DVL would report it if it were mounted so.
+// Converts the pings to those of a DVL with another mounting.
 void mount(Dive& dive, const Eigen::Matrix3d& body_from_reported) {
   for (DvlSample& s : dive.dvl) {
     s.velocity = body_from_reported.inverse() * s.velocity;
@@ -31,8 +31,8 @@ void mount(Dive& dive, const Eigen::Matrix3d& body_from_reported) {
   }
 }
 
-// What an inertial navigation system makes that takes the DVL's stamps as late by `assumed_s`: its
-// own attitude with the velocity of another time.
+// Reference of an inertial navigation system that assumes the DVL's stamps are delayed by
+// `assumed_s`: correct attitude, time-shifted velocity.
 void set_reference(Dive& dive, double assumed_s) {
   Vector3d p = Vector3d::Zero();
   const Duration step = Duration::from_seconds(0.02);
@@ -61,7 +61,7 @@ Dive long_dive() {
   return dive;
 }
 
-TEST(DvlAgainstImu, FindsNothingWrongWhereNothingIs) {
+TEST(DvlAgainstImu, HasNoFindingsOnConsistentData) {
   const Report report = examine(healthy_dive());
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.0, 0.01);
   EXPECT_NEAR(value_of(report, "dvl0", "lever arm", "x_m"), test::kTrueLever.x(), 0.03);
@@ -72,7 +72,7 @@ TEST(DvlAgainstImu, FindsNothingWrongWhereNothingIs) {
   EXPECT_NEAR(value_of(report, "dvl0", "scale, imu", "high"), 1.0, 0.03);
 }
 
-TEST(DvlAgainstImu, FindsLateStamps) {
+TEST(DvlAgainstImu, FindsDelayedStamps) {
   Dive dive = healthy_dive();
   make_late(dive.dvl, 0.23);
   const Report report = examine(dive);
@@ -87,14 +87,14 @@ TEST(DvlAgainstImu, FindsEarlyStamps) {
   EXPECT_FINDING(examine(dive), "dvl0", "time, imu", warning, "early by 0.40 s");
 }
 
-TEST(DvlAgainstImu, IsContentWhenTheRigKnowsTheOffset) {
+TEST(DvlAgainstImu, IsOkWhenRigHasTheOffset) {
   Dive dive = healthy_dive();
   make_late(dive.dvl, 0.23);
   dive.rig.insert(dive.rig.rfind('}'), ", time_offset_s: 0.23");
   EXPECT_FINDING(examine(dive), "dvl0", "time, imu", ok, "late by 0.23 s");
 }
 
-TEST(DvlAgainstImu, FindsAWrongLeverArm) {
+TEST(DvlAgainstImu, FindsWrongLeverArm) {
   Dive dive = healthy_dive();
   dive.rig.replace(dive.rig.find("1,0,0,0.2"), 9, "1,0,0,-1.8");
   const Report report = examine(dive);
@@ -102,7 +102,7 @@ TEST(DvlAgainstImu, FindsAWrongLeverArm) {
   EXPECT_NEAR(value_of(report, "dvl0", "lever arm", "x_m"), 0.2, 0.03);
 }
 
-TEST(DvlAgainstImu, FindsAMountingThatIsALittleOff) {
+TEST(DvlAgainstImu, FindsSmallMountingError) {
   Dive dive = healthy_dive();
   mount(dive, so3::exp(Vector3d(0.0, 0.0, 0.15)).toRotationMatrix());
   const Report report = examine(dive);
@@ -110,7 +110,7 @@ TEST(DvlAgainstImu, FindsAMountingThatIsALittleOff) {
   EXPECT_NEAR(value_of(report, "dvl0", "mounting", "turn_deg"), 0.15 * 57.3, 0.5);
 }
 
-TEST(DvlAgainstImu, FindsAMountingThatIsWrong) {
+TEST(DvlAgainstImu, FindsLargeMountingError) {
   Dive dive = healthy_dive();
   mount(dive, so3::exp(Vector3d(0.0, 0.0, 1.5708)).toRotationMatrix());
   const Report report = examine(dive);
@@ -118,7 +118,7 @@ TEST(DvlAgainstImu, FindsAMountingThatIsWrong) {
   EXPECT_NEAR(value_of(report, "dvl0", "mounting", "turn_deg"), 90.0, 1.0);
 }
 
-TEST(DvlAgainstImu, FindsLeftHandedAxesUnderATurnedMounting) {
+TEST(DvlAgainstImu, FindsLeftHandedAxesWithRotatedMounting) {
   Dive dive = healthy_dive();
   const Eigen::Matrix3d turn = so3::exp(Vector3d(0.0, 0.0, 0.7854)).toRotationMatrix();
   mount(dive, turn * Vector3d(1, 1, -1).asDiagonal());
@@ -129,7 +129,7 @@ TEST(DvlAgainstImu, FindsLeftHandedAxesUnderATurnedMounting) {
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.01);
 }
 
-TEST(DvlAgainstImu, IsContentWhenTheRigKnowsTheSigns) {
+TEST(DvlAgainstImu, IsOkWhenRigHasTheSigns) {
   Dive dive = healthy_dive();
   mount(dive, Vector3d(1, 1, -1).asDiagonal());
   dive.rig.insert(dive.rig.rfind('}'), ", axis_signs: [1, 1, -1]");
@@ -138,13 +138,13 @@ TEST(DvlAgainstImu, IsContentWhenTheRigKnowsTheSigns) {
   EXPECT_EQ(value_of(report, "dvl0", "mounting", "reversed"), 0.0);
 }
 
-TEST(DvlAgainstImu, TellsAnAccelerometerThatReportsGravity) {
+TEST(DvlAgainstImu, DetectsAccelerometerReportingGravity) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) s.accel = -s.accel;
   EXPECT_FINDING(examine(dive), "dvl0", "mounting", error, "an accelerometer that reports gravity");
 }
 
-TEST(DvlAgainstImu, FindsAWrongScale) {
+TEST(DvlAgainstImu, FindsWrongScale) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) s.velocity *= 1.15;
   const Report report = examine(dive);
@@ -152,7 +152,7 @@ TEST(DvlAgainstImu, FindsAWrongScale) {
   EXPECT_NEAR(value_of(report, "dvl0", "scale, imu", "low"), 1.0 / 1.15, 0.03);
 }
 
-TEST(DvlAgainstImu, SaysWhenMotionIsTooLittle) {
+TEST(DvlAgainstImu, ReportsInsufficientMotion) {
   Dive dive = healthy_dive();
   Random random(4);
   for (ImuSample& s : dive.imu) {
@@ -161,10 +161,10 @@ TEST(DvlAgainstImu, SaysWhenMotionIsTooLittle) {
   }
   for (DvlSample& s : dive.dvl)
     s.velocity = Vector3d(0.5, 0, 0) + test::normal_vector(random, 0.003);
-  EXPECT_FINDING(examine(dive), "dvl0", "time, imu", note, "cannot be told");
+  EXPECT_FINDING(examine(dive), "dvl0", "time, imu", note, "cannot be estimated");
 }
 
-TEST(DvlAgainstDepth, FindsLateStamps) {
+TEST(DvlAgainstDepth, FindsDelayedStamps) {
   Dive dive = healthy_dive();
   test::add_depth(dive);
   make_late(dive.dvl, 0.15);
@@ -173,14 +173,14 @@ TEST(DvlAgainstDepth, FindsLateStamps) {
   EXPECT_NEAR(value_of(report, "dvl0", "time, depth0", "time_offset_s"), 0.15, 0.03);
 }
 
-TEST(DvlAgainstDepth, FindsHeightsInPlaceOfDepths) {
+TEST(DvlAgainstDepth, FindsHeightsInsteadOfDepths) {
   Dive dive = healthy_dive();
   test::add_depth(dive);
-  for (DepthSample& s : dive.depth) s.depth_m = 20.0 - s.depth_m;
+  for (PressureDepthSample& s : dive.depth) s.depth_m = 20.0 - s.depth_m;
   EXPECT_FINDING(examine(dive), "depth0", "sign", error, "depth falls when the DVL goes down");
 }
 
-TEST(DvlAgainstReference, FindsLateStamps) {
+TEST(DvlAgainstReference, FindsDelayedStamps) {
   Dive dive = long_dive();
   set_reference(dive, 0.0);
   make_late(dive.dvl, 0.3);
@@ -190,7 +190,7 @@ TEST(DvlAgainstReference, FindsLateStamps) {
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.3, 0.02);
 }
 
-TEST(DvlAgainstReference, SaysWhatItMeansWhenTheImuDisagrees) {
+TEST(DvlAgainstReference, ExplainsDisagreementWithImu) {
   Dive dive = long_dive();
   set_reference(dive, 0.5);
   const Report report = examine(dive);
@@ -199,14 +199,14 @@ TEST(DvlAgainstReference, SaysWhatItMeansWhenTheImuDisagrees) {
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.0, 0.02);
 }
 
-TEST(DvlAgainstReference, IsLeftOutWhenTheReferenceIsShort) {
+TEST(DvlAgainstReference, IsSkippedForShortReference) {
   Dive dive = long_dive();
   set_reference(dive, 0.0);
   dive.reference.resize(60);
   EXPECT_EQ(examine(dive).find("dvl0", "time, reference"), nullptr);
 }
 
-TEST(InertialPath, CarriesAttitudeAndForceOfTheSpline) {
+TEST(InertialPath, MatchesAttitudeAndForceOfSpline) {
   const Se3Spline spline = test::wavy_spline(2, 30.0);
   const Vector3d gravity(0.0, 0.0, -9.80665);
   const InertialPath path(test::imu_along(spline, gravity, 200.0));
@@ -217,13 +217,13 @@ TEST(InertialPath, CarriesAttitudeAndForceOfTheSpline) {
   const Eigen::Quaterniond turned =
       first.T_world_body.rotation.conjugate() * later.T_world_body.rotation;
   EXPECT_LT(so3::angle_between(state->R_start_body, turned), 0.02);
-  const Vector3d felt = first.T_world_body.rotation.conjugate() *
-                        (later.velocity_world - first.velocity_world - 5.0 * gravity);
-  EXPECT_LT((state->force_integral - felt).norm(), 0.3);
+  const Vector3d force_change = first.T_world_body.rotation.conjugate() *
+                                (later.velocity_world - first.velocity_world - 5.0 * gravity);
+  EXPECT_LT((state->force_integral - force_change).norm(), 0.3);
   EXPECT_LT((*path.rate_at(5.0) - later.angular_velocity_body).norm(), 0.02);
 }
 
-TEST(InertialPath, KnowsItsGapsAndEnds) {
+TEST(InertialPath, IsEmptyInGapsAndOutsideSpan) {
   std::vector<ImuSample> samples = test::imu_along(test::wavy_spline(2, 30.0), {0, 0, -9.8}, 100.0);
   samples.erase(samples.begin() + 1000, samples.begin() + 1100);
   const InertialPath path(samples);
@@ -231,24 +231,24 @@ TEST(InertialPath, KnowsItsGapsAndEnds) {
   EXPECT_FALSE(path.at(10.5));
   EXPECT_FALSE(path.at(1e9));
   EXPECT_FALSE(path.at(std::numeric_limits<double>::quiet_NaN()));
-  EXPECT_TRUE(path.unbroken(1.0, 9.0));
-  EXPECT_FALSE(path.unbroken(9.0, 12.0));
+  EXPECT_TRUE(path.is_continuous(1.0, 9.0));
+  EXPECT_FALSE(path.is_continuous(9.0, 12.0));
 }
 
-TEST(Scan, RefinesAMinimumByAParabola) {
+TEST(Scan, RefinesMinimumWithParabola) {
   const std::vector<double> at = steps(-1.0, 1.0, 0.1);
   std::vector<double> values;
   values.reserve(at.size());
   for (const double x : at) values.push_back((x - 0.234) * (x - 0.234) + 2.0);
-  const Minimum m = lowest(at, values);
+  const Minimum m = find_minimum(at, values);
   EXPECT_TRUE(m.inside);
   EXPECT_NEAR(m.at, 0.234, 1e-9);
   EXPECT_NEAR(m.value, 2.0, 1e-9);
 }
 
-TEST(Scan, TellsThatTheLowestIsAtTheEnd) {
-  EXPECT_FALSE(lowest({0.0, 1.0, 2.0}, {3.0, 2.0, 1.0}).inside);
-  EXPECT_FALSE(lowest({0.0}, {3.0}).inside);
+TEST(Scan, ReportsMinimumAtTheEnd) {
+  EXPECT_FALSE(find_minimum({0.0, 1.0, 2.0}, {3.0, 2.0, 1.0}).inside);
+  EXPECT_FALSE(find_minimum({0.0}, {3.0}).inside);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ using test::Dive;
 using test::examine;
 using test::healthy_dive;
 
-TEST(HealthyDive, HasNoFindingsButOnesThatAreFine) {
+TEST(HealthyDive, HasOnlyOkFindings) {
   Dive dive = healthy_dive();
   test::add_depth(dive);
   test::add_pressure(dive);
@@ -42,16 +42,16 @@ TEST(ImuFindings, AccelerationsWithoutGravityAreAnError) {
     s.accel -= dive.spline.at(s.stamp).T_world_body.rotation.conjugate() *
                Eigen::Vector3d(0.0, 0.0, 9.80665);
   }
-  EXPECT_FINDING(examine(dive), "imu0", "gravity", error, "taken out");
+  EXPECT_FINDING(examine(dive), "imu0", "gravity", error, "removed");
 }
 
-TEST(ImuFindings, ABadScaleOfTheAccelerometerIsAWarning) {
+TEST(ImuFindings, WrongAccelerometerScaleIsAWarning) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) s.accel *= 1.06;
   EXPECT_FINDING(examine(dive), "imu0", "gravity", warning, "calibration");
 }
 
-TEST(ImuFindings, AnImuUpsideDownIsAWarning) {
+TEST(ImuFindings, ImuUpsideDownIsAWarning) {
   Dive dive = healthy_dive();
   const Eigen::DiagonalMatrix<double, 3> turned(1.0, -1.0, -1.0);
   for (ImuSample& s : dive.imu) {
@@ -61,7 +61,7 @@ TEST(ImuFindings, AnImuUpsideDownIsAWarning) {
   EXPECT_FINDING(examine(dive), "imu0", "up", warning, "upside down");
 }
 
-TEST(ImuFindings, AnImuOnItsSideIsANote) {
+TEST(ImuFindings, ImuOnItsSideIsANote) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) {
     s.accel = Eigen::Vector3d(s.accel.z(), s.accel.y(), -s.accel.x());
@@ -70,32 +70,32 @@ TEST(ImuFindings, AnImuOnItsSideIsANote) {
   EXPECT_FINDING(examine(dive), "imu0", "up", note, "not vertical");
 }
 
-TEST(ImuFindings, AGyroInDegreesIsAnError) {
+TEST(ImuFindings, GyroInDegreesIsAnError) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) s.gyro *= 57.29578;
   const Report report = examine(dive);
   EXPECT_FINDING(report, "imu0", "gyro unit", error, "0.0174533");
   EXPECT_FINDING(report, "imu0", "gyro, gravity", error, "deg/s");
-  EXPECT_FINDING(report, "dvl0", "time, imu", note, "not compared");
+  EXPECT_FINDING(report, "dvl0", "time, imu", note, "not checked");
 }
 
-TEST(ImuFindings, AGyroThatTurnsTheOtherWayIsAnError) {
+TEST(ImuFindings, ReversedGyroIsAnError) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) s.gyro = -s.gyro;
-  EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", error, "sense of turning");
+  EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", error, "sense of rotation");
 }
 
-TEST(ImuFindings, ANoisyGyroAtRestIsFine) {
+TEST(ImuFindings, NoisyGyroAtRestIsOk) {
   Dive dive = healthy_dive();
   Random random(9);
   for (ImuSample& s : dive.imu) {
     s.gyro = test::normal_vector(random, 0.1);
     s.accel = Eigen::Vector3d(0.0, 0.0, 9.80665) + test::normal_vector(random, 0.05);
   }
-  EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", ok, "carried by the gyro");
+  EXPECT_FINDING(examine(dive), "imu0", "gyro, gravity", ok, "rotated by the gyro");
 }
 
-TEST(ImuFindings, AnotherRateThanNominalIsAWarning) {
+TEST(ImuFindings, WrongRateIsAWarning) {
   Dive dive = healthy_dive();
   dive.rig.replace(dive.rig.find("rate_hz: 100"), 12, "rate_hz: 200");
   const Report report = examine(dive);
@@ -103,7 +103,7 @@ TEST(ImuFindings, AnotherRateThanNominalIsAWarning) {
   EXPECT_NEAR(test::value_of(report, "imu0", "rate", "median_hz"), 100.0, 0.01);
 }
 
-TEST(ImuFindings, AGapIsAWarningThatSaysWhenAndHowLong) {
+TEST(ImuFindings, GapIsAWarningWithTimeAndLength) {
   Dive dive = healthy_dive();
   dive.imu.erase(dive.imu.begin() + 2000, dive.imu.begin() + 2100);
   const Report report = examine(dive);
@@ -111,12 +111,12 @@ TEST(ImuFindings, AGapIsAWarningThatSaysWhenAndHowLong) {
   EXPECT_NEAR(test::value_of(report, "imu0", "gaps", "longest_s"), 1.01, 1e-6);
 }
 
-TEST(ImuFindings, StampsOfArrivalAreANote) {
+TEST(ImuFindings, ArrivalTimeStampsAreANote) {
   Dive dive = healthy_dive();
   Random random(3);
   for (ImuSample& s : dive.imu)
     s.stamp = s.stamp + Duration::from_seconds(random.uniform(0, 0.009));
-  EXPECT_FINDING(examine(dive), "imu0", "jitter", note, "times of arrival");
+  EXPECT_FINDING(examine(dive), "imu0", "jitter", note, "arrival times");
 }
 
 TEST(ImuFindings, RepeatedSamplesAreAWarning) {
@@ -126,11 +126,11 @@ TEST(ImuFindings, RepeatedSamplesAreAWarning) {
     dive.imu[i].accel = dive.imu[i - 1].accel;
   }
   const Report report = examine(dive);
-  EXPECT_FINDING(report, "imu0", "repeats", warning, "repeat the one before");
+  EXPECT_FINDING(report, "imu0", "repeats", warning, "repeat the previous one");
   EXPECT_NEAR(test::value_of(report, "imu0", "repeats", "fresh_hz"), 50.0, 0.5);
 }
 
-TEST(ImuFindings, AnImuThatHangsIsAnError) {
+TEST(ImuFindings, FrozenImuIsAnError) {
   Dive dive = healthy_dive();
   for (ImuSample& s : dive.imu) {
     s.gyro = dive.imu.front().gyro;
@@ -139,7 +139,7 @@ TEST(ImuFindings, AnImuThatHangsIsAnError) {
   EXPECT_FINDING(examine(dive), "imu0", "repeats", error, "hangs");
 }
 
-TEST(ImuFindings, DroppedSamplesAreCountedByTheirReason) {
+TEST(ImuFindings, CountsDroppedSamplesByReason) {
   Dive dive = healthy_dive();
   std::swap(dive.imu[500], dive.imu[501]);
   dive.imu[700].stamp = dive.imu[699].stamp;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What careful study of real recordings found, the doctor finds by itself.
+// Known problems of real recordings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ Report examine_folder(const std::filesystem::path& path) {
 
 class Akit : public testing::TestWithParam<const char*> {};
 
-TEST_P(Akit, TheDvlTicksAndSitsOtherwiseForTheImuThanForTheReference) {
+TEST_P(Akit, DvlCalibrationDiffersBetweenImuAndReference) {
   APVI_NEEDS_DATA(path, GetParam());
   const Report report = examine_folder(path);
   EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);
@@ -40,7 +40,7 @@ INSTANTIATE_TEST_SUITE_P(Runs, Akit,
 
 class Sonia : public testing::TestWithParam<const char*> {};
 
-TEST_P(Sonia, TheDvlIsLeftHandedTurnedAndLate) {
+TEST_P(Sonia, DvlIsLeftHandedRotatedAndDelayed) {
   APVI_NEEDS_DATA(path, GetParam());
   const Report report = examine_folder(path);
   EXPECT_FINDING(report, "dvl0", "mounting", error, "left-handed, signs (1, 1, -1)");
@@ -50,17 +50,17 @@ TEST_P(Sonia, TheDvlIsLeftHandedTurnedAndLate) {
 
 INSTANTIATE_TEST_SUITE_P(Runs, Sonia, testing::Values("sonia_pool_square", "sonia_pool_circle"));
 
-TEST(Blueye, RepeatsImuSamplesAndItsTurnedBeamsAgreeWithTheRig) {
+TEST(Blueye, ImuSamplesRepeatAndRotatedBeamsAgreeWithRig) {
   APVI_NEEDS_DATA(path, "blueye_auto_square");
   const Report report = examine_folder(path);
   EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);
-  EXPECT_FINDING(report, "imu0", "repeats", warning, "repeat the one before");
+  EXPECT_FINDING(report, "imu0", "repeats", warning, "repeat the previous one");
   EXPECT_FINDING(report, "dvl0", "beams, velocity", ok, "agree");
   EXPECT_LT(value_of(report, "dvl0", "beam parity", "rms_m_s"), 0.006);
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.1);
 }
 
-TEST(Euroc, FindsWhatWasPutIntoTheSynthesisedDvl) {
+TEST(Euroc, FindsWhatWasPutIntoTheSynthesizedDvl) {
   APVI_NEEDS_DATA(path, "euroc_mh01_apvi");
   const Report report = examine_folder(path);
   EXPECT_EQ(report.count(Severity::error), 0u) << to_text(report);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/doctor/report.hpp"
+#include "doctor/report.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ Report example() {
   return report;
 }
 
-TEST(Report, CountsAndFindsItsFindings) {
+TEST(Report, CountsAndFindsFindings) {
   const Report report = example();
   EXPECT_EQ(report.count(Severity::error), 1u);
   EXPECT_EQ(report.count(Severity::warning), 0u);
@@ -56,7 +56,7 @@ TEST(ReportJson, IsOneObjectWithNumbersAndNullForNan) {
   EXPECT_EQ(json.at("findings")[1].at("severity"), "error");
 }
 
-TEST(ReportJson, SurvivesBytesThatAreNoText) {
+TEST(ReportJson, HandlesNonUtf8Bytes) {
   Report report = example();
   report.dataset = "a\xff\xfe";
   EXPECT_NO_THROW(nlohmann::json::parse(to_json(report)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/association.hpp"
+#include "eval/association.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Poses that move along x at 1 m/s, at the given seconds.
+// Poses moving along x at 1 m/s, at the given times [s].
 Trajectory along_x(const std::vector<double>& seconds) {
   Trajectory t;
   for (const double s : seconds) {
@@ -29,7 +29,7 @@ Trajectory every(double period_s, double from_s, double to_s) {
 constexpr AssociationOptions kNearest{
     .mode = Association::nearest, .max_difference_s = 0.01, .max_gap_s = 2.0};
 
-TEST(Association, ASlowReferenceMeetsAFastEstimateAtItsOwnStamps) {
+TEST(Association, InterpolatesDenserEstimateAtReferenceStamps) {
   const Trajectory reference = every(1.0, 0.37, 9.37);
   const auto pairs = associate(reference, every(0.19, 0.0, 10.0), {});
   ASSERT_EQ(pairs.size(), reference.size());
@@ -40,7 +40,7 @@ TEST(Association, ASlowReferenceMeetsAFastEstimateAtItsOwnStamps) {
   EXPECT_LT(associate(reference, every(0.19, 0.0, 10.0), kNearest).size(), reference.size());
 }
 
-TEST(Association, AFastReferenceIsInterpolatedAtTheStampsOfTheEstimate) {
+TEST(Association, InterpolatesDenserReferenceAtEstimateStamps) {
   const Trajectory estimate = every(0.5, 0.123, 9.0);
   const auto pairs = associate(every(0.005, 0.0, 10.0), estimate, {});
   ASSERT_EQ(pairs.size(), estimate.size());
@@ -48,14 +48,14 @@ TEST(Association, AFastReferenceIsInterpolatedAtTheStampsOfTheEstimate) {
   EXPECT_NEAR(pairs[3].reference.translation.x(), pairs[3].estimate.translation.x(), 1e-9);
 }
 
-TEST(Association, DensityIsJudgedWhereBothAreThere) {
+TEST(Association, ComparesDensityWithinOverlap) {
   // 20 estimates within 2 s against 100 references within 100 s: the reference is the sparse one.
   const auto pairs = associate(every(1.0, 0.0, 100.0), every(0.1, 50.05, 52.05), {});
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(pairs[0].stamp, Stamp{51'000'000'000});
 }
 
-TEST(Association, NothingIsMadeUpInsideALongGap) {
+TEST(Association, DoesNotInterpolateInLongGaps) {
   const auto pairs =
       associate(every(1.0, 0.0, 9.0), along_x({0, 0.5, 1, 1.5, 2, 5.5, 6, 7, 8, 9}), {});
   std::vector<double> seconds;
@@ -63,7 +63,7 @@ TEST(Association, NothingIsMadeUpInsideALongGap) {
   EXPECT_THAT(seconds, testing::ElementsAre(0, 1, 2, 6, 7, 8, 9));
 }
 
-TEST(Association, NearestTakesTheClosestWithinTheLimit) {
+TEST(Association, NearestMatchesClosestWithinLimit) {
   const auto pairs =
       associate(along_x({0.0, 1.0, 2.0}), along_x({0.009, 0.995, 1.004, 2.011}), kNearest);
   ASSERT_EQ(pairs.size(), 2u);
@@ -71,20 +71,20 @@ TEST(Association, NearestTakesTheClosestWithinTheLimit) {
   EXPECT_DOUBLE_EQ(pairs[1].estimate.translation.x(), 1.004);
 }
 
-TEST(Association, NearestStartsFromTheOneWithFewerPosesAndMayTakeAPoseTwice) {
+TEST(Association, NearestStartsFromSparserTrajectoryAndMayReusePoses) {
   const auto pairs = associate(along_x({0.0, 1.0, 2.0, 3.0}), along_x({0.995, 1.005}), kNearest);
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_DOUBLE_EQ(pairs[0].reference.translation.x(), 1.0);
   EXPECT_DOUBLE_EQ(pairs[1].reference.translation.x(), 1.0);
 }
 
-TEST(Association, OfTwoEquallyNearPosesTheEarlierIsTaken) {
+TEST(Association, NearestPrefersEarlierOfTwoEquallyNearPoses) {
   const auto pairs = associate(along_x({1.0}), along_x({0.995, 1.005}), kNearest);
   ASSERT_EQ(pairs.size(), 1u);
   EXPECT_DOUBLE_EQ(pairs[0].estimate.translation.x(), 0.995);
 }
 
-TEST(Association, NothingInCommonGivesNoPairs) {
+TEST(Association, NoOverlapGivesNoPairs) {
   for (const AssociationOptions& options : {AssociationOptions{}, kNearest}) {
     EXPECT_TRUE(associate(every(1, 0, 5), every(1, 10, 15), options).empty());
     EXPECT_TRUE(associate(every(1, 10, 15), every(1, 0, 5), options).empty());
@@ -97,7 +97,7 @@ TEST(Coverage, IsOneWhenTheEstimateSpansTheReference) {
   EXPECT_DOUBLE_EQ(coverage(every(1, 2, 8), every(0.5, 0, 10), 2.0), 1.0);
 }
 
-TEST(Coverage, LeavesOutGapsAndMissingEnds) {
+TEST(Coverage, ExcludesGapsAndMissingEnds) {
   const Trajectory reference = every(1, 0, 10);
   EXPECT_NEAR(coverage(reference, every(0.5, 2, 7), 2.0), 0.5, 1e-9);
   EXPECT_NEAR(coverage(reference, along_x({0, 1, 2, 5, 6, 7, 8, 9, 10}), 2.0), 0.7, 1e-9);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `apvi eval` as its users meet it: status, standard output, one line of error.
+// The command `apvi eval`: exit status, standard output, error message.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "apvi/eval/trajectory_metrics.hpp"
 #include "apvi/io/tum.hpp"
 #include "eval/synthetic_pair.hpp"
+#include "eval/trajectory_metrics.hpp"
 #include "support/run_program.hpp"
 
 namespace apvi::eval {
@@ -50,14 +50,14 @@ class EvalTrajectory : public testing::Test {
   std::filesystem::path estimate_ = dir_.path() / "estimate.tum";
 };
 
-TEST_F(EvalTrajectory, PrintsATable) {
+TEST_F(EvalTrajectory, PrintsTable) {
   const ProgramResult result = evaluate_files();
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_EQ(result.err, "");
   EXPECT_THAT(result.out, HasSubstr("ATE RMSE [m]                                 0.3636\n"));
 }
 
-TEST_F(EvalTrajectory, PrintsNothingButJsonWhenAskedTo) {
+TEST_F(EvalTrajectory, JsonOptionPrintsOnlyJson) {
   const ProgramResult result = evaluate_files({"--json"});
   ASSERT_EQ(result.status, 0) << result.err;
   const auto figures = json::parse(result.out).at("trajectory");
@@ -66,7 +66,7 @@ TEST_F(EvalTrajectory, PrintsNothingButJsonWhenAskedTo) {
   EXPECT_NEAR(figures.at("rpe_1s_rmse_m").get<double>(), expected.rpe_time.value->rmse, 1e-8);
 }
 
-TEST_F(EvalTrajectory, TakesAlignmentAndAssociationFromTheCommandLine) {
+TEST_F(EvalTrajectory, AcceptsAlignmentAndAssociationOptions) {
   const ProgramResult result = evaluate_files(
       {"--json", "--align", "yaw", "--associate", "nearest", "--max-difference", "0.002"});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -79,37 +79,37 @@ TEST_F(EvalTrajectory, TakesAlignmentAndAssociationFromTheCommandLine) {
   EXPECT_NEAR(figures.at("ate_rmse_m").get<double>(), expected.ate.value->rmse, 1e-8);
 }
 
-TEST_F(EvalTrajectory, RefusesWordsItDoesNotKnow) {
+TEST_F(EvalTrajectory, RejectsUnknownOptionValues) {
   const ProgramResult result = evaluate_files({"--align", "sim3"});
   EXPECT_EQ(result.status, 2);
   EXPECT_THAT(result.err, HasSubstr("sim3"));
 }
 
-TEST_F(EvalTrajectory, NamesAFileThatIsMissing) {
+TEST_F(EvalTrajectory, ReportsMissingFile) {
   std::filesystem::remove(estimate_);
   expect_input_error(evaluate_files(), estimate_.string());
 }
 
-TEST_F(EvalTrajectory, SaysHowFarApartTheClocksAre) {
+TEST_F(EvalTrajectory, ReportsTimeDistanceWithoutOverlap) {
   Trajectory other_clock = pair_.estimate;
   for (StampedPose& pose : other_clock.poses) pose.stamp = pose.stamp + Duration{100'000'000'000};
   io::write_tum(estimate_, other_clock);
   expect_input_error(evaluate_files(), "s apart)");
 }
 
-TEST_F(EvalTrajectory, SaysHowManyPosesMatchedWhenTheyAreTooFew) {
+TEST_F(EvalTrajectory, ReportsNumberOfMatchesWhenTooFew) {
   expect_input_error(evaluate_files({"--associate", "nearest", "--max-difference", "1e-9"}),
                      "poses match the reference, 3 are needed");
 }
 
-TEST_F(EvalTrajectory, NeedsBothFiles) {
+TEST_F(EvalTrajectory, RequiresBothFiles) {
   const ProgramResult result = apvi_eval({"trajectory", "--estimate", estimate_.string()});
   EXPECT_EQ(result.status, 2);
   EXPECT_THAT(result.err, HasSubstr("--reference"));
 }
 
-// A run over a data set with a planar reference in another world, as an underwater vehicle with
-// GNSS.
+// A run on a dataset with a planar reference in another world frame, as for an underwater vehicle
+// with GNSS.
 class EvalRun : public testing::Test {
  protected:
   EvalRun() {
@@ -141,7 +141,7 @@ class EvalRun : public testing::Test {
   std::filesystem::path run_ = dir_.path() / "run";
 };
 
-TEST_F(EvalRun, FindsTheReferenceOfItsDataSetAndTurnsTheWorlds) {
+TEST_F(EvalRun, LoadsReferenceOfDatasetAndConvertsWorldFrames) {
   dir_.write("run/metrics.json", R"({"speed": {"wall_s": 1.5}})");
   const ProgramResult result = apvi_eval({run_.string(), "--json"});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -154,7 +154,7 @@ TEST_F(EvalRun, FindsTheReferenceOfItsDataSetAndTurnsTheWorlds) {
   EXPECT_EQ(json::parse(test::read_file(run_ / "metrics.json")), metrics);
 }
 
-TEST_F(EvalRun, CountsOnlyTheSpanThatTheRunHasSeen) {
+TEST_F(EvalRun, EvaluatesOnlyTheProcessedSpan) {
   write_resolved(", duration_s: 10");
   Trajectory part = io::read_trajectory(run_ / "trajectory.tum");
   part.poses.resize(101);
@@ -164,7 +164,7 @@ TEST_F(EvalRun, CountsOnlyTheSpanThatTheRunHasSeen) {
   EXPECT_NEAR(json::parse(result.out)["trajectory"]["coverage"].get<double>(), 1.0, 1e-9);
 }
 
-TEST_F(EvalRun, ComparesAsTheRunsConfigurationSaysUnlessToldOtherwise) {
+TEST_F(EvalRun, UsesOptionsOfRunUnlessOverridden) {
   std::ofstream(run_ / "resolved.yaml", std::ios::app) << "eval: {align: none, max_gap_s: 0.01}\n";
   const json as_configured = json::parse(apvi_eval({run_.string(), "--json"}).out)["trajectory"];
   EXPECT_EQ(as_configured.at("coverage"), 0.0);
@@ -173,7 +173,7 @@ TEST_F(EvalRun, ComparesAsTheRunsConfigurationSaysUnlessToldOtherwise) {
   EXPECT_EQ(told.at("coverage"), 1.0);
 }
 
-TEST_F(EvalRun, TakesAnotherReferenceAndStillKnowsItsWorld) {
+TEST_F(EvalRun, AcceptsOtherReferenceWithItsWorldFrame) {
   std::filesystem::copy(dir_.path() / "data/mav0/gnss0/data.csv", dir_.path() / "better.csv");
   const ProgramResult result =
       apvi_eval({run_.string(), "--reference", (dir_.path() / "better.csv").string(), "--json"});
@@ -181,7 +181,7 @@ TEST_F(EvalRun, TakesAnotherReferenceAndStillKnowsItsWorld) {
   EXPECT_LT(json::parse(result.out)["trajectory"]["ate_rmse_m"].get<double>(), 1e-6);
 }
 
-TEST_F(EvalRun, WithoutAReferenceTellsHowTheRunCloses) {
+TEST_F(EvalRun, EvaluatesEndToStartWithoutReference) {
   std::filesystem::remove_all(dir_.path() / "data/mav0/gnss0");
   const ProgramResult result = apvi_eval({run_.string(), "--json"});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -191,7 +191,7 @@ TEST_F(EvalRun, WithoutAReferenceTellsHowTheRunCloses) {
   EXPECT_FALSE(figures.contains("coverage"));
 }
 
-TEST_F(EvalRun, LeavesOutAnEstimatorThatNeverStarted) {
+TEST_F(EvalRun, SkipsEstimatorThatNeverStarted) {
   dir_.write("run/vio.tum", "");
   const ProgramResult result = apvi_eval({run_.string(), "--json"});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -199,7 +199,7 @@ TEST_F(EvalRun, LeavesOutAnEstimatorThatNeverStarted) {
   EXPECT_THAT(result.err, HasSubstr("vio.tum"));
 }
 
-TEST_F(EvalRun, NamesWhatIsMissing) {
+TEST_F(EvalRun, ReportsMissingInputs) {
   std::filesystem::remove(run_ / "resolved.yaml");
   expect_input_error(apvi_eval({run_.string()}), "resolved.yaml");
   std::filesystem::remove(run_ / "trajectory.tum");
@@ -207,7 +207,7 @@ TEST_F(EvalRun, NamesWhatIsMissing) {
   expect_input_error(apvi_eval({(dir_.path() / "nowhere").string()}), "nowhere");
 }
 
-TEST_F(EvalRun, SaysWhenTheDataSetHasMovedAway) {
+TEST_F(EvalRun, ReportsMissingDataset) {
   std::filesystem::rename(dir_.path() / "data", dir_.path() / "moved");
   expect_input_error(apvi_eval({run_.string()}), (dir_.path() / "data").string());
 }

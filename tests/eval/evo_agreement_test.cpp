@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Figures of the Python package evo (https://github.com/MichaelGrupp/evo) that ours must equal.
+// Agreement with the Python package evo (https://github.com/MichaelGrupp/evo).
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "apvi/eval/trajectory_metrics.hpp"
 #include "apvi/io/tum.hpp"
 #include "eval/synthetic_pair.hpp"
+#include "eval/trajectory_metrics.hpp"
 #include "support/test_data.hpp"
 
 namespace apvi::eval {
@@ -21,14 +21,14 @@ EvalOptions options_with(Association mode) {
   return options;
 }
 
-void expect_statistics(const Figure& figure, const Statistics& expected) {
-  ASSERT_TRUE(figure.value.has_value()) << to_string(figure.reason);
-  EXPECT_NEAR(figure.value->rmse, expected.rmse, kTolerance);
-  EXPECT_NEAR(figure.value->mean, expected.mean, kTolerance);
-  EXPECT_NEAR(figure.value->median, expected.median, kTolerance);
-  EXPECT_NEAR(figure.value->std, expected.std, kTolerance);
-  EXPECT_NEAR(figure.value->min, expected.min, kTolerance);
-  EXPECT_NEAR(figure.value->max, expected.max, kTolerance);
+void expect_statistics(const ErrorMetric& metric, const Statistics& expected) {
+  ASSERT_TRUE(metric.value.has_value()) << to_string(metric.reason);
+  EXPECT_NEAR(metric.value->rmse, expected.rmse, kTolerance);
+  EXPECT_NEAR(metric.value->mean, expected.mean, kTolerance);
+  EXPECT_NEAR(metric.value->median, expected.median, kTolerance);
+  EXPECT_NEAR(metric.value->std, expected.std, kTolerance);
+  EXPECT_NEAR(metric.value->min, expected.min, kTolerance);
+  EXPECT_NEAR(metric.value->max, expected.max, kTolerance);
 }
 
 // `synthetic_pair` written as TUM files, evo 1.37.0: evo_ape tum ref est -a
@@ -67,7 +67,7 @@ constexpr Statistics kEvo137Rpe10mAllPairs{.rmse = 0.7136447459049741,
                                            .min = 0.038190786661878605,
                                            .max = 1.3496471225117388};
 
-TEST(EvoAgreement, NearestAssociationGivesItsFigures) {
+TEST(EvoAgreement, NearestAssociationMatchesEvo) {
   const test::TrajectoryPair pair = test::synthetic_pair();
   const TrajectoryMetrics m =
       evaluate(pair.reference, pair.estimate, options_with(Association::nearest));
@@ -89,7 +89,7 @@ constexpr Statistics kEvo138ApeInterpolated{.rmse = 0.3635662125604316,
 // evo 1.38.1: evo_rpe tum ref est -d 10 -u m --all_pairs --sync_method interpolation
 constexpr double kEvo138Rpe10mAllPairsInterpolatedRmse = 0.7142707069578214;
 
-TEST(EvoAgreement, InterpolationGivesItsFigures) {
+TEST(EvoAgreement, InterpolationMatchesEvo) {
   const test::TrajectoryPair pair = test::synthetic_pair();
   const TrajectoryMetrics m = evaluate(pair.reference, pair.estimate);
   expect_statistics(m.ate, kEvo138ApeInterpolated);
@@ -101,7 +101,7 @@ TEST(EvoAgreement, InterpolationGivesItsFigures) {
 // s only: evenly sampled, so that ten frames are one second.
 constexpr double kEvo137RpeTenFramesRmse = 0.11138734930718479;
 
-TEST(EvoAgreement, OneSecondOfAnEvenlySampledEstimateIsTenFrames) {
+TEST(EvoAgreement, OneSecondEqualsTenFramesWhenEvenlySampled) {
   test::TrajectoryPair pair = test::synthetic_pair();
   pair.estimate = within(pair.estimate, Stamp::min(), pair.reference.poses[400].stamp);
   const TrajectoryMetrics m =
@@ -109,7 +109,7 @@ TEST(EvoAgreement, OneSecondOfAnEvenlySampledEstimateIsTenFrames) {
   EXPECT_NEAR(m.rpe_time.value->rmse, kEvo137RpeTenFramesRmse, kTolerance);
 }
 
-TEST(EvoAgreement, StoredResultsOfItsOwnTestDataAreReproduced) {
+TEST(EvoAgreement, ReproducesStoredEvoResults) {
   APVI_NEEDS_DATA(folder, "evo_reference");
   const auto expected = nlohmann::json::parse(std::ifstream(folder / "expected.json"));
   const Trajectory reference = io::read_trajectory(folder / "KITTI_00_gt.tum");

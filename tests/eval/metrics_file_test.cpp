@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/metrics_file.hpp"
+#include "eval/metrics_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ TrajectoryMetrics example() {
   return evaluate(pair.reference, pair.estimate);
 }
 
-TEST(MetricsJson, HasEveryFigureThatWasComputed) {
+TEST(MetricsJson, ContainsAllComputedMetrics) {
   const TrajectoryMetrics m = example();
   const Json json = to_json(m);
   EXPECT_EQ(json.at("ate_rmse_m").get<double>(), m.ate.value->rmse);
@@ -38,22 +38,22 @@ TEST(MetricsJson, HasEveryFigureThatWasComputed) {
   EXPECT_EQ(json.at("end_to_start_m").get<double>(), *m.end_to_start_m);
 }
 
-TEST(MetricsJson, LeavesOutWhatDoesNotApply) {
+TEST(MetricsJson, OmitsMetricsThatDoNotApply) {
   const auto pair = test::synthetic_pair();
-  const Json json = to_json(evaluate_alone(pair.estimate));
+  const Json json = to_json(evaluate_without_reference(pair.estimate));
   EXPECT_EQ(json.size(), 2u);
   EXPECT_TRUE(json.contains("end_to_start_m"));
   EXPECT_TRUE(json.contains("estimate_length_m"));
 }
 
-TEST(MetricsJson, PutsTheEstimatorsBesideTheFusedFigures) {
+TEST(MetricsJson, ContainsMetricsOfIndividualEstimators) {
   const Json json = to_json(RunTrajectories{.fused = example(), .dipo = example(), .vio = {}});
   EXPECT_TRUE(json.contains("ate_rmse_m"));
   EXPECT_EQ(json.at("dipo").at("ate_rmse_m"), json.at("ate_rmse_m"));
   EXPECT_FALSE(json.contains("vio"));
 }
 
-TEST(MetricsFile, KeepsTheSectionsThatItIsNotGivenAndReplacesTheOthers) {
+TEST(MetricsFile, MergeReplacesGivenSectionsAndKeepsOthers) {
   const test::TmpDir dir;
   const auto file =
       dir.write("metrics.json", R"({"speed": {"wall_s": 3.5}, "trajectory": {"ate_rmse_m": 9}})");
@@ -63,7 +63,7 @@ TEST(MetricsFile, KeepsTheSectionsThatItIsNotGivenAndReplacesTheOthers) {
   EXPECT_EQ(json.at("trajectory").dump(), R"({"coverage":0.5})");  // nothing stale
 }
 
-TEST(MetricsFile, IsMadeWhenItIsNotThereAndLeavesNothingElse) {
+TEST(MetricsFile, MergeCreatesMissingFile) {
   const test::TmpDir dir;
   merge_metrics(dir.path() / "metrics.json", {{"trajectory", {{"matched", 3}}}});
   EXPECT_EQ(read_metrics(dir.path() / "metrics.json").at("trajectory").at("matched"), 3);
@@ -71,7 +71,7 @@ TEST(MetricsFile, IsMadeWhenItIsNotThereAndLeavesNothingElse) {
   EXPECT_EQ(std::distance(begin(entries), end(entries)), 1);
 }
 
-TEST(MetricsFile, NeverHoldsANumberThatIsNotFinite) {
+TEST(MetricsFile, OmitsNonFiniteNumbers) {
   const test::TmpDir dir;
   const auto file = dir.path() / "metrics.json";
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -79,14 +79,14 @@ TEST(MetricsFile, NeverHoldsANumberThatIsNotFinite) {
   EXPECT_EQ(read_metrics(file).dump(), R"({"vio":{"failures":2}})");
 }
 
-TEST(MetricsFile, ReadsBackEveryDoubleExactly) {
+TEST(MetricsFile, RoundTripsDoublesExactly) {
   const test::TmpDir dir;
   const auto file = dir.path() / "metrics.json";
   merge_metrics(file, {{"speed", {{"wall_s", 0.1 + 0.2}}}});
   EXPECT_EQ(read_metrics(file).at("speed").at("wall_s").get<double>(), 0.1 + 0.2);
 }
 
-TEST(MetricsFile, ThatIsBrokenIsNamedAndLeftAlone) {
+TEST(MetricsFile, ReportsInvalidFileAndKeepsIt) {
   const test::TmpDir dir;
   const auto file = dir.write("metrics.json", "{\"trajectory\": ");
   EXPECT_THROW(read_metrics(file), InputError);
@@ -99,11 +99,11 @@ TEST(MetricsFile, ThatIsBrokenIsNamedAndLeftAlone) {
   EXPECT_EQ(test::read_file(file), "{\"trajectory\": ");
 }
 
-TEST(MetricsFile, ThatCannotBeWrittenIsARunError) {
+TEST(MetricsFile, ThrowsRunErrorWhenNotWritable) {
   EXPECT_THROW(merge_metrics("/nonexistent/metrics.json", Json::object()), RunError);
 }
 
-TEST(MetricsTable, SaysWhyAFigureIsMissing) {
+TEST(MetricsTable, ShowsReasonForMissingMetric) {
   auto pair = test::synthetic_pair();
   pair.reference.has_rotation = false;
   const std::string table =
@@ -114,10 +114,10 @@ TEST(MetricsTable, SaysWhyAFigureIsMissing) {
   EXPECT_THAT(table, testing::Not(HasSubstr("nan")));
 }
 
-TEST(MetricsTable, WithoutAReferenceShowsOnlyWhatIsKnown) {
+TEST(MetricsTable, ShowsOnlyKnownMetricsWithoutReference) {
   const auto pair = test::synthetic_pair();
   const std::string table =
-      to_table({.fused = evaluate_alone(pair.estimate), .dipo = {}, .vio = {}});
+      to_table({.fused = evaluate_without_reference(pair.estimate), .dipo = {}, .vio = {}});
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2);
   EXPECT_THAT(table, HasSubstr("end to start [m]"));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/statistics.hpp"
+#include "eval/statistics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 namespace apvi::eval {
 namespace {
 
-TEST(Statistics, OfASmallSetAreThoseWorkedOutByHand) {
+TEST(Statistics, MatchHandComputedValues) {
   const auto s = summarize({4.0, 1.0, 2.0, 5.0});
   ASSERT_TRUE(s.has_value());
   EXPECT_DOUBLE_EQ(s->mean, 3.0);
@@ -20,7 +20,7 @@ TEST(Statistics, OfASmallSetAreThoseWorkedOutByHand) {
   EXPECT_EQ(s->count, 4u);
 }
 
-TEST(Statistics, MedianOfAnOddCountIsTheMiddleOne) {
+TEST(Statistics, MedianOfOddCountIsMiddleValue) {
   EXPECT_EQ(summarize({9.0, 1.0, 2.0})->median, 2.0);
 }
 
@@ -29,11 +29,11 @@ TEST(Statistics, SquaredRmseIsSquaredMeanPlusVariance) {
   EXPECT_NEAR(s->rmse * s->rmse, s->mean * s->mean + s->std * s->std, 1e-12);
 }
 
-TEST(Statistics, SpreadSurvivesALargeMean) {
+TEST(Statistics, StdIsAccurateWithLargeMean) {
   EXPECT_NEAR(summarize({1e8 + 1.0, 1e8 - 1.0})->std, 1.0, 1e-7);
 }
 
-TEST(Statistics, OfNothingAreNothing) {
+TEST(Statistics, AreEmptyForNoErrors) {
   EXPECT_FALSE(summarize({}));
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `apvi sweep` as its users meet it: folders, tables, resuming, failures, Ctrl-C.
+// The command `apvi sweep`: folders, tables, resuming, failures, Ctrl-C.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <chrono>
 #include <thread>
 
-#include "apvi/core/child_process.hpp"
-#include "apvi/core/stopwatch.hpp"
+#include "core/child_process.hpp"
+#include "core/stopwatch.hpp"
 #include "support/dive_folder.hpp"
 #include "support/run_program.hpp"
 #include "support/source_dir.hpp"
@@ -51,7 +51,7 @@ const std::string kFour =
     "cases: {both: {}, without_depth: {sensors.use: [imu, dvl]}}\n"
     "seeds: 2\n";
 
-TEST_F(SweepCommand, RunsEveryCaseIntoAFolderAndOneTable) {
+TEST_F(SweepCommand, RunsAllCasesAndWritesTable) {
   const ProgramResult result = sweep(kFour, {"-j", "2"});
   EXPECT_EQ(result.status, 0) << result.err;
   for (const char* name : {"both/seed-1", "both/seed-2", "without_depth/seed-1"}) {
@@ -67,30 +67,30 @@ TEST_F(SweepCommand, RunsEveryCaseIntoAFolderAndOneTable) {
   EXPECT_EQ(count(csv, ",done,"), 4U);
 }
 
-TEST_F(SweepCommand, DoesNothingTwice) {
+TEST_F(SweepCommand, SkipsFinishedCases) {
   sweep(kFour);
   const auto first = fs::last_write_time(out_ / "both/seed-1/metrics.json");
   const ProgramResult again = sweep(kFour);
   EXPECT_EQ(again.status, 0);
-  EXPECT_THAT(again.err, HasSubstr("4 cases, 4 finished already"));
+  EXPECT_THAT(again.err, HasSubstr("4 cases, 4 already finished"));
   EXPECT_EQ(fs::last_write_time(out_ / "both/seed-1/metrics.json"), first);
   EXPECT_THAT(again.out, HasSubstr("| both | 2/2 |"));
 }
 
-TEST_F(SweepCommand, DoesAgainWhatHasChangedAndNothingElse) {
+TEST_F(SweepCommand, RerunsOnlyChangedCases) {
   sweep(kFour);
   const ProgramResult changed = sweep(
       "base: base.yaml\n"
-      "cases: {both: {}, without_depth: {sensors.use: [imu, dvl], dipo.gravity: 9.81}}\n"
+      "cases: {both: {}, without_depth: {sensors.use: [imu, dvl], localization.gravity: 9.81}}\n"
       "seeds: 2\n");
-  EXPECT_THAT(changed.err, HasSubstr("4 cases, 2 finished already"));
-  EXPECT_THAT(changed.err, Not(HasSubstr("both/seed-1: begins")));
-  EXPECT_THAT(changed.err, HasSubstr("without_depth/seed-1: begins"));
+  EXPECT_THAT(changed.err, HasSubstr("4 cases, 2 already finished"));
+  EXPECT_THAT(changed.err, Not(HasSubstr("both/seed-1: started")));
+  EXPECT_THAT(changed.err, HasSubstr("without_depth/seed-1: started"));
   fs::remove(out_ / "both/seed-2/metrics.json");
-  EXPECT_THAT(sweep(kFour).err, HasSubstr("both/seed-2: begins"));
+  EXPECT_THAT(sweep(kFour).err, HasSubstr("both/seed-2: started"));
 }
 
-TEST_F(SweepCommand, AFailedCaseIsARowWithItsReasonAndIsTriedAgain) {
+TEST_F(SweepCommand, FailedCaseIsReportedAndRetried) {
   const std::string text =
       "base: base.yaml\n"
       "cases: {good: {}, gone: {dataset.path: " +
@@ -103,12 +103,12 @@ TEST_F(SweepCommand, AFailedCaseIsARowWithItsReasonAndIsTriedAgain) {
   EXPECT_THAT(result.out, HasSubstr("* gone: exit status 2: "));
   EXPECT_THAT(read_file(out_ / "summary.csv"), HasSubstr("gone,,failed,"));
   const ProgramResult again = sweep(text);
-  EXPECT_THAT(again.err, HasSubstr("2 cases, 1 finished already"));
+  EXPECT_THAT(again.err, HasSubstr("2 cases, 1 already finished"));
   test::write_dive(dir_, "nowhere", {.duration_s = 12.0});
   EXPECT_EQ(sweep(text).status, 0);
 }
 
-TEST_F(SweepCommand, SeveralFilesRunOneAfterTheOtherEachInAFolderOfItsName) {
+TEST_F(SweepCommand, RunsSeveralFilesInSeparateFolders) {
   const std::string first = dir_.write("first.yaml", kFour).string();
   const std::string second = dir_.write("second.yaml", "base: base.yaml\n").string();
   const auto both = [&] {
@@ -118,14 +118,14 @@ TEST_F(SweepCommand, SeveralFilesRunOneAfterTheOtherEachInAFolderOfItsName) {
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_TRUE(fs::exists(out_ / "first/both/seed-1/metrics.json"));
   EXPECT_TRUE(fs::exists(out_ / "second/summary.md"));
-  EXPECT_THAT(both().err, HasSubstr("1 cases, 1 finished already"));
+  EXPECT_THAT(both().err, HasSubstr("1 cases, 1 already finished"));
   dir_.write("second.yaml", "base: base.yaml\nset: {dipo.gravitation: 9.81}\n");
   fs::remove_all(out_);
   EXPECT_EQ(both().status, 2);
   EXPECT_FALSE(fs::exists(out_ / "first/both"));
 }
 
-TEST_F(SweepCommand, AMistakeInTheLastCaseIsSaidBeforeTheFirstBegins) {
+TEST_F(SweepCommand, ReportsInvalidCaseBeforeStarting) {
   const ProgramResult result =
       sweep("base: base.yaml\ncases: {good: {}, bad: {dipo.gravitation: 9.81}}\n");
   EXPECT_EQ(result.status, 2);
@@ -133,14 +133,14 @@ TEST_F(SweepCommand, AMistakeInTheLastCaseIsSaidBeforeTheFirstBegins) {
   EXPECT_FALSE(fs::exists(out_ / "good"));
 }
 
-TEST_F(SweepCommand, AsManyAtATimeAsOneLikesGiveTheSame) {
+TEST_F(SweepCommand, ParallelJobsGiveSameTable) {
   const std::string text = kFour + "columns: [trajectory.ate_rmse_m, trajectory.path_length_m]\n";
   const std::string one = sweep(text).out;
   fs::remove_all(out_);
   EXPECT_EQ(sweep(text, {"-j", "3"}).out, one);
 }
 
-TEST_F(SweepCommand, SimulatesToo) {
+TEST_F(SweepCommand, RunsSimulations) {
   dir_.write("scene.yaml",
              fmt::format("inherit: {}\n",
                          (test::source_dir() / "configs/scenes/seabed_easy.yaml").string()));
@@ -149,7 +149,7 @@ TEST_F(SweepCommand, SimulatesToo) {
   const ProgramResult result = sweep(text);
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_TRUE(fs::exists(out_ / "sweep/seed-4/rig.yaml"));
-  EXPECT_THAT(sweep(text).err, HasSubstr("1 cases, 1 finished already"));
+  EXPECT_THAT(sweep(text).err, HasSubstr("1 cases, 1 already finished"));
 }
 
 class LongSweepCommand : public SweepCommand {
@@ -157,7 +157,7 @@ class LongSweepCommand : public SweepCommand {
   LongSweepCommand() : SweepCommand(300.0) {}
 };
 
-TEST_F(LongSweepCommand, CtrlCKeepsWhatHasFinishedAndTheSameCommandGoesOn) {
+TEST_F(LongSweepCommand, CtrlCKeepsFinishedCasesAndCommandResumes) {
   const std::string text = "base: base.yaml\nseeds: 6\n";
   const fs::path file = dir_.write("sweep.yaml", text);
   ChildProcess child({APVI_PROGRAM, "sweep", file.string(), "-o", out_.string()},
@@ -170,7 +170,7 @@ TEST_F(LongSweepCommand, CtrlCKeepsWhatHasFinishedAndTheSameCommandGoesOn) {
   while (!(exit = child.poll()) && watch.seconds() < 120.0) nap();
   ASSERT_TRUE(exit);
   EXPECT_EQ(exit->status, 1);
-  EXPECT_THAT(read_file(dir_.path() / "log"), HasSubstr("the same command goes on from there"));
+  EXPECT_THAT(read_file(dir_.path() / "log"), HasSubstr("run the same command to continue"));
   EXPECT_FALSE(fs::exists(out_ / "cases/sweep/seed-6.done"));
   EXPECT_THAT(read_file(out_ / "summary.csv"), HasSubstr("sweep,6,open,"));
   const auto first = fs::last_write_time(out_ / "sweep/seed-1/metrics.json");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/sweep_summary.hpp"
+#include "eval/sweep_summary.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ SweepRow row(const std::string& name, int seed, double ate) {
           .metrics = {{"trajectory.ate_rmse_m", ate}}};
 }
 
-TEST(Flatten, GivesNumbersByDottedNameAndMeanAndMaximumOfLists) {
+TEST(Flatten, FlattensNumbersAndListMeansAndMaxima) {
   const Json json = Json::parse(
       R"({"trajectory": {"ate_rmse_m": 0.5, "vio": {"matched": 3}}, "vio": {"success": true,
           "reinit_times_s": [1.0, 4.0, 4.0], "none": []}, "build": {"git": "abc"}})");
@@ -43,7 +43,7 @@ TEST(SweepTable, ShowsMeanAndSampleDeviationOverSeeds) {
   EXPECT_THAT(table, Not(HasSubstr("Failed")));
 }
 
-TEST(SweepTable, OneSeedHasNoSpreadAndMissingValuesAreCounted) {
+TEST(SweepTable, SingleSeedHasNoDeviationAndMissingValuesAreCounted) {
   SweepRow without = row("some", 2, 0.0);
   without.metrics.clear();
   const std::string table =
@@ -52,7 +52,7 @@ TEST(SweepTable, OneSeedHasNoSpreadAndMissingValuesAreCounted) {
   EXPECT_THAT(table, HasSubstr("| some | 2/2 | 0.5 (1) |\n"));
 }
 
-TEST(SweepTable, FailuresAreRowsWithTheirReasonAndNeverInTheMean) {
+TEST(SweepTable, FailuresAreListedAndExcludedFromMean) {
   SweepRow failed = row("full", 2, 99.0);
   failed.state = State::failed;
   failed.reason = "exit status 1: no pose was estimated";
@@ -61,11 +61,11 @@ TEST(SweepTable, FailuresAreRowsWithTheirReasonAndNeverInTheMean) {
   EXPECT_THAT(table, HasSubstr("* full, seed 2: exit status 1: no pose was estimated\n"));
 }
 
-TEST(SweepTable, ABarInANameDoesNotBreakTheTable) {
+TEST(SweepTable, EscapesBarsInNames) {
   EXPECT_THAT(sweep_table({row("a|b", 1, 1.0)}, {}), HasSubstr("| a\\|b | 1/1 |"));
 }
 
-TEST(SweepCsv, HasEveryCaseAndEveryMetric) {
+TEST(SweepCsv, ContainsAllCasesAndMetrics) {
   SweepRow failed = row("b", 1, 0.0);
   failed.state = State::failed;
   failed.reason = "exit status 2: a, \"b\"";

@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/geometry/trajectory.hpp"
+#include "core/random.hpp"
 
 namespace apvi::test {
 
@@ -14,9 +14,8 @@ struct TrajectoryPair {
   Trajectory estimate;
 };
 
-/// A reference at 20 Hz for 60 s over about 120 m, and an estimate of it at 10 Hz that drifts in
-/// position and heading, is noisy, lives in another world, stamped up to 4 ms off, with a gap of 5
-/// s.
+/// A reference at 20 Hz for 60 s over about 120 m, and an estimate at 10 Hz with position and
+/// heading drift, noise, another world frame, stamp errors up to 4 ms, and a gap of 5 s.
 inline TrajectoryPair synthetic_pair() {
   Random random(2024);
   const auto noise = [&](double sigma) {

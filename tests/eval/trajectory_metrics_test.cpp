@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/eval/trajectory_metrics.hpp"
+#include "eval/trajectory_metrics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ using std::numbers::pi;
 
 constexpr double kDegree = pi / 180.0;
 
-// 10 Hz, `pose_at(t)` for `count` poses.
+// `count` poses `pose_at(t)` at 10 Hz.
 template <typename F>
 Trajectory sampled(int count, const F& pose_at) {
   Trajectory t;
@@ -28,7 +28,7 @@ Trajectory sampled(int count, const F& pose_at) {
   return t;
 }
 
-// One exact turn of a circle with radius 10 m at 100 evenly spaced places, nose along the path.
+// One revolution of a circle with radius 10 m, 100 evenly spaced poses, x axis along the path.
 Trajectory circle(double radius = 10.0) {
   return sampled(100, [=](double t) {
     const double angle = 2.0 * pi * t / 10.0;
@@ -37,7 +37,7 @@ Trajectory circle(double radius = 10.0) {
   });
 }
 
-// Something without any symmetry, in three dimensions.
+// A three-dimensional curve without symmetry.
 Trajectory curl(int count = 300) {
   return sampled(count, [](double t) {
     return SE3{so3::exp(Vector3d(0.2 * std::sin(t), 0.1, 0.3 * t)),
@@ -68,7 +68,7 @@ EvalOptions aligned(Alignment alignment) {
 
 const SE3 kMotion{so3::exp(Vector3d(0.3, -0.9, 2.0)), Vector3d(100.0, -20.0, 3.0)};
 
-TEST(TrajectoryMetrics, ARigidlyMovedCopyHasNoErrorAtAll) {
+TEST(TrajectoryMetrics, RigidlyTransformedCopyHasZeroError) {
   const TrajectoryMetrics m = evaluate(curl(), moved(kMotion, curl()));
   EXPECT_LT(m.ate.value->max, 1e-12);
   EXPECT_LT(m.ate_first_pose.value->max, 1e-12);
@@ -81,7 +81,7 @@ TEST(TrajectoryMetrics, ARigidlyMovedCopyHasNoErrorAtAll) {
   EXPECT_NEAR(*m.path_length_m, curl().path_length(), 1e-12);
 }
 
-TEST(TrajectoryMetrics, ACircleTooLargeIsWrongByTheDifferenceOfTheRadiiEverywhere) {
+TEST(TrajectoryMetrics, ErrorOfScaledCircleIsRadiusDifference) {
   const TrajectoryMetrics m = evaluate(circle(10.0), moved(kMotion, circle(10.25)));
   EXPECT_NEAR(m.ate.value->min, 0.25, 1e-12);
   EXPECT_NEAR(m.ate.value->max, 0.25, 1e-12);
@@ -90,14 +90,14 @@ TEST(TrajectoryMetrics, ACircleTooLargeIsWrongByTheDifferenceOfTheRadiiEverywher
   EXPECT_NEAR(*m.ate_percent_of_path, 100.0 * 0.25 / *m.path_length_m, 1e-12);
 }
 
-TEST(TrajectoryMetrics, WithoutAlignmentAnOffsetIsTheError) {
+TEST(TrajectoryMetrics, OffsetIsErrorWithoutAlignment) {
   const SE3 offset{{1, 0, 0, 0}, Vector3d(3.0, 0.0, 4.0)};
   const TrajectoryMetrics m = evaluate(curl(), moved(offset, curl()), aligned(Alignment::none));
   EXPECT_NEAR(m.ate.value->rmse, 5.0, 1e-12);
   EXPECT_LT(m.rotation_deg.value->max, 1e-10);
 }
 
-TEST(TrajectoryMetrics, YawAlignmentForgivesHeadingAndOffsetButNoTilt) {
+TEST(TrajectoryMetrics, YawAlignmentRemovesHeadingAndOffsetButNotTilt) {
   const SE3 heading{so3::exp(Vector3d(0, 0, 2.5)), Vector3d(5, 6, 7)};
   EXPECT_LT(evaluate(curl(), moved(heading, curl()), aligned(Alignment::yaw)).ate.value->max,
             1e-12);
@@ -108,7 +108,7 @@ TEST(TrajectoryMetrics, YawAlignmentForgivesHeadingAndOffsetButNoTilt) {
   EXPECT_NEAR(m.rotation_deg.value->rmse, 2.0, 1e-9);
 }
 
-TEST(TrajectoryMetrics, AHeadingErrorBehindTheFirstPoseGrowsWithTheDistance) {
+TEST(TrajectoryMetrics, HeadingErrorGrowsWithDistanceForFirstPoseAlignment) {
   const auto straight = [](double heading) {
     return sampled(101, [=](double t) {
       const Quaterniond q = so3::exp(Vector3d(0, 0, t > 0.0 ? heading : 0.0));
@@ -124,7 +124,7 @@ TEST(TrajectoryMetrics, AHeadingErrorBehindTheFirstPoseGrowsWithTheDistance) {
   EXPECT_EQ(first.ate.value->rmse, first.ate_first_pose.value->rmse);
 }
 
-TEST(TrajectoryMetrics, AWronglyMountedBodyShowsInTheRotationAlone) {
+TEST(TrajectoryMetrics, BodyRotationAffectsOnlyRotationError) {
   Trajectory estimate = curl();
   for (StampedPose& pose : estimate.poses) {
     pose.T_world_body.rotation =
@@ -136,25 +136,25 @@ TEST(TrajectoryMetrics, AWronglyMountedBodyShowsInTheRotationAlone) {
   EXPECT_NEAR(m.rotation_deg.value->std, 0.0, 1e-10);
 }
 
-TEST(TrajectoryMetrics, AScaleErrorOfSpeedShowsInTheRelativeErrors) {
+TEST(TrajectoryMetrics, SpeedScaleErrorAffectsRelativeErrors) {
   const auto straight = [](double speed) {
     return sampled(301, [=](double t) { return SE3{{1, 0, 0, 0}, Vector3d(speed * t, 0, 0)}; });
   };
   const TrajectoryMetrics m = evaluate(straight(2.0), straight(2.0 * 1.03));
   EXPECT_NEAR(m.rpe_time.value->rmse, 0.06, 1e-12);
   EXPECT_EQ(m.rpe_time.value->count, 291u);
-  // 10 m of the estimate take 49 steps of 0.206 m; of 300 steps, six such stretches, the first
+  // 10 m of the estimate are 49 steps of 0.206 m: six such segments in 300 steps, the first one
   // unused.
   EXPECT_NEAR(m.rpe_distance.value->rmse, 49 * 0.006, 1e-9);
   EXPECT_EQ(m.rpe_distance.value->count, 5u);
-  // From the last poses to the end it is 44 to 48 steps, which is within a metre of 10 m too.
+  // The last poses have 44 to 48 steps to the end, which is also within 1 m of 10 m.
   double squares = 252 * std::pow(49 * 0.006, 2);
   for (int steps = 44; steps <= 48; ++steps) squares += std::pow(steps * 0.006, 2);
   EXPECT_EQ(m.rpe_distance_all_pairs.value->count, 257u);
   EXPECT_NEAR(m.rpe_distance_all_pairs.value->rmse, std::sqrt(squares / 257), 1e-9);
 }
 
-TEST(TrajectoryMetrics, RelativeErrorsAreNotThereWhenThePathIsTooShort) {
+TEST(TrajectoryMetrics, RelativeErrorsAreMissingForShortPath) {
   const TrajectoryMetrics m = evaluate(curl(8), curl(8));  // 0.7 s
   EXPECT_EQ(m.rpe_time.reason, Reason::too_short);
   EXPECT_EQ(m.rpe_distance.reason, Reason::too_short);
@@ -162,19 +162,19 @@ TEST(TrajectoryMetrics, RelativeErrorsAreNotThereWhenThePathIsTooShort) {
   EXPECT_TRUE(m.ate.value);
 }
 
-TEST(TrajectoryMetrics, PositionsOnALineGiveAnErrorButNoRotation) {
+TEST(TrajectoryMetrics, CollinearPositionsHavePositionErrorOnly) {
   const auto line = [](double scale) {
     return sampled(101, [=](double t) { return SE3{{1, 0, 0, 0}, Vector3d(scale * t, 0, 0)}; });
   };
   const TrajectoryMetrics m = evaluate(line(1.0), moved(kMotion, line(1.1)));
-  // A line that is a tenth too long, laid centre on centre: errors run from 0 to 0.5 evenly.
+  // A line 10 % too long, aligned at the center: errors are uniform from 0 to 0.5 m.
   EXPECT_NEAR(m.ate.value->max, 0.5, 1e-9);
   EXPECT_NEAR(m.ate.value->min, 0.0, 1e-9);
   EXPECT_EQ(m.rotation_deg.reason, Reason::undetermined);
   EXPECT_FALSE(m.rotation_deg.value);
 }
 
-TEST(TrajectoryMetrics, AnEstimateThatNeverMovedIsAsWrongAsThePathIsWide) {
+TEST(TrajectoryMetrics, ErrorOfStationaryEstimateIsPathExtent) {
   const Trajectory still = sampled(100, [](double) { return SE3::identity(); });
   const TrajectoryMetrics m = evaluate(circle(10.0), still);
   EXPECT_NEAR(m.ate.value->rmse, 10.0, 1e-9);
@@ -182,14 +182,14 @@ TEST(TrajectoryMetrics, AnEstimateThatNeverMovedIsAsWrongAsThePathIsWide) {
   EXPECT_NEAR(evaluate(circle(10.0), still, aligned(Alignment::yaw)).ate.value->rmse, 10.0, 1e-9);
 }
 
-TEST(TrajectoryMetrics, AStillReferenceHasNoPercentOfItsPath) {
+TEST(TrajectoryMetrics, StationaryReferenceHasNoPercentOfPath) {
   const Trajectory still = sampled(100, [](double) { return SE3::identity(); });
   const TrajectoryMetrics m = evaluate(still, circle(1.0));
   EXPECT_EQ(m.path_length_m, 0.0);
   EXPECT_FALSE(m.ate_percent_of_path);
 }
 
-// North-east-down poses of the same vehicle, written out by hand.
+// The same poses in north-east-down, written explicitly.
 Trajectory curl_in_ned() {
   Trajectory t = curl();
   const Eigen::Matrix3d swap{{0, 1, 0}, {1, 0, 0}, {0, 0, -1}};
@@ -200,7 +200,7 @@ Trajectory curl_in_ned() {
   return t;
 }
 
-TEST(TrajectoryMetrics, NorthEastDownAgreesWithGnssOnceItsWorldIsToldAndOnlyThen) {
+TEST(TrajectoryMetrics, NedEstimateMatchesGnssOnlyWithWorldFrameSet) {
   const Trajectory gnss = positions_only(curl(), false);
   EvalOptions options;
   options.estimate_world = WorldFrame::ned;
@@ -208,7 +208,7 @@ TEST(TrajectoryMetrics, NorthEastDownAgreesWithGnssOnceItsWorldIsToldAndOnlyThen
   EXPECT_GT(evaluate(gnss, curl_in_ned()).ate.value->rmse, 1.0);  // its mirror image does not fit
 }
 
-TEST(TrajectoryMetrics, WorldsCanBeMixedEitherWayAndRotationsFollow) {
+TEST(TrajectoryMetrics, ConvertsWorldFramesOfEitherTrajectory) {
   EvalOptions options = aligned(Alignment::none);
   options.reference_world = WorldFrame::ned;
   const TrajectoryMetrics m = evaluate(curl_in_ned(), curl(), options);
@@ -216,7 +216,7 @@ TEST(TrajectoryMetrics, WorldsCanBeMixedEitherWayAndRotationsFollow) {
   EXPECT_LT(m.rotation_deg.value->max, 1e-10);
 }
 
-TEST(TrajectoryMetrics, APlanarReferenceSaysNothingAboutHeight) {
+TEST(TrajectoryMetrics, PlanarReferenceIgnoresHeight) {
   Trajectory estimate = curl();
   for (StampedPose& pose : estimate.poses) pose.T_world_body.translation.z() *= 50.0;
   const SE3 heading{so3::exp(Vector3d(0, 0, 1.0)), Vector3d(5, 6, 700)};
@@ -225,19 +225,19 @@ TEST(TrajectoryMetrics, APlanarReferenceSaysNothingAboutHeight) {
   EXPECT_LT(*m.path_length_m, curl().path_length());
 }
 
-TEST(TrajectoryMetrics, PositionsOnlySayNothingAboutOrientation) {
+TEST(TrajectoryMetrics, PositionsOnlyGiveNoRotationError) {
   const TrajectoryMetrics m = evaluate(positions_only(curl(), true), moved(kMotion, curl()));
   EXPECT_LT(m.ate.value->max, 1e-12);
-  for (const Figure& figure :
+  for (const ErrorMetric& metric :
        {m.rotation_deg, m.ate_first_pose, m.rpe_time, m.rpe_distance, m.rpe_distance_all_pairs}) {
-    EXPECT_FALSE(figure.value);
-    EXPECT_EQ(figure.reason, Reason::no_orientation);
+    EXPECT_FALSE(metric.value);
+    EXPECT_EQ(metric.reason, Reason::no_orientation);
   }
   EXPECT_EQ(evaluate(positions_only(curl(), true), curl(), aligned(Alignment::first)).ate.reason,
             Reason::no_orientation);
 }
 
-TEST(TrajectoryMetrics, NoOverlapInTimeIsSaidNotCounted) {
+TEST(TrajectoryMetrics, ReportsMissingTimeOverlap) {
   Trajectory later = curl();
   for (StampedPose& pose : later.poses) pose.stamp = pose.stamp + Duration{100'000'000'000};
   const TrajectoryMetrics m = evaluate(curl(), later);
@@ -249,7 +249,7 @@ TEST(TrajectoryMetrics, NoOverlapInTimeIsSaidNotCounted) {
   EXPECT_THAT(describe_spans(curl(), later), testing::HasSubstr("(70.100 s apart)"));
 }
 
-TEST(TrajectoryMetrics, TwoPosesAreTooFewForARigidAlignmentAndEnoughForYaw) {
+TEST(TrajectoryMetrics, TwoPosesSufficeForYawButNotForSe3) {
   const TrajectoryMetrics m = evaluate(curl(), curl(2));
   EXPECT_EQ(m.ate.reason, Reason::too_few_matches);
   EXPECT_EQ(m.ate_first_pose.reason, Reason::too_few_matches);
@@ -257,13 +257,13 @@ TEST(TrajectoryMetrics, TwoPosesAreTooFewForARigidAlignmentAndEnoughForYaw) {
   EXPECT_TRUE(evaluate(curl(), curl(2), aligned(Alignment::yaw)).ate.value);
 }
 
-TEST(TrajectoryMetrics, EmptyTrajectoriesAreNoOverlap) {
+TEST(TrajectoryMetrics, EmptyTrajectoriesHaveNoOverlap) {
   EXPECT_EQ(evaluate(Trajectory{}, curl()).ate.reason, Reason::no_overlap);
   EXPECT_EQ(evaluate(curl(), Trajectory{}).ate.reason, Reason::no_overlap);
   EXPECT_FALSE(evaluate(curl(), Trajectory{}).end_to_start_m);
 }
 
-TEST(TrajectoryMetrics, PosesThatAreNotFiniteCountAsMissing) {
+TEST(TrajectoryMetrics, NonFinitePosesCountAsMissing) {
   Trajectory estimate = curl();
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   for (std::size_t i = 100; i < 150; ++i) estimate.poses[i].T_world_body.translation.x() = kNan;
@@ -275,22 +275,22 @@ TEST(TrajectoryMetrics, PosesThatAreNotFiniteCountAsMissing) {
   EXPECT_TRUE(std::isfinite(*m.end_to_start_m));
 }
 
-TEST(TrajectoryMetrics, ARunThatClosesItsLoopIsJudgedWithoutAReference) {
+TEST(TrajectoryMetrics, EvaluatesClosedLoopWithoutReference) {
   Trajectory loop = circle(10.0);
   loop.poses.push_back({Stamp{12'000'000'000}, {{1, 0, 0, 0}, Vector3d(10.0, 0.3, 0.4)}});
-  const TrajectoryMetrics m = evaluate_alone(loop);
+  const TrajectoryMetrics m = evaluate_without_reference(loop);
   EXPECT_NEAR(*m.end_to_start_m, 0.5, 1e-12);
   EXPECT_NEAR(*m.estimate_length_m, loop.path_length(), 1e-12);
   EXPECT_FALSE(m.matched);
   EXPECT_FALSE(m.ate.value);
 }
 
-TEST(ReferenceWorld, IsTheVehiclesUnlessItHasPositionsOnly) {
+TEST(ReferenceWorld, IsVehicleFrameUnlessPositionsOnly) {
   EXPECT_EQ(reference_world(curl(), WorldFrame::ned), WorldFrame::ned);
   EXPECT_EQ(reference_world(positions_only(curl(), true), WorldFrame::ned), WorldFrame::up);
 }
 
-TEST(Within, KeepsBothEnds) {
+TEST(Within, IncludesBothEnds) {
   const Trajectory part = within(curl(), Stamp{1'100'000'000}, Stamp{1'400'000'000});
   ASSERT_EQ(part.size(), 4u);
   EXPECT_EQ(part.poses.front().stamp.ns, 1'100'000'000);

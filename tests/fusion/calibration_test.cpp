@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/calibration.hpp"
+#include "fusion/calibration.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstddef>
 
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 namespace apvi::fusion {
 namespace {
 
 using Eigen::Vector3d;
 
-// Decades around `mean`, `width` to either side.
+// Eigenvalues of 10^(mean ± width).
 RecordedFrame frame_at(Random& random, double mean, double width, int inliers) {
   RecordedFrame frame;
   frame.inliers = inliers;
@@ -31,32 +31,32 @@ std::vector<RecordedFrame> frames_at(double mean, double width, int inliers, int
   return frames;
 }
 
-TEST(FineCalibration, SeparatesHealthyFramesFromBlindOnes) {
+TEST(DegeneracyCalibration, SeparatesHealthyFromBlindFrames) {
   const RecordedFrames frames{frames_at(5.0, 0.5, 100, 2000), frames_at(2.0, 0.5, 0, 500)};
-  const auto found = calibrate_fine(frames, Normalisation::none, 0.01, 3);
+  const auto found = calibrate_degeneracy(frames, Normalization::none, 0.01, 3);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->healthy.frames, 2000U);
-  EXPECT_EQ(found->healthy.rejected, 0.0);  // the edge of an even spread lies outside of it
+  EXPECT_EQ(found->healthy.rejected, 0.0);  // a uniform distribution lies inside the semicircle
   EXPECT_EQ(found->blind.rejected, 1.0);
   EXPECT_EQ(found->healthy.directions, 6.0);
   EXPECT_EQ(found->blind.directions, 0.0);
   EXPECT_EQ(found->blind.rejected_by_remap, 1.0);
 }
 
-TEST(FineCalibration, TheThresholdIsTheEdgeWhereThatRejectsNothing) {
+TEST(DegeneracyCalibration, ThresholdIsTheEdgeIfItRejectsNothing) {
   const RecordedFrames frames{frames_at(5.0, 0.5, 100, 2000), {}};
-  const auto found = calibrate_fine(frames, Normalisation::none, 0.01, 3);
+  const auto found = calibrate_degeneracy(frames, Normalization::none, 0.01, 3);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->thresholds.rotation, found->fit.rotation.lower_edge);
   EXPECT_EQ(found->thresholds.position, found->fit.position.lower_edge);
   EXPECT_EQ(found->blind.frames, 0U);
 }
 
-TEST(FineCalibration, AnEdgeThatRejectsTooManyIsLowered) {
+TEST(DegeneracyCalibration, LowersAnEdgeThatRejectsTooMany) {
   RecordedFrames frames{frames_at(5.0, 0.2, 100, 950), {}};
   for (const RecordedFrame& tail : frames_at(3.0, 0.2, 100, 50)) frames.healthy.push_back(tail);
-  const auto strict = calibrate_fine(frames, Normalisation::none, 0.5, 3);
-  const auto mild = calibrate_fine(frames, Normalisation::none, 0.02, 3);
+  const auto strict = calibrate_degeneracy(frames, Normalization::none, 0.5, 3);
+  const auto mild = calibrate_degeneracy(frames, Normalization::none, 0.02, 3);
   ASSERT_TRUE(strict && mild);
   EXPECT_EQ(strict->thresholds.position, strict->fit.position.lower_edge);
   EXPECT_NEAR(strict->healthy.rejected, 0.05, 1e-12);
@@ -66,11 +66,11 @@ TEST(FineCalibration, AnEdgeThatRejectsTooManyIsLowered) {
   EXPECT_NEAR(mild->healthy_at_edge.rejected, 0.05, 1e-12);
 }
 
-TEST(FineCalibration, PerInlierABlindWindowLooksHealthy) {
-  // What inertial data alone know is divided by one, what a hundred corners know by a hundred.
+TEST(DegeneracyCalibration, PerInlierNormalizationHidesABlindWindow) {
+  // Blind frames are divided by one, frames with a hundred corners by a hundred.
   const RecordedFrames frames{frames_at(5.0, 0.2, 100, 1000), frames_at(4.0, 0.2, 0, 200)};
-  const auto plain = calibrate_fine(frames, Normalisation::none, 0.01, 3);
-  const auto divided = calibrate_fine(frames, Normalisation::per_inlier, 0.01, 3);
+  const auto plain = calibrate_degeneracy(frames, Normalization::none, 0.01, 3);
+  const auto divided = calibrate_degeneracy(frames, Normalization::per_inlier, 0.01, 3);
   ASSERT_TRUE(plain && divided);
   EXPECT_EQ(plain->blind.rejected, 1.0);
   EXPECT_EQ(divided->blind.rejected, 0.0);
@@ -78,19 +78,21 @@ TEST(FineCalibration, PerInlierABlindWindowLooksHealthy) {
               1e-9 * plain->thresholds.position);
 }
 
-TEST(FineCalibration, RemappingGivesUpOnlyWhenTooFewDirectionsAreLeft) {
+TEST(DegeneracyCalibration, RemappingRejectsOnlyWithTooFewDirections) {
   RecordedFrame weak;
   weak.eigenvalues = {Vector3d(5.0, 20.0, 20.0), Vector3d(5.0, 5.0, 20.0)};
-  const FineOutcome three = outcome({weak}, {10.0, 10.0}, Normalisation::none, 3);
+  const ThresholdOutcome three = evaluate_thresholds({weak}, {10.0, 10.0}, Normalization::none, 3);
   EXPECT_EQ(three.rejected, 1.0);
   EXPECT_EQ(three.directions, 3.0);
   EXPECT_EQ(three.rejected_by_remap, 0.0);
-  EXPECT_EQ(outcome({weak}, {10.0, 10.0}, Normalisation::none, 4).rejected_by_remap, 1.0);
+  EXPECT_EQ(evaluate_thresholds({weak}, {10.0, 10.0}, Normalization::none, 4).rejected_by_remap,
+            1.0);
 }
 
-TEST(FineCalibration, NothingComesOfNothing) {
-  EXPECT_FALSE(calibrate_fine({}, Normalisation::none, 0.01, 3));
-  EXPECT_FALSE(calibrate_fine({frames_at(5.0, 0.0, 100, 50), {}}, Normalisation::none, 0.01, 3));
+TEST(DegeneracyCalibration, ReturnsNulloptForDegenerateInput) {
+  EXPECT_FALSE(calibrate_degeneracy({}, Normalization::none, 0.01, 3));
+  EXPECT_FALSE(
+      calibrate_degeneracy({frames_at(5.0, 0.0, 100, 50), {}}, Normalization::none, 0.01, 3));
 }
 
 }  // namespace

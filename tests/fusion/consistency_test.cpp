@@ -9,20 +9,20 @@
 #include <optional>
 #include <string>
 
-#include "apvi/fusion/combine.hpp"
-#include "apvi/fusion/relative_filter.hpp"
-#include "two_odometries.hpp"
+#include "fusion/combine.hpp"
+#include "fusion/relative_filter.hpp"
+#include "fusion/two_odometries.hpp"
 
-// What each way of fusing claims, against what it achieves, over many dives in which VIO starts at
-// DIPO's pose, is away for a while, and starts there again.
+// NEES of each fusion method over many dives in which VIO starts at the DIPO pose, fails for a
+// while, and restarts there.
 namespace apvi::fusion {
 namespace {
 
 constexpr int kSeeds = 100;
 constexpr double kDuration_s = 80.0;
 const std::vector<std::pair<double, double>> kSpans{{5.0, 40.0}, {45.0, 100.0}};
-// 95 % of the mean of 100 draws of chi square with six degrees of freedom, over six; by its normal
-// approximation.
+// 95 % interval of the mean of 100 draws of chi-square with six degrees of freedom, divided by six
+// (normal approximation).
 const double kHalfWidth = 1.96 * std::sqrt(2.0 / (6.0 * kSeeds));
 
 using Frame = test::TwoOdometries::Frame;
@@ -31,7 +31,7 @@ using MakeMethod = std::function<Method()>;
 
 struct Score {
   double nees = 0.0;        ///< per degree of freedom
-  double position_m = 0.0;  ///< root mean square at the end
+  double position_m = 0.0;  ///< RMS at the end
   double heading_deg = 0.0;
 };
 
@@ -73,7 +73,8 @@ Method as_printed() {
 
 Method intersection() {
   return [](const Frame& f) {
-    return f.vio ? intersect(f.dipo, f.vio->T_world_body, f.vio->covariance.inverse()).estimate
+    return f.vio ? intersect_covariances(f.dipo, f.vio->T_world_body, f.vio->covariance.inverse())
+                       .estimate
                  : f.dipo;
   };
 }
@@ -81,10 +82,10 @@ Method intersection() {
 MakeMethod relative(double shared_noise) {
   return [shared_noise] {
     RelativeConfig config;
-    config.shared_noise = shared_noise;
+    config.shared_noise_fraction = shared_noise;
     const auto filter = std::make_shared<RelativeFilter>(config);
     return [filter](const Frame& f) {
-      std::optional<RelativeFilter::Seen> seen;
+      std::optional<RelativeFilter::VioPose> seen;
       if (f.vio) seen = {*f.vio, {}, {}};
       filter->step(Stamp{} + Duration::from_seconds(f.t), f.dipo, seen);
       return filter->estimate();
@@ -102,18 +103,18 @@ Score record(const char* name, const Score& s) {
   return s;
 }
 
-TEST(FusionConsistency, TheSimulatedSubsystemsThemselvesAreConsistent) {
+TEST(FusionConsistency, SimulatedEstimatorsAreConsistent) {
   const test::TwoOdometries setup;
   EXPECT_NEAR(record("dipo", score(setup, dipo_alone)).nees, 1.0, kHalfWidth);
   EXPECT_NEAR(record("vio", score(setup, vio_alone)).nees, 1.0, kHalfWidth);
 }
 
-TEST(FusionConsistency, Eq7AsPrintedCountsWhatBothShareTwice) {
+TEST(FusionConsistency, Eq7DoubleCountsCommonInformation) {
   const Score printed = record("paper", score({}, as_printed));
   EXPECT_GT(printed.nees, 1.0 + 2.0 * kHalfWidth) << text(printed);
 }
 
-TEST(FusionConsistency, TheRelativeFilterIsConsistentAndBetterThanBoth) {
+TEST(FusionConsistency, RelativeFilterIsConsistentAndBetterThanBoth) {
   const test::TwoOdometries setup;
   const Score dipo = score(setup, dipo_alone);
   const Score vio = score(setup, vio_alone);
@@ -122,21 +123,21 @@ TEST(FusionConsistency, TheRelativeFilterIsConsistentAndBetterThanBoth) {
   EXPECT_LT(fused.position_m, std::min(dipo.position_m, vio.position_m));
   EXPECT_LT(fused.heading_deg, std::min(dipo.heading_deg, vio.heading_deg));
   record("relative_half_shared", score(setup, relative(0.5)));
-  record("relative_default", score(setup, relative(RelativeConfig{}.shared_noise)));
+  record("relative_default", score(setup, relative(RelativeConfig{}.shared_noise_fraction)));
 }
 
-TEST(FusionConsistency, IntersectionIsNeverOverconfidentButBringsLess) {
+TEST(FusionConsistency, IntersectionIsConservative) {
   const test::TwoOdometries setup;
   const Score crossed = record("intersection", score(setup, intersection));
   EXPECT_LT(crossed.nees, 1.0 + kHalfWidth) << text(crossed);
   EXPECT_GT(crossed.position_m, score(setup, relative(0.0)).position_m);
 }
 
-TEST(FusionConsistency, AGyroInCommonDoesNotMakeTheDefaultOverconfident) {
+TEST(FusionConsistency, RelativeFilterIsNotOverconfidentWithACommonGyro) {
   test::TwoOdometries setup;
   setup.shared_rotation = 0.7;
   const Score fused =
-      record("relative_default", score(setup, relative(RelativeConfig{}.shared_noise)));
+      record("relative_default", score(setup, relative(RelativeConfig{}.shared_noise_fraction)));
   EXPECT_LT(fused.nees, 1.0 + kHalfWidth) << text(fused);
   record("relative_0", score(setup, relative(0.0)));
   record("relative_1", score(setup, relative(1.0)));

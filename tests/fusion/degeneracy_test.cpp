@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/degeneracy.hpp"
+#include "fusion/degeneracy.hpp"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "apvi/fusion/semicircle.hpp"
-#include "random_pose.hpp"
+#include "fusion/random_pose.hpp"
+#include "fusion/semicircle.hpp"
 #include "support/matchers.hpp"
 
 namespace apvi::fusion {
@@ -17,7 +17,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using test::MatrixNear;
 
-// Blocks with known eigenvalues, turned, and something off the blocks.
+// A matrix with known eigenvalues of the rotated diagonal blocks and non-zero off-diagonal blocks.
 Matrix6 information(const Vector3d& rotation, const Vector3d& position) {
   const Matrix3d R = so3::exp({0.3, -0.5, 0.8}).toRotationMatrix();
   Matrix6 H = Matrix6::Zero();
@@ -28,44 +28,44 @@ Matrix6 information(const Vector3d& rotation, const Vector3d& position) {
   return H;
 }
 
-TEST(Eigenvalues, AreThoseOfTheTwoDiagonalBlocks) {
-  const Eigenvalues e = split(information({900.0, 100.0, 400.0}, {7.0, 5.0, 6.0}));
+TEST(Eigenvalues, AreThoseOfTheDiagonalBlocks) {
+  const Eigenvalues e = block_eigenvalues(information({900.0, 100.0, 400.0}, {7.0, 5.0, 6.0}));
   EXPECT_THAT(e.rotation, MatrixNear(Vector3d(100.0, 400.0, 900.0), 1e-9));
   EXPECT_THAT(e.position, MatrixNear(Vector3d(5.0, 6.0, 7.0), 1e-12));
 }
 
-TEST(Eigenvalues, PerInlierDividesByTheirNumber) {
+TEST(Eigenvalues, PerInlierDividesByTheNumberOfInliers) {
   const Eigenvalues e{Vector3d(100.0, 200.0, 300.0), Vector3d(1.0, 2.0, 3.0)};
   EXPECT_THAT(per_inlier(e, 50).rotation, MatrixNear(Vector3d(2.0, 4.0, 6.0), 1e-15));
   EXPECT_THAT(per_inlier(e, 50).position, MatrixNear(Vector3d(0.02, 0.04, 0.06), 1e-15));
   EXPECT_THAT(per_inlier(e, 0).rotation, MatrixNear(e.rotation, 0.0));
 }
 
-TEST(Remapping, KeepsEveryDirectionOfAHealthyProblem) {
+TEST(Remapping, KeepsAllDirectionsOfAWellConditionedProblem) {
   const WellConditioned all =
       well_conditioned(information({900.0, 100.0, 400.0}, {7.0, 5.0, 6.0}), {100.0 - 1e-9, 4.0});
   EXPECT_EQ(all.directions(), 6);
   EXPECT_THAT(all.projection, MatrixNear(Matrix6::Identity(), 1e-12));
 }
 
-TEST(Remapping, IsThePapersProductOfEigenvectorRows) {
+TEST(Remapping, MatchesThePapersEigenvectorProduct) {
   const Matrix6 H = information({900.0, 100.0, 400.0}, {7.0, 5.0, 6.0});
   const WellConditioned kept = well_conditioned(H, {200.0, 5.5});
   ASSERT_EQ(kept.directions(), 4);
-  // V_f has eigenvectors as rows, V_u the same with the degenerate ones zeroed; no transpose more.
+  // V_f has eigenvectors as rows, V_u the same with the degenerate ones zeroed.
   Matrix6 V_f = Matrix6::Zero();
   Matrix6 V_u = Matrix6::Zero();
   for (const int at : {0, 3}) {
     const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(Matrix3d(H.block<3, 3>(at, at)));
     V_f.block<3, 3>(at, at) = solver.eigenvectors().transpose();
     V_u.block<3, 3>(at, at) = solver.eigenvectors().transpose();
-    V_u.row(at).setZero();  // the smallest comes first
+    V_u.row(at).setZero();  // eigenvalues are ascending
   }
   EXPECT_THAT(kept.projection, MatrixNear(V_f.inverse() * V_u, 1e-12));
   EXPECT_THAT(kept.projection, MatrixNear(kept.basis * kept.basis.transpose(), 1e-12));
 }
 
-TEST(Remapping, TakesTheDegenerateDirectionOffAStepAndLeavesTheOthers) {
+TEST(Remapping, RemovesOnlyTheDegenerateDirection) {
   const Vector3d weak = Vector3d(1.0, 2.0, 2.0) / 3.0;
   const Vector3d strong = Vector3d(2.0, 1.0, -2.0) / 3.0;
   Matrix6 H = 1e4 * Matrix6::Identity();
@@ -79,18 +79,18 @@ TEST(Remapping, TakesTheDegenerateDirectionOffAStepAndLeavesTheOthers) {
   EXPECT_THAT(Vector6(kept.projection * step), MatrixNear(expected, 1e-12));
 }
 
-TEST(Remapping, AThresholdIsItselfHealthyAndBelowItIsNot) {
+TEST(Remapping, EigenvalueAtTheThresholdIsKept) {
   const Matrix6 H = Matrix6::Identity() * 64.0;
   EXPECT_EQ(well_conditioned(H, {64.0, 64.0}).directions(), 6);
   EXPECT_EQ(well_conditioned(H, {std::nextafter(64.0, 65.0), 64.0}).directions(), 3);
   EXPECT_EQ(well_conditioned(H, {65.0, 65.0}).directions(), 0);
 }
 
-TEST(Semicircle, LowerEdgeIsTheFormula) {
+TEST(Semicircle, LowerEdgeMatchesTheFormula) {
   EXPECT_DOUBLE_EQ(wigner_lower_edge(10.0, 0.5, 9), 7.0);
 }
 
-TEST(Semicircle, DistributionFunctionHasItsKnownValues) {
+TEST(Semicircle, CdfHasKnownValues) {
   EXPECT_DOUBLE_EQ(semicircle_cdf(3.0, 3.0, 2.0), 0.5);
   EXPECT_DOUBLE_EQ(semicircle_cdf(1.0, 3.0, 2.0), 0.0);
   EXPECT_DOUBLE_EQ(semicircle_cdf(9.0, 3.0, 2.0), 1.0);
@@ -113,7 +113,7 @@ std::vector<double> semicircle_quantiles(double mean, double radius, int count) 
   return values;
 }
 
-TEST(Semicircle, FitFindsTheEdgeOfItsOwnSamples) {
+TEST(Semicircle, FitRecoversTheEdgeOfSemicircleSamples) {
   const auto fit = fit_semicircle(semicircle_quantiles(50.0, 20.0, 2000), false);
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->mean, 50.0, 1e-6);
@@ -123,7 +123,7 @@ TEST(Semicircle, FitFindsTheEdgeOfItsOwnSamples) {
   EXPECT_EQ(fit->count, 2000U);
 }
 
-TEST(Semicircle, FitFindsTheEdgeOfARandomSymmetricMatrix) {
+TEST(Semicircle, FitRecoversTheEdgeOfARandomSymmetricMatrix) {
   constexpr int kSize = 300;
   constexpr double kSigma = 0.4;
   Random random(5);
@@ -141,7 +141,7 @@ TEST(Semicircle, FitFindsTheEdgeOfARandomSymmetricMatrix) {
   EXPECT_LT(fit->misfit, 0.02);
 }
 
-TEST(Semicircle, ValuesOverDecadesAreFittedByTheirLogarithm) {
+TEST(Semicircle, FitsLogarithmsOfValuesThatSpanDecades) {
   std::vector<Eigenvalues> samples;
   for (const double x : semicircle_quantiles(4.0, 1.5, 999)) {
     const double value = std::pow(10.0, x);
@@ -153,13 +153,13 @@ TEST(Semicircle, ValuesOverDecadesAreFittedByTheirLogarithm) {
   EXPECT_NEAR(std::log10(fit->thresholds().rotation), 2.5, 0.01);
   EXPECT_NEAR(std::log10(fit->thresholds().position), -0.5, 0.01);
   EXPECT_EQ(fit->rotation.count, 3U * 999U);
-  // As they are, the edge would lie below zero and reject nothing.
+  // The linear fit has a negative edge that rejects nothing.
   std::vector<double> plain;
   for (const Eigenvalues& e : samples) plain.push_back(e.rotation(0));
   EXPECT_LT(fit_semicircle(plain, false)->lower_edge, 0.0);
 }
 
-TEST(Semicircle, NothingIsFittedToNothing) {
+TEST(Semicircle, FitNeedsTwoDistinctValues) {
   EXPECT_FALSE(fit_semicircle(std::vector<double>{}, false));
   EXPECT_FALSE(fit_semicircle(std::vector<double>{3.0, 3.0, 3.0}, false));
   EXPECT_FALSE(fit_semicircle(std::vector<double>{-1.0, 0.0, 2.0}, true));

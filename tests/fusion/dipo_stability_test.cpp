@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/dipo_stability.hpp"
+#include "fusion/dipo_stability.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "apvi/geometry/so3.hpp"
-#include "random_pose.hpp"
+#include "fusion/random_pose.hpp"
 
 namespace apvi::fusion {
 namespace {
@@ -30,7 +30,7 @@ PoseEstimate sure(double rotation_deg, double position) {
   return {SE3{}, test::diagonal(rotation_deg, position)};
 }
 
-TEST(DipoStability, BeforeTheFirstPingDipoIsNotStable) {
+TEST(DipoStability, UnstableBeforeTheFirstPing) {
   DipoStability stability({});
   EXPECT_EQ(stability.check(at(0.0), std::nullopt).reason, StabilityReason::absent);
   EXPECT_EQ(stability.check(at(0.0), sure(1.0, 0.1)).reason, StabilityReason::no_ping);
@@ -38,7 +38,7 @@ TEST(DipoStability, BeforeTheFirstPingDipoIsNotStable) {
   EXPECT_TRUE(stability.check(at(0.1), sure(1.0, 0.1)).stable());
 }
 
-TEST(DipoStability, ThePingMayBeAsOldAsConfiguredAndNoOlder) {
+TEST(DipoStability, UnstableWhenTheLastPingIsTooOld) {
   DipoStability stability({});
   stability.add(ping(1.0, 3.0));
   EXPECT_TRUE(stability.check(at(3.0), sure(1.0, 0.1)).stable());
@@ -48,38 +48,38 @@ TEST(DipoStability, ThePingMayBeAsOldAsConfiguredAndNoOlder) {
   EXPECT_EQ(old.threshold, 2.0);
 }
 
-TEST(DipoStability, RejectedAndLocklessPingsDoNotMakeItYounger) {
+TEST(DipoStability, UnusedPingsDoNotResetThePingAge) {
   DipoStability stability({});
   stability.add(ping(1.0, 3.0));
   stability.add(ping(3.0, 1.0, dipo::Verdict::rejected));
   stability.add(ping(3.1, 1.0, dipo::Verdict::no_lock));
   EXPECT_EQ(stability.check(at(3.2), sure(1.0, 0.1)).reason, StabilityReason::dvl_old);
-  stability.add(ping(3.15, 3.0, dipo::Verdict::weakened));
+  stability.add(ping(3.15, 3.0, dipo::Verdict::downweighted));
   EXPECT_TRUE(stability.check(at(3.2), sure(1.0, 0.1)).stable());
 }
 
-TEST(DipoStability, TheMedianOfTheLastPingsNisCounts) {
+TEST(DipoStability, UnstableWhenTheMedianNisIsTooLarge) {
   StabilityConfig config;
-  config.nis_pings = 4;
+  config.nis_window_pings = 4;
   DipoStability stability(config);
   for (const double nis : {900.0, 15.0, 15.0, 15.0, 15.0}) stability.add(ping(1.0, nis));
-  EXPECT_TRUE(stability.check(at(1.0), sure(1.0, 0.1)).stable());  // 5 a degree of freedom
+  EXPECT_TRUE(stability.check(at(1.0), sure(1.0, 0.1)).stable());  // 5 per degree of freedom
   stability.add(ping(1.0, 900.0));
-  EXPECT_TRUE(stability.check(at(1.0), sure(1.0, 0.1)).stable());  // an outlier proves nothing
+  EXPECT_TRUE(stability.check(at(1.0), sure(1.0, 0.1)).stable());  // a single outlier
   stability.add(ping(1.0, 15.3));
   const Stability worse = stability.check(at(1.0), sure(1.0, 0.1));
   EXPECT_EQ(worse.reason, StabilityReason::innovations);
   EXPECT_NEAR(worse.measured, 5.1, 1e-12);
 }
 
-TEST(DipoStability, RejectedPingsCountForTheInnovations) {
+TEST(DipoStability, RejectedPingsCountInTheMedianNis) {
   DipoStability stability({});
   stability.add(ping(1.0, 3.0));
   for (int i = 0; i < 9; ++i) stability.add(ping(1.0, 400.0, dipo::Verdict::rejected));
   EXPECT_EQ(stability.check(at(1.1), sure(1.0, 0.1)).reason, StabilityReason::innovations);
 }
 
-TEST(DipoStability, HeadingNeedNotBeKnown) {
+TEST(DipoStability, IgnoresHeadingUncertainty) {
   DipoStability stability({});
   stability.add(ping(0.0, 3.0));
   PoseEstimate lost = sure(1.0, 0.1);
@@ -90,7 +90,7 @@ TEST(DipoStability, HeadingNeedNotBeKnown) {
   EXPECT_EQ(stability.check(at(0.0), lost).reason, StabilityReason::rotation_uncertain);
 }
 
-TEST(DipoStability, AttitudeMustBeKnown) {
+TEST(DipoStability, UnstableWhenTiltIsUncertain) {
   DipoStability stability({});
   stability.add(ping(0.0, 3.0));
   EXPECT_TRUE(stability.check(at(0.0), sure(9.999, 0.1)).stable());
@@ -98,7 +98,7 @@ TEST(DipoStability, AttitudeMustBeKnown) {
             StabilityReason::rotation_uncertain);
 }
 
-TEST(DipoStability, ALargePositionSigmaIsFineUnlessConfiguredOrGrowing) {
+TEST(DipoStability, PositionSigmaIsTestedOnlyIfConfigured) {
   DipoStability stability({});
   stability.add(ping(0.0, 3.0));
   EXPECT_TRUE(stability.check(at(0.0), sure(1.0, 50.0)).stable());
@@ -110,7 +110,7 @@ TEST(DipoStability, ALargePositionSigmaIsFineUnlessConfiguredOrGrowing) {
   EXPECT_EQ(bounded.check(at(0.1), sure(1.0, 10.01)).reason, StabilityReason::position_uncertain);
 }
 
-TEST(DipoStability, FastGrowthOfThePositionSigmaIsNotStable) {
+TEST(DipoStability, UnstableWhenPositionSigmaGrowsFast) {
   for (const double growth : {0.14, 0.16}) {
     StabilityConfig config;
     config.max_dvl_age_s = 100.0;
@@ -128,7 +128,7 @@ TEST(DipoStability, FastGrowthOfThePositionSigmaIsNotStable) {
   }
 }
 
-TEST(DipoStability, WhatIsNotANumberIsNotStable) {
+TEST(DipoStability, UnstableWhenNotFinite) {
   DipoStability stability({});
   stability.add(ping(0.0, 3.0));
   PoseEstimate broken = sure(1.0, 0.1);

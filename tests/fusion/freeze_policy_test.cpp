@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/freeze_policy.hpp"
+#include "fusion/freeze_policy.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ const Stability kStable{StabilityReason::stable};
 const Stability kOld{StabilityReason::dvl_old, 3.0, 2.0};
 const Stability kAbsent{StabilityReason::absent};
 
-// A policy fed with frames 0.1 s apart; VIO counts as working when the frame is good.
+// A policy and frames 0.1 s apart; VIO is working if the frame is good.
 class Frames {
  public:
   explicit Frames(const FreezeConfig& config = {}) : policy(config) {}
@@ -27,7 +27,7 @@ class Frames {
   Stamp now;
 };
 
-TEST(FreezePolicy, VioThatHasNotStartedIsNoFailure) {
+TEST(FreezePolicy, UninitializedVioIsNotAFailure) {
   Frames frames;
   for (int i = 0; i < 5; ++i) EXPECT_EQ(frames.add(kDark).phase, Phase::starting);
   EXPECT_EQ(frames.add(kGood).phase, Phase::running);
@@ -35,13 +35,13 @@ TEST(FreezePolicy, VioThatHasNotStartedIsNoFailure) {
   EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
 }
 
-TEST(FreezePolicy, AFailureWithAStableDipoFreezesOnceAndSaysWhy) {
+TEST(FreezePolicy, FreezesOnceOnFailureWithStableDipo) {
   Frames frames;
   frames.add(kGood);
   const auto decision = frames.add(kDark);
   EXPECT_EQ(decision.action, Action::freeze);
   EXPECT_EQ(decision.phase, Phase::frozen);
-  EXPECT_EQ(decision.why, "too_few_features");
+  EXPECT_EQ(decision.reason, "too_few_features");
   const auto next = frames.add(kDark);
   EXPECT_EQ(next.action, Action::none);
   EXPECT_EQ(next.phase, Phase::frozen);
@@ -49,41 +49,41 @@ TEST(FreezePolicy, AFailureWithAStableDipoFreezesOnceAndSaysWhy) {
   EXPECT_EQ(frames.policy.counts().freeze_frames, 2U);
 }
 
-TEST(FreezePolicy, TheWindowIsReleasedAfterEnoughGoodFramesInARow) {
+TEST(FreezePolicy, ReleasesAfterConsecutiveGoodFrames) {
   Frames frames({.enabled = true, .release_frames = 3});
   frames.add(kGood);
   frames.add(kDark);
   frames.add(kGood);
   frames.add(kGood);
-  frames.add(kDark);  // begins again
+  frames.add(kDark);  // restarts the count
   frames.add(kGood);
   EXPECT_EQ(frames.add(kGood).action, Action::none);
   const auto decision = frames.add(kGood);
   EXPECT_EQ(decision.action, Action::release);
   EXPECT_EQ(decision.phase, Phase::running);
   EXPECT_EQ(frames.add(kGood).action, Action::none);
-  EXPECT_EQ(frames.policy.counts().freeze_frames, 6U);  // the releasing frame runs
+  EXPECT_EQ(frames.policy.counts().freeze_frames, 6U);  // not counting the frame that releases
 }
 
-TEST(FreezePolicy, OneGoodFrameReleasesIfSoConfigured) {
+TEST(FreezePolicy, ReleasesAfterOneFrameIfConfigured) {
   Frames frames({.enabled = true, .release_frames = 1});
   frames.add(kGood);
   frames.add(kDark);
   EXPECT_EQ(frames.add(kGood).action, Action::release);
 }
 
-TEST(FreezePolicy, AFailureWithAnUnstableDipoDrops) {
+TEST(FreezePolicy, DropsOnFailureWithUnstableDipo) {
   Frames frames;
   frames.add(kGood);
   const auto decision = frames.add(kDark, kOld);
   EXPECT_EQ(decision.action, Action::reset);
   EXPECT_EQ(decision.phase, Phase::dropped);
-  EXPECT_EQ(decision.why, "DIPO is not stable");
+  EXPECT_EQ(decision.reason, "DIPO is unstable");
   EXPECT_EQ(frames.policy.counts().drop_frames, 1U);
   EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
 }
 
-TEST(FreezePolicy, AFrozenWindowIsDroppedWhenDipoBecomesUnstable) {
+TEST(FreezePolicy, DropsAFrozenWindowWhenDipoBecomesUnstable) {
   Frames frames;
   frames.add(kGood);
   frames.add(kDark);
@@ -95,7 +95,7 @@ TEST(FreezePolicy, AFrozenWindowIsDroppedWhenDipoBecomesUnstable) {
   EXPECT_EQ(frames.policy.counts().failures, 1U);
 }
 
-TEST(FreezePolicy, AWindowOfNonsenseIsNeverFrozen) {
+TEST(FreezePolicy, NeverFreezesADivergedWindow) {
   Frames frames;
   frames.add(kGood);
   EXPECT_EQ(frames.add(kDiverged).action, Action::reset);
@@ -105,7 +105,7 @@ TEST(FreezePolicy, AWindowOfNonsenseIsNeverFrozen) {
   EXPECT_EQ(frozen.add(kDiverged).action, Action::reset);
 }
 
-TEST(FreezePolicy, FreezingLastsNoLongerThanConfigured) {
+TEST(FreezePolicy, ResetsAfterTheMaximumFreeze) {
   Frames frames({.enabled = true, .release_frames = 3, .max_frozen_s = 0.25});
   frames.add(kGood);
   frames.add(kDark);
@@ -114,12 +114,12 @@ TEST(FreezePolicy, FreezingLastsNoLongerThanConfigured) {
   EXPECT_EQ(frames.add(kDark).action, Action::reset);  // 0.3 s after the failure
 }
 
-TEST(FreezePolicy, WithoutFreezingEveryFailureIsANewStart) {
+TEST(FreezePolicy, ResetsOnEveryFailureWithFreezingDisabled) {
   Frames frames({.enabled = false, .release_frames = 2});
   frames.add(kGood);
   const auto decision = frames.add(kDark);
   EXPECT_EQ(decision.action, Action::reset);
-  EXPECT_EQ(decision.why, "freezing is off");
+  EXPECT_EQ(decision.reason, "freezing is disabled");
   frames.add(kDark);
   frames.add(kGood);
   EXPECT_EQ(frames.add(kGood).phase, Phase::running);
@@ -127,7 +127,7 @@ TEST(FreezePolicy, WithoutFreezingEveryFailureIsANewStart) {
   EXPECT_EQ(frames.policy.counts().drop_frames, 3U);
 }
 
-TEST(FreezePolicy, WithoutDipoVioGoesOnWithWhatItHas) {
+TEST(FreezePolicy, KeepsTheWindowWithoutDipo) {
   Frames frames;
   frames.add(kGood, kAbsent);
   const auto decision = frames.add(kDark, kAbsent);
@@ -139,12 +139,12 @@ TEST(FreezePolicy, WithoutDipoVioGoesOnWithWhatItHas) {
   EXPECT_EQ(frames.add(kGood, kAbsent).phase, Phase::running);
 }
 
-TEST(FreezePolicy, ReinitTimeRunsFromTheLastReturnOfFeaturesToTheRelease) {
+TEST(FreezePolicy, ReinitTimeStartsAtTheLastReturnOfFeatures) {
   Frames frames({.enabled = true, .release_frames = 3});
   frames.add(kGood);
   frames.add(kDark);
-  frames.add(kNew);   // corners for one frame
-  frames.add(kDark);  // and gone again
+  frames.add(kNew);   // corners in one frame only
+  frames.add(kDark);  // none again
   EXPECT_THAT(frames.policy.reinit_times(), testing::IsEmpty());
   const Stamp back = frames.now + Duration::from_seconds(0.1);
   for (int i = 0; i < 4; ++i) frames.add(kNew);
@@ -154,7 +154,7 @@ TEST(FreezePolicy, ReinitTimeRunsFromTheLastReturnOfFeaturesToTheRelease) {
   EXPECT_THAT(frames.policy.reinit_times(), testing::ElementsAre(testing::DoubleNear(0.6, 1e-9)));
 }
 
-TEST(FreezePolicy, AFailureOfAnotherKindThanDarknessCountsFromItself) {
+TEST(FreezePolicy, ReinitTimeStartsAtAFailureWithFeatures) {
   Frames frames({.enabled = true, .release_frames = 2});
   frames.add(kGood);
   frames.add(kNew);
@@ -163,14 +163,14 @@ TEST(FreezePolicy, AFailureOfAnotherKindThanDarknessCountsFromItself) {
   EXPECT_THAT(frames.policy.reinit_times(), testing::ElementsAre(testing::DoubleNear(0.2, 1e-9)));
 }
 
-TEST(Hysteresis, WithoutFramesItIsThePaper) {
+TEST(Hysteresis, ZeroFramesSwitchImmediately) {
   Hysteresis hysteresis({.good_frames = 0, .bad_frames = 0});
   EXPECT_TRUE(hysteresis.update(true));
   EXPECT_FALSE(hysteresis.update(false));
   EXPECT_TRUE(hysteresis.update(true));
 }
 
-TEST(Hysteresis, ChangesItsMindAfterAsManyFramesInARowAsConfigured) {
+TEST(Hysteresis, SwitchesAfterConsecutiveFrames) {
   Hysteresis hysteresis({.good_frames = 3, .bad_frames = 2});
   std::string seen;
   for (const char frame : std::string("gg b ggg b g bb ggbgg g")) {

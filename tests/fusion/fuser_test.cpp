@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/fusion/fuser.hpp"
+#include "fusion/fuser.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,30 +9,32 @@
 #include <optional>
 #include <set>
 
+#include "fusion/two_odometries.hpp"
 #include "support/matchers.hpp"
-#include "two_odometries.hpp"
 
 namespace apvi::fusion {
 namespace {
 
 using test::PoseNear;
 
-// Algorithm 1 and Eq. 7 to the letter.
+// Algorithm 1 and Eq. 7 as printed.
 Config as_printed() {
   Config config;
   config.mode = Mode::paper;
-  config.discriminator.medium.needs_stable_dipo = false;
-  config.discriminator.medium.dipo_sigmas = 0.0;
-  config.hysteresis = {.good_frames = 0, .bad_frames = 0, .return_factor = 1.0};
+  config.discriminator.agreement.require_stable_dipo = false;
+  config.discriminator.agreement.dipo_sigmas = 0.0;
+  config.hysteresis = {.good_frames = 0, .bad_frames = 0, .recovery_stable_ratio_factor = 1.0};
   config.slew.time_constant_s = 0.0;
-  config.discriminator.fine = {.min_rotation = 0.0, .min_position = 0.0};
+  config.discriminator.degeneracy = {.min_rotation_eigenvalue = 0.0,
+                                     .min_position_eigenvalue = 0.0};
   return config;
 }
 
-// The default, but step 3 asks nothing: its thresholds are for what real windows know.
+// The default without step 3, whose thresholds are for real data.
 Config by_default() {
   Config config;
-  config.discriminator.fine = {.min_rotation = 0.0, .min_position = 0.0};
+  config.discriminator.degeneracy = {.min_rotation_eigenvalue = 0.0,
+                                     .min_position_eigenvalue = 0.0};
   return config;
 }
 
@@ -49,7 +51,7 @@ vio::FrameStatistics dark() {
   return statistics;
 }
 
-// A vehicle at rest with a ping every frame, 0.1 s apart.
+// A vehicle at rest with one ping per frame, 0.1 s apart.
 class Scene {
  public:
   explicit Scene(const Config& config, const FreezeConfig& freeze = {}) : fuser(config, freeze) {
@@ -75,7 +77,7 @@ class Scene {
   bool pings = true;
 };
 
-TEST(Fuser, AnAcceptedFrameIsEq7) {
+TEST(Fuser, AcceptedFrameIsFusedByEq7) {
   Scene scene(as_printed());
   scene.vio_at(0.2);
   const FusionResult result = scene.step();
@@ -86,10 +88,10 @@ TEST(Fuser, AnAcceptedFrameIsEq7) {
   EXPECT_NEAR(result.pose->covariance(3, 3), 0.005, 1e-12);
 }
 
-TEST(Fuser, TheStepsOfAlgorithmOneComeInTheirOrder) {
+TEST(Fuser, StepsOfAlgorithm1AreOrdered) {
   Config config = as_printed();
-  config.discriminator.fine.min_position = 101.0;
-  Scene scene(config);  // degenerate, far off, and few corners at once
+  config.discriminator.degeneracy.min_position_eigenvalue = 101.0;
+  Scene scene(config);  // degenerate, in disagreement, and with few corners
   scene.vio_at(1.0);
   scene.input.statistics = dark();
   EXPECT_EQ(scene.step().verdict.level, Level::coarse);
@@ -103,7 +105,7 @@ TEST(Fuser, TheStepsOfAlgorithmOneComeInTheirOrder) {
   EXPECT_TRUE(scene.step().verdict.accepted());
 }
 
-TEST(Fuser, AFailedVioWithAStableDipoIsDiposPoseAndFrozen) {
+TEST(Fuser, UsesDipoAndFreezesOnFailureWithStableDipo) {
   Scene scene(as_printed());
   scene.vio_at(0.2);
   scene.step();
@@ -114,7 +116,7 @@ TEST(Fuser, AFailedVioWithAStableDipoIsDiposPoseAndFrozen) {
   EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
 }
 
-TEST(Fuser, AFailedVioWithAnUnstableDipoIsDiposPoseAndDropped) {
+TEST(Fuser, UsesDipoAndDropsOnFailureWithUnstableDipo) {
   Scene scene(as_printed());
   scene.step();
   scene.pings = false;
@@ -127,10 +129,10 @@ TEST(Fuser, AFailedVioWithAnUnstableDipoIsDiposPoseAndDropped) {
   EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
 }
 
-TEST(Fuser, VioIsNotBlamedForDisagreeingWithAnUnstableDipoUnlessAsPrinted) {
+TEST(Fuser, UnstableDipoDoesNotRejectVioUnlessAsPrinted) {
   for (const bool printed : {true, false}) {
     Config config = as_printed();
-    config.discriminator.medium.needs_stable_dipo = !printed;
+    config.discriminator.agreement.require_stable_dipo = !printed;
     Scene scene(config);
     scene.step();
     scene.pings = false;
@@ -145,7 +147,7 @@ TEST(Fuser, VioIsNotBlamedForDisagreeingWithAnUnstableDipoUnlessAsPrinted) {
   }
 }
 
-TEST(Fuser, BeforeVioStartsThePoseIsDiposAndNothingHasFailed) {
+TEST(Fuser, UsesDipoBeforeVioIsInitialized) {
   Scene scene(as_printed());
   scene.input.vio.reset();
   const FusionResult result = scene.step();
@@ -155,7 +157,7 @@ TEST(Fuser, BeforeVioStartsThePoseIsDiposAndNothingHasFailed) {
   EXPECT_EQ(scene.fuser.freeze_policy().counts().failures, 0U);
 }
 
-TEST(Fuser, WithoutDipoThePoseIsVios) {
+TEST(Fuser, UsesVioWithoutDipo) {
   Scene scene(by_default());
   scene.input.dipo.reset();
   scene.input.vio.reset();
@@ -174,11 +176,11 @@ TEST(Fuser, WithoutDipoThePoseIsVios) {
   scene.step();
   const FusionResult failed = scene.step();
   EXPECT_EQ(failed.state, FusionState::dropped);
-  EXPECT_EQ(failed.freeze.action, Action::none);  // nothing knows better than VIO
+  EXPECT_EQ(failed.freeze.action, Action::none);  // no better estimate available
   EXPECT_TRUE(failed.pose);
 }
 
-TEST(Fuser, NonsenseFromVioIsNeverFusedAndThrowsItsWindowAway) {
+TEST(Fuser, InvalidVioIsNotFusedAndResetsTheWindow) {
   for (const int kind : {0, 1, 2, 3}) {
     Scene scene(by_default());
     for (int i = 0; i < 5; ++i) scene.step();
@@ -194,7 +196,7 @@ TEST(Fuser, NonsenseFromVioIsNeverFusedAndThrowsItsWindowAway) {
   }
 }
 
-TEST(Fuser, NonsenseFromDipoIsNeverPassedOn) {
+TEST(Fuser, InvalidDipoIsNotUsed) {
   Scene scene(by_default());
   for (int i = 0; i < 5; ++i) scene.step();
   scene.input.dipo->T_world_body.translation.y() = NAN;
@@ -206,7 +208,7 @@ TEST(Fuser, NonsenseFromDipoIsNeverPassedOn) {
   EXPECT_EQ(scene.step().state, FusionState::fused);
 }
 
-TEST(Fuser, ABadImageIsABadFrame) {
+TEST(Fuser, RejectsFramesWithBadImageQuality) {
   Scene scene(as_printed());
   scene.input.statistics.quality = vio::FrameQuality::repeated;
   const FusionResult result = scene.step();
@@ -214,7 +216,7 @@ TEST(Fuser, ABadImageIsABadFrame) {
   EXPECT_EQ(result.verdict.measured, static_cast<double>(vio::FrameQuality::repeated));
 }
 
-TEST(Fuser, HysteresisNeitherFreezesForOneBadFrameNorFusesIt) {
+TEST(Fuser, SingleBadFrameIsNeitherFusedNorFreezes) {
   Config config = as_printed();
   config.hysteresis = {.good_frames = 3, .bad_frames = 2};
   Scene scene(config);
@@ -233,7 +235,7 @@ TEST(Fuser, HysteresisNeitherFreezesForOneBadFrameNorFusesIt) {
   EXPECT_EQ(scene.step().freeze.action, Action::freeze);
 }
 
-TEST(Fuser, AReleasedWindowIsUsedAtOnce) {
+TEST(Fuser, ReleasedWindowIsUsedImmediately) {
   Config config = as_printed();
   config.hysteresis = {.good_frames = 10, .bad_frames = 0};
   Scene scene(config, {.enabled = true, .release_frames = 2});
@@ -247,9 +249,9 @@ TEST(Fuser, AReleasedWindowIsUsedAtOnce) {
   EXPECT_EQ(released.state, FusionState::fused);
 }
 
-TEST(Fuser, WhatHasFailedMustBeBetterThanTheThresholdToReturn) {
+TEST(Fuser, RecoveryNeedsAHigherStableRatio) {
   Config config = as_printed();
-  config.hysteresis.return_factor = 1.5;
+  config.hysteresis.recovery_stable_ratio_factor = 1.5;
   Scene scene(config, {.enabled = true, .release_frames = 1});
   const auto with_share = [&scene](double share) {
     scene.input.statistics = rich();
@@ -265,10 +267,10 @@ TEST(Fuser, WhatHasFailedMustBeBetterThanTheThresholdToReturn) {
   EXPECT_EQ(with_share(0.25).state, FusionState::fused);
 }
 
-TEST(Fuser, ADegenerateDirectionIsLeftToDipoWhenRemapped) {
+TEST(Fuser, RemappingLeavesDegenerateDirectionsToDipo) {
   Config config = as_printed();
-  config.discriminator.fine.min_position = 50.0;
-  config.discriminator.fine.action = DegeneracyAction::remap;
+  config.discriminator.degeneracy.min_position_eigenvalue = 50.0;
+  config.discriminator.degeneracy.action = DegeneracyAction::remap;
   Scene scene(config);
   scene.input.vio->information(3, 3) = 10.0;  // x
   scene.vio_at(0.2, 0.2);
@@ -278,17 +280,18 @@ TEST(Fuser, ADegenerateDirectionIsLeftToDipoWhenRemapped) {
   EXPECT_THAT(result.pose->T_world_body.translation,
               test::MatrixNear(Eigen::Vector3d(0.0, 0.1, 0.0), 1e-12));
   scene.input.vio->information.setZero();
-  EXPECT_EQ(scene.step().state, FusionState::fused);  // rotation is not tested: three are left
+  EXPECT_EQ(scene.step().state,
+            FusionState::fused);  // rotation is not tested: three directions remain
   Config strict = config;
-  strict.discriminator.fine.min_directions = 4;
+  strict.discriminator.degeneracy.min_directions = 4;
   Scene refused(strict);
   refused.input.vio->information.setZero();
   EXPECT_EQ(refused.step().verdict.reason, Reason::position_degenerate);
 }
 
-TEST(Fuser, AWindowThatSawNothingIsDegenerateHoweverSureItIs) {
+TEST(Fuser, WindowWithoutLandmarksIsDegenerate) {
   Config config = as_printed();
-  config.discriminator.fine.min_position = 50.0;
+  config.discriminator.degeneracy.min_position_eigenvalue = 50.0;
   Scene scene(config);
   scene.input.vio_includes_dipo = true;
   scene.input.vio->inliers = 1;
@@ -300,9 +303,9 @@ TEST(Fuser, AWindowThatSawNothingIsDegenerateHoweverSureItIs) {
   EXPECT_EQ(result.directions, 0);
 }
 
-TEST(Fuser, AFrozenWindowThatLeansOnDipoIsNotAskedHowSureItIs) {
+TEST(Fuser, FrozenWindowSkipsTheDegeneracyCheck) {
   Config config = as_printed();
-  config.discriminator.fine.min_position = 50.0;
+  config.discriminator.degeneracy.min_position_eigenvalue = 50.0;
   Scene scene(config, {.release_frames = 3});
   scene.step();
   scene.input.vio->information *= 0.1;
@@ -313,36 +316,36 @@ TEST(Fuser, AFrozenWindowThatLeansOnDipoIsNotAskedHowSureItIs) {
   EXPECT_EQ(scene.step().freeze.action, Action::release);
 }
 
-TEST(Fuser, RemappingCountsThresholdsPerInlierToo) {
+TEST(Fuser, RemappingSupportsPerInlierThresholds) {
   Config config = as_printed();
-  config.discriminator.fine.min_position = 0.5;
-  config.discriminator.fine.normalisation = Normalisation::per_inlier;
-  config.discriminator.fine.action = DegeneracyAction::remap;
+  config.discriminator.degeneracy.min_position_eigenvalue = 0.5;
+  config.discriminator.degeneracy.normalization = Normalization::per_inlier;
+  config.discriminator.degeneracy.action = DegeneracyAction::remap;
   Scene scene(config);
-  scene.input.vio->inliers = 100;  // the threshold is 50 in all, the information 100
+  scene.input.vio->inliers = 100;  // the threshold is 50 in total, the information 100
   EXPECT_EQ(scene.step().directions, 6);
   scene.input.vio->information(3, 3) = 49.0;
   EXPECT_EQ(scene.step().directions, 5);
 }
 
-TEST(Fuser, AgreementOverAWindowForgivesDriftAndNotAJump) {
+TEST(Fuser, WindowedAgreementAcceptsDriftAndRejectsJumps) {
   Config config = as_printed();
-  config.discriminator.medium.window_s = 2.0;
+  config.discriminator.agreement.window_s = 2.0;
   Scene scene(config);
   for (int i = 0; i < 100; ++i) {
-    scene.vio_at(0.01 * i);  // a metre in the end, 0.2 m in two seconds
+    scene.vio_at(0.01 * i);  // 1 m in total, 0.2 m in two seconds
     EXPECT_TRUE(scene.step().verdict.accepted()) << i;
   }
   scene.vio_at(1.3);
   EXPECT_EQ(scene.step().verdict.reason, Reason::position_differs);
 }
 
-TEST(Fuser, WhatBothHaveDriftedApartDoesNotKeepAWindowFrozen) {
+TEST(Fuser, AccumulatedDriftDoesNotPreventRelease) {
   Config config = as_printed();
-  config.discriminator.medium.window_s = 2.0;
+  config.discriminator.agreement.window_s = 2.0;
   Scene scene(config);
   for (int i = 0; i < 60; ++i) {
-    scene.vio_at(0.01 * i);  // 0.6 m in the end
+    scene.vio_at(0.01 * i);  // 0.6 m in total
     scene.step();
   }
   scene.input.statistics = dark();
@@ -351,7 +354,7 @@ TEST(Fuser, WhatBothHaveDriftedApartDoesNotKeepAWindowFrozen) {
   EXPECT_TRUE(scene.step().verdict.accepted());
 }
 
-TEST(Fuser, AWindowWithADvlInItIsNotThrownAwayWithAnUnstableDipo) {
+TEST(Fuser, TightWindowIsNotResetWhenDipoIsUnstable) {
   Scene scene(by_default());
   scene.input.vio_includes_dipo = true;
   for (int i = 0; i < 5; ++i) scene.step();
@@ -361,7 +364,7 @@ TEST(Fuser, AWindowWithADvlInItIsNotThrownAwayWithAnUnstableDipo) {
   EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
 }
 
-TEST(Fuser, ADipoThatIsSilentForAMomentCostsNoWindow) {
+TEST(Fuser, ShortDipoInterruptionDoesNotResetTheWindow) {
   Scene scene(by_default());
   for (int i = 0; i < 5; ++i) scene.step();
   scene.input.statistics = dark();
@@ -372,11 +375,11 @@ TEST(Fuser, ADipoThatIsSilentForAMomentCostsNoWindow) {
   EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
 }
 
-TEST(Fuser, VioIsNotBlamedForDisagreeingWithADipoThatHasLostItsWay) {
+TEST(Fuser, UncertainDipoDoesNotRejectVio) {
   for (const double sigmas : {0.0, 3.0}) {
     Config config = as_printed();
-    config.discriminator.medium.window_s = 2.0;
-    config.discriminator.medium.dipo_sigmas = sigmas;
+    config.discriminator.agreement.window_s = 2.0;
+    config.discriminator.agreement.dipo_sigmas = sigmas;
     Scene scene(config);
     for (int i = 0; i < 10; ++i) scene.step();
     scene.input.dipo->covariance.diagonal().tail<3>().array() += 0.02;  // sigma 0.25 m
@@ -387,19 +390,19 @@ TEST(Fuser, VioIsNotBlamedForDisagreeingWithADipoThatHasLostItsWay) {
   }
 }
 
-TEST(Fuser, AWindowWithADvlInItCarriesFromItsFirstFrame) {
+TEST(Fuser, TightWindowIsUsedFromItsFirstFrame) {
   Scene scene(by_default());
   scene.input.vio_includes_dipo = true;
-  scene.input.statistics = dark();  // no corner is old enough to be stable
+  scene.input.statistics = dark();  // no corner is stable yet
   scene.vio_at(0.1);
   const FusionResult result = scene.step();
   EXPECT_EQ(result.freeze.phase, Phase::starting);
   EXPECT_THAT(result.pose->T_world_body, PoseNear(scene.input.vio->T_world_body, 1e-15));
 }
 
-TEST(Fuser, AWindowWithADvlInItIsBelievedAgainWhenItsMotionIsRightAgain) {
+TEST(Fuser, TightWindowIsAcceptedAgainWhenItsMotionAgrees) {
   Config config = by_default();
-  config.discriminator.medium.window_s = 2.0;
+  config.discriminator.agreement.window_s = 2.0;
   Scene scene(config);
   scene.input.vio_includes_dipo = true;
   for (int i = 0; i < 30; ++i) scene.step();
@@ -410,7 +413,7 @@ TEST(Fuser, AWindowWithADvlInItIsBelievedAgainWhenItsMotionIsRightAgain) {
   EXPECT_TRUE(scene.step().verdict.accepted());
 }
 
-// Runs a dive through a fuser and says how the output moved beyond the truth's own motion.
+// Runs a dive through a fuser and measures how the output moves relative to the true motion.
 struct Passage {
   double largest_jump_m = 0.0;
   double largest_error_m = 0.0;
@@ -446,29 +449,29 @@ Passage pass(const Config& config, const std::vector<test::TwoOdometries::Frame>
   return passage;
 }
 
-TEST(Fuser, TheOutputPassesOverEverySwitchWithoutAJump) {
+TEST(Fuser, OutputHasNoJumpsAtSwitches) {
   const auto is_dark = [](double t) { return std::fmod(t, 10.0) > 7.0; };
-  const test::TwoOdometries setup{.speed_bias = 0.02};  // VIO goes astray, 0.2 m in ten seconds
+  const test::TwoOdometries setup{.speed_bias = 0.02};  // VIO drifts by 0.2 m in ten seconds
   double printed = 0.0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const auto frames = setup.run(seed, 60.0, {{5.0, 100.0}});
     for (const Mode mode : {Mode::paper, Mode::consistent}) {
       Config config = by_default();
       config.mode = mode;
-      config.discriminator.medium.window_s = 0.0;  // these two start anew in one world
+      config.discriminator.agreement.window_s = 0.0;  // these modes re-initialize in the same world
       const Passage passage = pass(config, frames, is_dark);
       EXPECT_TRUE(passage.states.count(FusionState::fused));
       EXPECT_TRUE(passage.states.count(FusionState::frozen));
-      // DIPO's own noise is 3 mm a frame and its corrections are of that size.
+      // DIPO's noise and corrections are about 3 mm per frame.
       EXPECT_LT(passage.largest_jump_m, 0.04) << seed << ", mode " << static_cast<int>(mode);
     }
     printed = std::max(printed, pass(as_printed(), frames, is_dark).largest_jump_m);
   }
-  EXPECT_GT(printed, 0.1);  // the test would notice
+  EXPECT_GT(printed, 0.1);  // without slew limiting the jump is visible
 }
 
-TEST(Fuser, ABiasedVioCannotLeadTheOutputFarAstray) {
-  // 10 cm/s of false speed, which VIO's covariance denies.
+TEST(Fuser, BiasedVioCausesBoundedError) {
+  // Velocity bias of 0.1 m/s that the covariance of VIO does not include.
   const test::TwoOdometries setup{.speed_bias = 0.1};
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const auto frames = setup.run(seed, 60.0, {{5.0, 100.0}});
@@ -481,7 +484,7 @@ TEST(Fuser, ABiasedVioCannotLeadTheOutputFarAstray) {
       Config config = by_default();
       config.mode = mode;
       const Passage passage = pass(config, frames, [](double) { return false; });
-      // VIO is found out at 30 cm; a fused pose lies between the two.
+      // VIO is rejected at 30 cm; a fused pose lies between the two.
       EXPECT_LT(passage.largest_error_m, dipo_error + 0.3) << seed;
       EXPECT_TRUE(passage.states.count(FusionState::frozen)) << seed;
     }

@@ -3,15 +3,15 @@
 
 #include <Eigen/Cholesky>
 
-#include "apvi/core/random.hpp"
-#include "apvi/fusion/pose_estimate.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/random.hpp"
+#include "fusion/pose_estimate.hpp"
 
 namespace apvi::test {
 
 using fusion::boxminus;
 using fusion::boxplus;
-using fusion::kRadiansPerDegree;
+using apvi::kRadiansPerDegree;
 using fusion::Matrix6;
 using fusion::PoseEstimate;
 using fusion::symmetric;
@@ -23,7 +23,7 @@ inline Vector6 normal6(Random& random) {
   return v;
 }
 
-/// A random positive definite matrix with sigmas about `rotation` [rad] and `position` [m].
+/// A random positive definite matrix with sigmas of about `rotation` [rad] and `position` [m].
 inline Matrix6 random_covariance(Random& random, double rotation, double position) {
   Matrix6 A;
   for (int i = 0; i < 6; ++i) A.col(i) = normal6(random);
@@ -45,7 +45,7 @@ inline Vector6 draw(Random& random, const Matrix6& covariance) {
   return covariance.llt().matrixL() * normal6(random);
 }
 
-/// Sigmas of `rotation_deg` [deg] and `position` [m], no correlation.
+/// Diagonal covariance with sigmas `rotation_deg` [deg] and `position` [m].
 inline Matrix6 diagonal(double rotation_deg, double position) {
   Vector6 sigma;
   sigma << Eigen::Vector3d::Constant(rotation_deg * kRadiansPerDegree),

@@ -5,13 +5,13 @@
 #include <optional>
 #include <vector>
 
-#include "random_pose.hpp"
+#include "fusion/random_pose.hpp"
 
 namespace apvi::test {
 
-/// A dive seen by a simulated DIPO and VIO whose covariances are right: both dead-reckon with noise
-/// of known size; DIPO measures height and tilt besides. VIO is told DIPO's pose, error included,
-/// whenever it starts.
+/// A dive with simulated DIPO and VIO whose covariances are correct: both dead-reckon with known
+/// noise; DIPO also measures height and tilt. VIO is initialized with the DIPO pose, including its
+/// error.
 struct TwoOdometries {
   double dt = 0.1;                  ///< [s]
   double dipo_rotation_deg = 0.10;  ///< walk [deg/sqrt(s)]
@@ -19,7 +19,7 @@ struct TwoOdometries {
   double vio_rotation_deg = 0.06;
   double vio_position = 0.008;
   double shared_rotation = 0.0;  ///< correlation of the rotation noises (one gyro)
-  double speed_bias = 0.0;       ///< of VIO, which its covariance knows nothing of [m/s]
+  double speed_bias = 0.0;  ///< velocity bias of VIO that its covariance does not include [m/s]
 
   struct Frame {
     double t;
@@ -27,15 +27,14 @@ struct TwoOdometries {
     PoseEstimate dipo;
     std::optional<PoseEstimate> vio;
   };
-  /// VIO is there in [start, end) of each span [s].
+  /// VIO is available in [start, end) of each span [s].
   std::vector<Frame> run(std::uint64_t seed, double duration_s,
                          const std::vector<std::pair<double, double>>& vio_spans) const;
 };
 
 namespace internal {
 
-/// Dead reckoning by a motion as measured, with noise of covariance Q in it; linearised where the
-/// estimate is, as a filter does.
+/// Dead reckoning with a measured motion of noise covariance Q, linearized at the estimate.
 inline PoseEstimate reckon(const PoseEstimate& before, const SE3& measured, const Matrix6& Q) {
   const Eigen::Matrix3d R = before.T_world_body.rotation.toRotationMatrix();
   PoseEstimate now{before.T_world_body * measured, Matrix6::Zero()};

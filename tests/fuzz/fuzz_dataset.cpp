@@ -2,11 +2,11 @@
 #include <sstream>
 
 #include "apvi/core/error.hpp"
-#include "fuzz_target.hpp"
-#include "io/csv_sensors.hpp"
+#include "fuzz/fuzz_target.hpp"
+#include "io/folder/csv_sensors.hpp"
 #include "io/merged_reader.hpp"
 
-// A dataset folder whose csv files are arbitrary: separated by NUL bytes, one for each sensor.
+// A dataset folder with arbitrary CSV files, one for each sensor, separated by NUL bytes.
 
 namespace {
 
@@ -42,11 +42,11 @@ void read_all(io::Recording recording) {
   io::MergedReader reader(std::move(recording), config);
   Stamp last = Stamp::min();
   while (const auto event = reader.next()) {
-    fuzz::check(stamp_of(*event) >= last, "events out of order");
-    fuzz::check(is_finite(*event), "an event that is not finite");
+    fuzz::check(stamp_of(*event) >= last, "events are out of order");
+    fuzz::check(is_finite(*event), "an event is not finite");
     last = stamp_of(*event);
   }
-  fuzz::check(reader.fraction() == 1.0, "progress at the end");
+  fuzz::check(reader.fraction() == 1.0, "progress at the end is not 1");
 }
 
 }  // namespace
@@ -57,7 +57,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const std::string& text : fuzz::split(data, size)) {
     try {
       add(recording, sensor++, text);
-    } catch (const InputError&) {  // a refusal of the header
+    } catch (const InputError&) {  // invalid header
     }
   }
   read_all(std::move(recording));

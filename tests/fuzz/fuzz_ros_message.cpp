@@ -3,9 +3,9 @@
 #include <span>
 
 #include "apvi/core/error.hpp"
-#include "fuzz_target.hpp"
-#include "io/ros_message.hpp"
-#include "io/ros_samples.hpp"
+#include "fuzz/fuzz_target.hpp"
+#include "io/rosbag/ros_message.hpp"
+#include "io/rosbag/ros_samples.hpp"
 
 // A message definition, a NUL byte, and a message that may or may not be of that type.
 
@@ -18,7 +18,7 @@ void use(const std::optional<SensorEvent>& event) {
   is_finite(*event);
   if (const auto* image = std::get_if<ImageFrame>(&*event)) {
     try {
-      fuzz::check(!image->decode().empty(), "an image without pixels");
+      fuzz::check(!image->decode().empty(), "an image has no pixels");
     } catch (const RunError&) {
     }
   }

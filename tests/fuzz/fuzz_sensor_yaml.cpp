@@ -3,10 +3,10 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/sensors/rig.hpp"
-#include "fuzz_target.hpp"
-#include "io/euroc_rig.hpp"
+#include "fuzz/fuzz_target.hpp"
+#include "io/folder/euroc_rig.hpp"
 
-// EuRoC's calibration files: of the IMU and of a camera, separated by a NUL byte.
+// EuRoC calibration files of the IMU and a camera, separated by a NUL byte.
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace apvi;
@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (parts.size() > 1) sensors["cam0"] = io::parse_sensor_yaml(parts[1], "cam0/sensor.yaml");
     const Rig rig = make_rig(io::rig_of_sensor_yamls(sensors));
     for (const auto& camera : rig.cameras) {
-      fuzz::check(camera.T_body_camera.translation.allFinite(), "a camera somewhere");
+      fuzz::check(camera.T_body_camera.translation.allFinite(), "a camera position is not finite");
       camera.model.unproject({10.0, 20.0});
     }
   } catch (const InputError&) {

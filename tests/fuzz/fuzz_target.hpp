@@ -9,15 +9,14 @@
 
 #include "apvi/core/log.hpp"
 
-/// What the fuzz targets share. A target calls one parser with arbitrary bytes: any outcome is
-/// right but a crash, a hang, an exception of another kind than InputError (or RunError), or a
-/// broken promise.
+/// Shared code of the fuzz targets. A target calls one parser with arbitrary bytes and must not
+/// crash, hang, throw anything but InputError (or RunError), or violate a checked condition.
 namespace apvi::fuzz {
 
-/// A promise of the code under test; libFuzzer reports the abort with the input that led to it.
-inline void check(bool promise, const char* what) {
-  if (promise) return;
-  std::cerr << "broken promise: " << what << "\n";
+/// Checks a condition of the code under test; libFuzzer reports the abort with the input.
+inline void check(bool condition, const char* what) {
+  if (condition) return;
+  std::cerr << "check failed: " << what << "\n";
   std::abort();
 }
 

@@ -7,9 +7,9 @@
 
 #include "apvi/io/tum.hpp"
 #include "io/ros_bytes.hpp"
-#include "io/ros_definitions.hpp"
+#include "io/rosbag/ros_definitions.hpp"
 
-// Writes inputs for the fuzz targets to start from: `make_corpus FOLDER` makes FOLDER/<target>/<n>.
+// Writes seed inputs for the fuzz targets: `make_corpus FOLDER` creates FOLDER/<target>/<n>.
 
 namespace {
 

@@ -20,8 +20,8 @@ using std::numbers::pi;
 using test::MatrixNear;
 using test::RotationNear;
 
-// Where formulas for rotations break: at and near zero, around the switch to the series, near pi.
-std::vector<Vector3d> awkward_vectors(double largest) {
+// Numerically critical angles: near zero, near the switch to the series, near pi.
+std::vector<Vector3d> edge_case_vectors(double largest) {
   const std::vector<Vector3d> axes = {Vector3d::UnitX(), -Vector3d::UnitY(), Vector3d::UnitZ(),
                                       Vector3d(1, 2, 3).normalized(),
                                       Vector3d(-0.3, 1e-9, 0.7).normalized()};
@@ -40,53 +40,53 @@ TEST(So3, HatIsTheCrossProduct) {
   EXPECT_THAT(Vector3d(so3::hat(a) * b), MatrixNear(a.cross(b), 1e-15));
 }
 
-TEST(So3, ExpOfZeroIsTheIdentityToTheLastBit) {
+TEST(So3, ExpOfZeroIsExactlyIdentity) {
   EXPECT_EQ(so3::exp(Vector3d::Zero()).coeffs(), Quaterniond::Identity().coeffs());
 }
 
-TEST(So3, ExpAgreesWithAngleAxisEverywhere) {
-  for (const Vector3d& phi : awkward_vectors(pi)) {
+TEST(So3, ExpMatchesAngleAxis) {
+  for (const Vector3d& phi : edge_case_vectors(pi)) {
     const double angle = phi.norm();
-    if (angle < 1e-200) continue;  // its axis is lost in the norm
+    if (angle < 1e-200) continue;  // the norm underflows
     const Quaterniond expected(Eigen::AngleAxisd(angle, phi / angle));
     EXPECT_NEAR(so3::exp(phi).norm(), 1.0, 1e-15);
     EXPECT_THAT(so3::exp(phi), RotationNear(expected, 1e-14)) << phi.transpose();
   }
 }
 
-TEST(So3, LogInvertsExpUpToPi) {
-  for (const Vector3d& phi : awkward_vectors(pi - 1e-9)) {
+TEST(So3, LogInvertsExp) {
+  for (const Vector3d& phi : edge_case_vectors(pi - 1e-9)) {
     EXPECT_THAT(so3::log(so3::exp(phi)), MatrixNear(phi, 1e-14 + 1e-15 * phi.norm()))
         << phi.transpose();
   }
 }
 
-TEST(So3, LogAtPiHasNormPiAndTheRightAxis) {
+TEST(So3, LogAtPiHasCorrectAxis) {
   const Vector3d axis = Vector3d(1, -2, 0.5).normalized();
   const Vector3d back = so3::log(so3::exp(pi * axis));
   EXPECT_NEAR(back.norm(), pi, 1e-14);
   EXPECT_NEAR(std::abs(back.normalized().dot(axis)), 1.0, 1e-14);
 }
 
-TEST(So3, LogOfBothSignsOfAQuaternionIsTheSame) {
-  for (const Vector3d& phi : awkward_vectors(3.0)) {
+TEST(So3, LogIgnoresQuaternionSign) {
+  for (const Vector3d& phi : edge_case_vectors(3.0)) {
     const Quaterniond q = so3::exp(phi);
     EXPECT_EQ(so3::log(Quaterniond(-q.coeffs())), so3::log(q));
   }
 }
 
-TEST(So3, LogKeepsTinyRotationsToFullRelativePrecision) {
+TEST(So3, LogIsAccurateForTinyRotations) {
   const Vector3d phi(1e-9, -2e-9, 3e-9);
   EXPECT_THAT(so3::log(so3::exp(phi)), MatrixNear(phi, 1e-24));
 }
 
-TEST(So3, RotationsBeyondPiComeBackTheShortWay) {
+TEST(So3, LogWrapsRotationsBeyondPi) {
   EXPECT_THAT(so3::log(so3::exp(Vector3d(0, 0, 1.5 * pi))),
               MatrixNear(Vector3d(0, 0, -pi / 2), 1e-14));
 }
 
 TEST(So3, RightJacobianIsTheDerivativeOfExp) {
-  for (const Vector3d& phi : awkward_vectors(3.2)) {
+  for (const Vector3d& phi : edge_case_vectors(3.2)) {
     const Quaterniond base = so3::exp(phi);
     const Eigen::MatrixXd numeric = test::numeric_jacobian(
         [&](const Vector3d& delta) { return so3::log(base.conjugate() * so3::exp(phi + delta)); },
@@ -95,8 +95,8 @@ TEST(So3, RightJacobianIsTheDerivativeOfExp) {
   }
 }
 
-TEST(So3, RightJacobianInverseIsItsInverse) {
-  for (const Vector3d& phi : awkward_vectors(pi)) {
+TEST(So3, RightJacobianInverseInvertsRightJacobian) {
+  for (const Vector3d& phi : edge_case_vectors(pi)) {
     EXPECT_THAT(Matrix3d(so3::right_jacobian(phi) * so3::right_jacobian_inverse(phi)),
                 MatrixNear(Matrix3d::Identity(), 1e-12))
         << phi.transpose();
@@ -105,21 +105,21 @@ TEST(So3, RightJacobianInverseIsItsInverse) {
 
 TEST(So3, AdjointIdentityHolds) {
   const Quaterniond r = so3::exp(Vector3d(0.4, -1.0, 2.0));
-  for (const Vector3d& phi : awkward_vectors(2.0)) {
+  for (const Vector3d& phi : edge_case_vectors(2.0)) {
     EXPECT_THAT(r * so3::exp(phi) * r.conjugate(), RotationNear(so3::exp(r * phi), 1e-14));
   }
 }
 
-TEST(So3, NearestRotationRepairsRounding) {
+TEST(So3, NearestRotationCorrectsRounding) {
   const Matrix3d exact = so3::exp(Vector3d(0.3, -0.8, 1.9)).toRotationMatrix();
-  const Matrix3d rounded = (1e4 * exact).array().round() / 1e4;  // four digits, as in printed files
+  const Matrix3d rounded = (1e4 * exact).array().round() / 1e4;  // four digits, as printed in files
   const auto repaired = so3::nearest_rotation(rounded);
   ASSERT_TRUE(repaired.has_value());
   EXPECT_THAT(Matrix3d(*repaired * repaired->transpose()), MatrixNear(Matrix3d::Identity(), 1e-14));
   EXPECT_THAT(*repaired, MatrixNear(exact, 2e-4));
 }
 
-TEST(So3, NearestRotationRefusesWhatIsNone) {
+TEST(So3, NearestRotationRejectsNonRotations) {
   const Matrix3d reflection = Vector3d(1, 1, -1).asDiagonal();
   EXPECT_FALSE(so3::nearest_rotation(reflection));
   EXPECT_FALSE(so3::nearest_rotation(Matrix3d::Zero()));
@@ -135,7 +135,7 @@ TEST(So3, AngleBetweenIsSymmetricAndBoundedByPi) {
   EXPECT_NEAR(so3::angle_between(a, a), 0.0, 1e-15);
 }
 
-TEST(So3, YawIsTheHeadingOfZyxAngles) {
+TEST(So3, YawMatchesZyxAngles) {
   for (const double heading : {-3.0, -1.0, 0.0, 0.7, pi}) {
     const Quaterniond q = Quaterniond(Eigen::AngleAxisd(heading, Vector3d::UnitZ()) *
                                       Eigen::AngleAxisd(0.4, Vector3d::UnitY()) *
@@ -144,7 +144,7 @@ TEST(So3, YawIsTheHeadingOfZyxAngles) {
   }
 }
 
-TEST(So3, LevelAttitudeTurnsTheFeltForceUpwardsWithoutYaw) {
+TEST(So3, LevelAttitudeAlignsSpecificForceWithZeroYaw) {
   for (const double sign : {1.0, -1.0}) {  // z up, and north-east-down
     const Vector3d gravity(0.0, 0.0, -9.81 * sign);
     const Quaterniond truth(Eigen::AngleAxisd(0.3, Vector3d::UnitY()) *
@@ -154,7 +154,7 @@ TEST(So3, LevelAttitudeTurnsTheFeltForceUpwardsWithoutYaw) {
   }
 }
 
-TEST(So3, LevelAttitudeOfAVehicleOnItsBackIsARotation) {
+TEST(So3, LevelAttitudeHandlesUpsideDownVehicle) {
   const Vector3d gravity(0.0, 0.0, -9.81);
   const Quaterniond q = so3::level_attitude(Vector3d(0.0, 0.0, -9.81), gravity);
   EXPECT_THAT(Vector3d(q * Vector3d(0.0, 0.0, -9.81)), MatrixNear(Vector3d(0.0, 0.0, 9.81), 1e-12));

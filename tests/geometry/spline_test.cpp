@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/geometry/spline.hpp"
+#include "geometry/spline.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 #include "support/matchers.hpp"
 
 namespace apvi {
@@ -24,8 +24,8 @@ Vector3d random_vector(Random& random, double sigma) {
   return {random.normal(0, sigma), random.normal(0, sigma), random.normal(0, sigma)};
 }
 
-// Turns by up to about 0.3 rad between control poses: far more than a vehicle does.
-Se3Spline wild_spline() {
+// Rotates by up to about 0.3 rad between control poses, far more than a vehicle does.
+Se3Spline aggressive_spline() {
   Random random(42);
   std::vector<SE3> control;
   SE3 pose;
@@ -53,7 +53,7 @@ Vector3d difference(const Se3Spline& spline, Stamp stamp, const F& quantity) {
 }
 
 TEST(Spline, VelocityAndAccelerationAreDerivativesOfPosition) {
-  const Se3Spline spline = wild_spline();
+  const Se3Spline spline = aggressive_spline();
   for (const Stamp t : sample_stamps(spline)) {
     const Motion m = spline.at(t);
     const auto position = [](const Motion& x) { return x.T_world_body.translation; };
@@ -63,8 +63,8 @@ TEST(Spline, VelocityAndAccelerationAreDerivativesOfPosition) {
   }
 }
 
-TEST(Spline, AngularRatesAreDerivativesOfTheRotation) {
-  const Se3Spline spline = wild_spline();
+TEST(Spline, AngularRatesAreDerivativesOfRotation) {
+  const Se3Spline spline = aggressive_spline();
   for (const Stamp t : sample_stamps(spline)) {
     const Motion m = spline.at(t);
     const auto turned = [&](const Motion& x) {
@@ -76,8 +76,8 @@ TEST(Spline, AngularRatesAreDerivativesOfTheRotation) {
   }
 }
 
-TEST(Spline, HasNoStepsWhereItsSegmentsMeet) {
-  const Se3Spline spline = wild_spline();
+TEST(Spline, IsContinuousAtKnots) {
+  const Se3Spline spline = aggressive_spline();
   for (int i = 1; i < 14; ++i) {
     const Stamp knot = kStart + Duration{i * kPeriod.ns};
     const Motion before = spline.at(knot - Duration{1});
@@ -89,7 +89,7 @@ TEST(Spline, HasNoStepsWhereItsSegmentsMeet) {
   }
 }
 
-TEST(Spline, FliesStraightAndTurnsSteadilyThroughSteadyControlPoses) {
+TEST(Spline, ReproducesConstantVelocityAndRate) {
   std::vector<SE3> control;
   for (int i = 0; i < 10; ++i) {
     control.push_back({so3::exp(Vector3d(0, 0, 0.1 * i)), Vector3d(0.2 * i, -0.1 * i, 0.0)});
@@ -115,7 +115,7 @@ Trajectory figure_of_eight() {
   return t;
 }
 
-TEST(Spline, PassesThroughTheTrajectoryItWasMadeFrom) {
+TEST(Spline, InterpolatesTrajectoryPoses) {
   const Trajectory t = figure_of_eight();
   const Se3Spline spline = Se3Spline::through(t, kPeriod);
   EXPECT_EQ(spline.start(), t.poses.front().stamp);
@@ -125,7 +125,7 @@ TEST(Spline, PassesThroughTheTrajectoryItWasMadeFrom) {
   }
 }
 
-TEST(Spline, ThroughATrajectoryFollowsItBetweenTheKnotsToo) {
+TEST(Spline, FollowsTrajectoryBetweenKnots) {
   const Se3Spline spline = Se3Spline::through(figure_of_eight(), kPeriod);
   const double s = 3.05;  // half way between two knots
   const Motion m = spline.at(kStart + Duration::from_seconds(s));
@@ -135,8 +135,8 @@ TEST(Spline, ThroughATrajectoryFollowsItBetweenTheKnotsToo) {
               MatrixNear(Vector3d(3.0 * std::cos(s), 4.0 * std::cos(2.0 * s), 0.1), 1e-3));
 }
 
-TEST(Spline, ClampsStampsToItsSpan) {
-  const Se3Spline spline = wild_spline();
+TEST(Spline, ClampsStampsToSpan) {
+  const Se3Spline spline = aggressive_spline();
   const Motion first = spline.at(spline.start());
   EXPECT_THAT(spline.at({0}).T_world_body, PoseNear(first.T_world_body, 0.0));
   const Motion last = spline.at(spline.end());
@@ -144,7 +144,7 @@ TEST(Spline, ClampsStampsToItsSpan) {
               PoseNear(last.T_world_body, 0.0));
 }
 
-TEST(Spline, RefusesTooFewPoses) {
+TEST(Spline, RejectsTooFewPoses) {
   EXPECT_THROW(Se3Spline(kStart, kPeriod, std::vector<SE3>(5)), std::logic_error);
   EXPECT_THROW(Se3Spline(kStart, Duration{0}, std::vector<SE3>(6)), std::logic_error);
   EXPECT_THROW(Se3Spline::through(Trajectory{}, kPeriod), InputError);

@@ -21,12 +21,12 @@ Trajectory three_poses() {
   return t;
 }
 
-TEST(Trajectory, PathLengthAddsUpTheSteps) {
+TEST(Trajectory, PathLengthSumsSegments) {
   EXPECT_DOUBLE_EQ(three_poses().path_length(), 17.0);
   EXPECT_EQ(Trajectory{}.path_length(), 0.0);
 }
 
-TEST(Trajectory, ReturnsItsOwnPosesUnchangedEvenInLongGaps) {
+TEST(Trajectory, ReturnsStoredPosesExactly) {
   const Trajectory t = three_poses();
   for (const StampedPose& pose : t.poses) {
     const auto found = t.at(pose.stamp, Duration{0});
@@ -36,14 +36,14 @@ TEST(Trajectory, ReturnsItsOwnPosesUnchangedEvenInLongGaps) {
   }
 }
 
-TEST(Trajectory, InterpolatesBetweenNeighbours) {
+TEST(Trajectory, InterpolatesBetweenPoses) {
   const auto found = three_poses().at({1'250'000'000}, kSecond);
   ASSERT_TRUE(found.has_value());
   EXPECT_THAT(*found,
               PoseNear(SE3{so3::exp(Vector3d(0, 0, 0.25)), Vector3d(0.75, 1.0, 0.0)}, 1e-14));
 }
 
-TEST(Trajectory, InventsNothingOutsideItsSpanOrInALongGap) {
+TEST(Trajectory, ReturnsNothingOutsideSpanOrInLongGap) {
   const Trajectory t = three_poses();
   EXPECT_FALSE(t.at({999'999'999}, kSecond));
   EXPECT_FALSE(t.at({5'000'000'001}, kSecond));
@@ -52,7 +52,7 @@ TEST(Trajectory, InventsNothingOutsideItsSpanOrInALongGap) {
   EXPECT_FALSE(Trajectory{}.at({0}, kSecond));
 }
 
-TEST(Trajectory, InterpolationStaysExactAtStampsOfTheUnixEpoch) {
+TEST(Trajectory, InterpolatesExactlyAtUnixStamps) {
   Trajectory t;
   constexpr std::int64_t kEpoch = 1'746'622'514'367'575'808;
   t.poses = {{{kEpoch}, {{1, 0, 0, 0}, Vector3d(0, 0, 0)}},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/preintegration.hpp"
+#include "imu/preintegration.hpp"
 
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ Eigen::Matrix<double, 9, 1> difference(const Preintegration::Delta& a,
   return d;
 }
 
-TEST(Preintegration, EqualsTheSplinesOwnMotion) {
+TEST(Preintegration, MatchesSplineMotion) {
   const Se3Spline spline = test::wavy_spline(11, 4.0);
   const auto samples = test::imu_along(spline, kGravity, 400.0);
   const Preintegration sum = preintegrate(samples, Vector3d::Zero(), Vector3d::Zero());
@@ -49,7 +49,7 @@ TEST(Preintegration, EqualsTheSplinesOwnMotion) {
   EXPECT_LT(error.segment<3>(6).norm(), 2e-4);
 }
 
-TEST(Preintegration, BiasJacobianEqualsNumericDifferences) {
+TEST(Preintegration, BiasJacobianMatchesNumericalDerivative) {
   const auto samples = test::imu_along(test::wavy_spline(12, 2.0), kGravity, 200.0);
   const Vector3d bg(0.01, -0.02, 0.03);
   const Vector3d ba(0.1, 0.2, -0.1);
@@ -61,7 +61,7 @@ TEST(Preintegration, BiasJacobianEqualsNumericDifferences) {
   EXPECT_LT((sum.bias_jacobian() - test::numeric_jacobian(f, 6)).cwiseAbs().maxCoeff(), 1e-6);
 }
 
-TEST(Preintegration, CorrectionForANewBiasNeedsNoIntegration) {
+TEST(Preintegration, FirstOrderCorrectionMatchesReintegration) {
   const auto samples = test::imu_along(test::wavy_spline(13, 2.0), kGravity, 200.0);
   const Vector3d bg(0.002, -0.001, 0.0015);
   const Vector3d ba(0.02, 0.01, -0.03);
@@ -72,7 +72,7 @@ TEST(Preintegration, CorrectionForANewBiasNeedsNoIntegration) {
   EXPECT_LT(difference(corrected, again).norm(), 0.01 * change);
 }
 
-TEST(Preintegration, CovarianceEqualsThatOfManyNoisyRuns) {
+TEST(Preintegration, CovarianceMatchesMonteCarlo) {
   const Noise noise{.gyro = 2e-3, .accel = 3e-2, .gyro_walk = 0.0, .accel_walk = 0.0};
   const auto samples = test::imu_along(test::wavy_spline(14, 1.0), kGravity, 100.0);
   const Preintegration clean = preintegrate(samples, Vector3d::Zero(), Vector3d::Zero(), noise);
@@ -101,7 +101,7 @@ TEST(Preintegration, CovarianceEqualsThatOfManyNoisyRuns) {
   }
 }
 
-TEST(Preintegration, RefusesTimeThatRunsBackwards) {
+TEST(Preintegration, RejectsNonIncreasingStamps) {
   Preintegration sum(Noise{}, Vector3d::Zero(), Vector3d::Zero());
   EXPECT_THROW(sum.integrate({.stamp = {10}}, {.stamp = {10}}), std::logic_error);
 }

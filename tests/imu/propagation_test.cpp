@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/propagation.hpp"
+#include "imu/propagation.hpp"
 
 #include <gtest/gtest.h>
 
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/random.hpp"
 #include "support/numeric_jacobian.hpp"
 #include "support/spline_imu.hpp"
 
@@ -14,12 +14,12 @@ namespace {
 using Eigen::Vector3d;
 using test::random_vector;
 
-World turning_world() {
-  // A hundred times the Earth's rate, so that a wrong sign cannot hide below the tolerance.
+EarthModel fast_rotating_earth() {
+  // A hundred times the Earth rate, so that a sign error exceeds the tolerance.
   return {.gravity = {0.1, -0.2, -9.8}, .earth_rate = {3e-3, -4e-3, 5e-3}};
 }
 
-NavState some_state(Random& random) {
+NavState random_state(Random& random) {
   NavState x;
   x.R_world_body = so3::exp(random_vector(random, 1.5));
   x.p_world = random_vector(random, 10.0);
@@ -32,18 +32,18 @@ NavState some_state(Random& random) {
 TEST(NavState, BoxminusInvertsBoxplus) {
   Random random(1);
   for (int i = 0; i < 20; ++i) {
-    const NavState x = some_state(random);
+    const NavState x = random_state(random);
     NavVector d;
     for (int k = 0; k < kNavSize; ++k) d(k) = random.uniform(-1.0, 1.0);
     EXPECT_LT((boxminus(boxplus(x, d), x) - d).norm(), 1e-12);
   }
 }
 
-TEST(Propagation, JacobianEqualsNumericDifferences) {
+TEST(Propagation, JacobianMatchesNumericalDerivative) {
   Random random(2);
-  const World world = turning_world();
+  const EarthModel world = fast_rotating_earth();
   for (int i = 0; i < 20; ++i) {
-    const NavState x = some_state(random);
+    const NavState x = random_state(random);
     const Vector3d gyro = random_vector(random, 1.0);
     const Vector3d accel = random_vector(random, 10.0);
     const double dt = random.uniform(0.002, 0.1);
@@ -57,8 +57,8 @@ TEST(Propagation, JacobianEqualsNumericDifferences) {
   }
 }
 
-TEST(Propagation, ABodyAtRestOnATurningEarthStaysAtRest) {
-  const World world = turning_world();
+TEST(Propagation, BodyAtRestOnRotatingEarthStaysAtRest) {
+  const EarthModel world = fast_rotating_earth();
   NavState x;
   x.R_world_body = so3::exp(Vector3d(0.3, -0.4, 0.9));
   const NavState start = x;
@@ -70,9 +70,9 @@ TEST(Propagation, ABodyAtRestOnATurningEarthStaysAtRest) {
   EXPECT_LT(boxminus(x, start).norm(), 1e-9);
 }
 
-TEST(Propagation, FollowsASplineForTenSeconds) {
+TEST(Propagation, FollowsSplineForTenSeconds) {
   const Se3Spline spline = test::wavy_spline(7, 12.0);
-  const World world;
+  const EarthModel world;
   const auto samples = test::imu_along(spline, world.gravity, 200.0);
   NavState x = test::nav_state_at(spline, samples.front().stamp);
   for (std::size_t i = 1; i < samples.size(); ++i) {
@@ -86,8 +86,8 @@ TEST(Propagation, FollowsASplineForTenSeconds) {
   EXPECT_LT(error.segment<3>(kPosition).norm(), 1e-2);
 }
 
-TEST(Propagation, NoiseCovarianceEqualsThatOfManyNoisyRuns) {
-  const World world;
+TEST(Propagation, ProcessNoiseMatchesMonteCarlo) {
+  const EarthModel world;
   const Noise noise{.gyro = 2e-3, .accel = 3e-2, .gyro_walk = 1e-4, .accel_walk = 1e-3};
   const double dt = 0.01;
   const int steps = 100;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/imu/sample_buffer.hpp"
+#include "imu/sample_buffer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ SampleBuffer buffer_of(std::initializer_list<std::int64_t> milliseconds) {
   return buffer;
 }
 
-TEST(SampleBuffer, ASpanHasItsEndsInterpolated) {
+TEST(SampleBuffer, InterpolatesSpanEnds) {
   const SampleBuffer buffer = buffer_of({0, 10, 20, 30});
   const auto span = buffer.between({5 * kMillisecond}, {22 * kMillisecond});
   ASSERT_EQ(span.size(), 4u);
@@ -29,14 +29,14 @@ TEST(SampleBuffer, ASpanHasItsEndsInterpolated) {
   EXPECT_DOUBLE_EQ(span.back().accel.y(), 44.0);
 }
 
-TEST(SampleBuffer, ASpanThatEndsOnSamplesRepeatsNone) {
+TEST(SampleBuffer, DoesNotDuplicateSamplesAtSpanEnds) {
   const SampleBuffer buffer = buffer_of({0, 10, 20, 30});
   const auto span = buffer.between({10 * kMillisecond}, {30 * kMillisecond});
   ASSERT_EQ(span.size(), 3u);
   EXPECT_EQ(span[1].stamp.ns, 20 * kMillisecond);
 }
 
-TEST(SampleBuffer, GivesNothingThatItDoesNotCover) {
+TEST(SampleBuffer, ReturnsNothingOutsideBuffer) {
   const SampleBuffer buffer = buffer_of({10, 20});
   EXPECT_TRUE(buffer.between({5 * kMillisecond}, {15 * kMillisecond}).empty());
   EXPECT_TRUE(buffer.between({15 * kMillisecond}, {25 * kMillisecond}).empty());
@@ -45,14 +45,14 @@ TEST(SampleBuffer, GivesNothingThatItDoesNotCover) {
   EXPECT_FALSE(SampleBuffer(Duration{1}).newest());
 }
 
-TEST(SampleBuffer, RefusesTimeThatStandsStill) {
+TEST(SampleBuffer, RejectsNonIncreasingStamps) {
   SampleBuffer buffer = buffer_of({0, 10});
   EXPECT_FALSE(buffer.add(sample_at(10)));
   EXPECT_FALSE(buffer.add(sample_at(3)));
   EXPECT_TRUE(buffer.add(sample_at(11)));
 }
 
-TEST(SampleBuffer, KeepsTheLastWhileOnly) {
+TEST(SampleBuffer, KeepsOnlyRetentionTime) {
   SampleBuffer buffer(Duration::from_seconds(0.1));
   for (std::int64_t t = 0; t <= 1000; t += 10) buffer.add(sample_at(t));
   EXPECT_EQ(buffer.oldest()->ns, 900 * kMillisecond);

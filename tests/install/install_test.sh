@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs the build given into a fresh folder, builds the consumer against it, and runs it.
+# Installs the given build into a temporary folder, builds the consumer against it, and runs it.
 set -euo pipefail
 
 build="$1"
@@ -12,10 +12,10 @@ cmake --install "$build" --prefix "$work/prefix" >"$work/install.log" || {
   exit 1
 }
 if grep -rl --include='*.cmake' "$build" "$work/prefix"; then
-  echo "the installed CMake files name the build folder" >&2
+  echo "the installed CMake files refer to the build folder" >&2
   exit 1
 fi
 cmake -S "$(dirname "$0")" -B "$work/build" -G Ninja -DCMAKE_PREFIX_PATH="$work/prefix" \
-  -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
+  -DAPVI_EXAMPLES="$(realpath "$(dirname "$0")/../../examples")" -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
 cmake --build "$work/build"
 ctest --test-dir "$work/build" --output-on-failure

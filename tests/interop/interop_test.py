@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What apvi writes, opened by the programs it is written for: interop_test.py APVI.
+"""Opens apvi's output with the programs it is made for: interop_test.py APVI.
 
     python3 -m venv build/venv && build/venv/bin/pip install -r tests/interop/requirements.txt
 
-Each part skips where its package is not installed, or the program was built without what it needs."""
+Tests are skipped if their package is not installed or apvi was built without a required feature."""
 import importlib.util
 import json
 import math
@@ -16,9 +16,9 @@ import unittest
 
 SKIPPED = 77
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/src/apps/apvi")
+APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/bin/apvi")
 SCENE = ROOT / "configs/scenes/seabed_easy.yaml"
-# A lens without distortion, so that exported pictures are those of the simulation.
+# No lens distortion, so that exported images equal the simulated ones.
 SMALL = ["rig.cam0.resolution=[160, 120]", "rig.cam0.intrinsics=[105, 105, 79.5, 59.5]",
          "rig.cam0.coefficients=[0, 0, 0, 0]", "rig.cam0.rate_hz=4",
          "truth.image_every=1"]
@@ -49,7 +49,7 @@ def can(command):
 
 
 def read_pfm(path):
-    """[H, W] or [H, W, 3] from the top."""
+    """Image [H, W] or [H, W, 3], top row first."""
     with open(path, "rb") as file:
         kind = file.readline().strip()
         width, height = map(int, file.readline().split())
@@ -60,7 +60,7 @@ def read_pfm(path):
 
 
 class Folder(unittest.TestCase):
-    """A folder for all tests of a class."""
+    """A temporary folder shared by all tests of a class."""
 
     @classmethod
     def setUpClass(cls):
@@ -71,7 +71,7 @@ class Folder(unittest.TestCase):
 
 @needs("evo")
 class Evo(Folder):
-    """The figures of `apvi eval` are those of evo, for a run's own files."""
+    """The metrics of `apvi eval` equal those of evo for the files of a run."""
 
     @classmethod
     def setUpClass(cls):
@@ -97,7 +97,7 @@ class Evo(Folder):
         metric.process_data(pair)
         return metric.get_statistic(metrics.StatisticsType.rmse)
 
-    def test_absolute_errors_agree(self):
+    def test_absolute_errors_match(self):
         from evo.core import metrics
         ours = self.ours()["trajectory"]
         reference, estimate = self.pair()
@@ -108,7 +108,7 @@ class Evo(Folder):
         angle = self.statistics(metrics.APE(metrics.PoseRelation.rotation_angle_deg), (reference, estimate))
         self.assertAlmostEqual(ours["rot_rmse_deg"], angle, delta=1e-5)
 
-    def test_the_error_with_first_poses_made_equal_agrees(self):
+    def test_first_pose_aligned_error_matches(self):
         from evo.core import metrics
         reference, estimate = self.pair()
         estimate.align_origin(reference)
@@ -121,12 +121,12 @@ class Evo(Folder):
         metric.process_data(self.pair())
         return np.asarray(metric.error)
 
-    def test_relative_errors_from_every_pose_agree(self):
+    def test_relative_errors_of_all_pairs_match(self):
         rmse = np.sqrt(np.mean(self.relative(True)**2))
         self.assertAlmostEqual(self.ours()["trajectory"]["rpe_10m_all_pairs_rmse_m"], rmse, delta=1e-6)
 
-    def test_relative_errors_pair_after_pair_agree(self):
-        """Pairs begin after the first 10 m, as with evo up to 1.37; later ones begin at once."""
+    def test_relative_errors_of_consecutive_pairs_match(self):
+        """Pairs start after the first 10 m, like evo up to 1.37; later versions start at the first pose."""
         from importlib.metadata import version
         errors = self.relative(False)
         if tuple(map(int, version("evo").split(".")[:2])) >= (1, 38):
@@ -136,7 +136,7 @@ class Evo(Folder):
 
 @needs("rosbags", "PIL")
 class Rosbags(Folder):
-    """The simulator's bag says what the simulator's folder says."""
+    """The bag and the folder written by the simulator have the same data."""
 
     @classmethod
     def setUpClass(cls):
@@ -170,15 +170,15 @@ class Rosbags(Folder):
     def stamps(messages):
         return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
 
-    def test_inertial_data_are_the_same(self):
+    def test_imu_data_match(self):
         messages, table = self.of_type("msg/imu"), self.csv("imu0")
         self.assertEqual(len(messages), len(table))
         read = [[v for part in (m.angular_velocity, m.linear_acceleration) for v in (part.x, part.y, part.z)]
                 for m in messages]
         np.testing.assert_allclose(read, table[:, 1:7], atol=1e-8)
-        np.testing.assert_allclose(self.stamps(messages), table[:, 0], atol=256)  # as a double's digits allow
+        np.testing.assert_allclose(self.stamps(messages), table[:, 0], atol=256)  # double precision
 
-    def test_velocities_of_the_dvl_are_the_same(self):
+    def test_dvl_velocities_match(self):
         messages = self.of_type("msg/dvl")
         lines = (self.folder / "dive/mav0/dvl0/data.csv").read_text(encoding="utf-8").splitlines()
         rows = [line.split(",")[1:4] for line in lines[1:]]
@@ -188,7 +188,7 @@ class Rosbags(Folder):
                 np.testing.assert_allclose(
                     [message.velocity.x, message.velocity.y, message.velocity.z], list(map(float, row)), atol=1e-6)
 
-    def test_pictures_are_the_same(self):
+    def test_images_match(self):
         import io
         from PIL import Image
         messages = self.of_type("compressedimage")
@@ -202,14 +202,14 @@ class Rosbags(Folder):
 def simulate_bag(folder, pairs):
     result = subprocess.run([APVI, "sim", SCENE, "-o", folder, "--format", "rosbag", *settings(pairs)],
                             capture_output=True, text=True, check=False)
-    if "without bags" in result.stderr:
-        raise unittest.SkipTest("this program was built without bags")
+    if "without rosbag support" in result.stderr:
+        raise unittest.SkipTest("apvi was built without rosbag support")
     if result.returncode != 0:
         raise AssertionError(result.stderr)
 
 
 class TankAndCoral(Folder):
-    """The configurations of both data sets run on simulated recordings of their layouts."""
+    """The configurations of both datasets work with simulated recordings of their layouts."""
     PAIRS = ["duration_s=14", "rig.cam0.resolution=[306, 256]", "rig.cam0.intrinsics=[201, 201, 152.5, 127.5]",
              "rig.cam0.coefficients=[0, 0, 0, 0]", "truth.image_every=0"]
 
@@ -231,15 +231,15 @@ class TankAndCoral(Folder):
         self.assertGreater(metrics["counts"]["dvl"]["accepted"], 50)
         self.assertGreater(metrics["counts"]["depth"]["accepted"], depths)
 
-    def test_a_bag_of_the_tank_is_localized(self):
+    def test_tank_bag_is_localized(self):
         self.assert_localized(self.run_with("tank.yaml", self.folder / "tank/recording.bag"), 100)
 
-    def test_a_raw_folder_of_the_tank_is_localized(self):
+    def test_raw_tank_folder_is_localized(self):
         apvi("sim", SCENE, "-o", self.folder / "raw", "--format", "tank", *settings(self.PAIRS))
         self.assert_localized(self.run_with("tank.yaml", self.folder / "raw"), 100)
 
     @needs("rosbags")
-    def test_its_topics_and_types_are_those_of_the_tank(self):
+    def test_topics_and_types_match_the_tank_dataset(self):
         messages = Rosbags.read(self.folder / "tank/recording.bag")
         self.assertEqual({topic: kind for topic, (kind, _) in messages.items()}, {
             "/camera/left/image_dehazed/compressed": "sensor_msgs/msg/CompressedImage",
@@ -247,8 +247,8 @@ class TankAndCoral(Folder):
             "/depth/data": "nav_msgs/msg/Odometry", "/apriltag_slam/GT": "nav_msgs/msg/Odometry"})
 
     @needs("rosbags")
-    def test_a_survey_with_absolute_pressure_and_raw_pictures_names_is_localized(self):
-        """As a BlueROV records: pressure of a Bar50 instead of an odometry, one camera under its own name."""
+    def test_survey_with_absolute_pressure_is_localized(self):
+        """Like a BlueROV: pressure of a Bar50 instead of odometry, and another camera topic."""
         path = self.folder / "coral.bag"
         self.rewrite(self.folder / "tank/recording.bag", path)
         rig = (self.folder / "tank/rig.yaml").read_text(encoding="utf-8").replace("depth0:", "pressure0:")
@@ -281,8 +281,8 @@ class TankAndCoral(Folder):
 
 @needs()
 class TankRigs(unittest.TestCase):
-    def test_camera_and_dvl_agree_about_forward_and_down(self):
-        """The camera's z and the DVL's x look forward, the camera's y and the DVL's z down."""
+    def test_camera_and_dvl_axes_are_consistent(self):
+        """Camera z and DVL x point forward, camera y and DVL z down."""
         import re
         for name in ("tank_short", "tank_long"):
             text = (ROOT / "configs/rigs" / f"{name}.yaml").read_text(encoding="utf-8")
@@ -293,14 +293,14 @@ class TankRigs(unittest.TestCase):
 
 
 class Map(Folder):
-    """A small map with given poses, exported."""
+    """Exports of a small map built with known poses."""
     made = None
 
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
         if not can("export"):
-            raise unittest.SkipTest("this program was built without the mapping half")
+            raise unittest.SkipTest("apvi was built without mapping")
         cls.dive, cls.run_folder = cls.folder / "dive", cls.folder / "run"
         apvi("sim", SCENE, "-o", cls.dive, *settings([*SMALL, "duration_s=5"]))
         apvi("run", ROOT / "configs/default.yaml", "-o", cls.run_folder, *settings([
@@ -322,19 +322,19 @@ class Pycolmap(Map):
         cls.model = pycolmap.Reconstruction(cls.run_folder / "colmap/sparse/0")
 
     def views(self):
-        """(name, camera, 3x4 pose) of the images whose true depth is there."""
+        """(name, camera, 3x4 pose) of the images with true depth."""
         for image in self.model.images.values():
             if (self.dive / "truth/depth" / f"{pathlib.Path(image.name).stem}.pfm").exists():
                 pose = image.cam_from_world
                 yield image.name, image.camera, (pose() if callable(pose) else pose).matrix()
 
-    def test_every_image_is_registered_and_lies_in_the_folder(self):
+    def test_every_image_is_registered_and_exists(self):
         self.assertEqual(self.model.num_images(), len(list((self.run_folder / "colmap/images").glob("*.png"))))
         for image in self.model.images.values():
             self.assertTrue((self.run_folder / "colmap/images" / image.name).exists())
             self.assertEqual((image.camera.width, image.camera.height), (160, 120))
 
-    def test_what_one_image_sees_is_where_another_sees_it(self):
+    def test_reprojection_into_another_image_matches_depth(self):
         views = list(self.views())
         self.assertGreater(len(views), 3)
         (first, camera, A), (second, _, B) = views[0], views[2]
@@ -350,7 +350,7 @@ class Pycolmap(Map):
         self.assertGreater(len(errors), 50)
         self.assertLess(np.median(errors), 0.01)
 
-    def test_points_project_to_where_the_scene_is(self):
+    def test_points_match_true_depth(self):
         points = np.array([point.xyz for point in self.model.points3D.values()])
         self.assertGreater(len(points), 100)
         errors = []
@@ -367,7 +367,7 @@ class Pycolmap(Map):
 
 @needs("plyfile")
 class Plyfile(Map):
-    def test_the_map_has_the_standard_properties_in_the_standard_order(self):
+    def test_map_has_standard_properties_in_standard_order(self):
         import plyfile
         vertex = plyfile.PlyData.read(self.run_folder / "map.ply")["vertex"]
         names = ["x", "y", "z", "nx", "ny", "nz", *(f"f_dc_{i}" for i in range(3)),
@@ -380,7 +380,7 @@ class Plyfile(Map):
         for name in names:
             self.assertTrue(np.isfinite(vertex[name]).all(), name)
 
-    def test_points_of_the_exports_are_the_maps(self):
+    def test_exported_points_match_the_map(self):
         import plyfile
         points = [np.column_stack([plyfile.PlyData.read(path)["vertex"][axis] for axis in "xyz"])
                   for path in (self.run_folder / "map.ply", self.run_folder / "nerfstudio/points.ply")]
@@ -390,14 +390,14 @@ class Plyfile(Map):
 @needs()
 class Nerfstudio(Map):
     def camera_of(self, transforms, frame):
-        """camera.json of a frame, by Nerfstudio's documented conventions: camera to world, x right, y up,
-        z backwards; pixel centres at +0.5."""
+        """camera.json of a frame by Nerfstudio's conventions: camera to world, x right, y up, z backward;
+        pixel centers at +0.5."""
         T = np.array(frame["transform_matrix"]) @ np.diag([1.0, -1.0, -1.0, 1.0])
         K = [[transforms["fl_x"], 0, transforms["cx"]], [0, transforms["fl_y"], transforms["cy"]], [0, 0, 1]]
-        return {"width": transforms["w"], "height": transforms["h"], "K": K, "pixel_centre": 0.5,
+        return {"width": transforms["w"], "height": transforms["h"], "K": K, "pixel_center": 0.5,
                 "T_cam_world": np.linalg.inv(T).tolist()}
 
-    def test_its_cameras_render_the_same_views(self):
+    def test_exported_cameras_render_the_same_views(self):
         transforms = json.loads((self.run_folder / "nerfstudio/transforms.json").read_text())
         apvi("render", self.run_folder, "--float", "-o", self.folder / "views")
         frames = transforms["frames"]
@@ -413,7 +413,7 @@ class Nerfstudio(Map):
             np.testing.assert_allclose(read_pfm(image), expected, atol=2e-3)
             image.unlink()
 
-    def test_its_pictures_are_the_recordings(self):
+    def test_exported_images_exist_and_poses_are_finite(self):
         transforms = json.loads((self.run_folder / "nerfstudio/transforms.json").read_text())
         for frame in transforms["frames"]:
             self.assertTrue((self.run_folder / "nerfstudio" / frame["file_path"]).exists())
@@ -424,6 +424,6 @@ if __name__ == "__main__":
     ended = unittest.main(exit=False, verbosity=2)
     ran = ended.result.testsRun - len(ended.result.skipped)
     if ended.result.wasSuccessful() and ran <= 0:
-        print("skipped: nothing that the tests need is installed: " + __doc__.split("\n\n")[1].strip())
+        print("skipped: no required package is installed: " + __doc__.split("\n\n")[1].strip())
         sys.exit(SKIPPED)
     sys.exit(0 if ended.result.wasSuccessful() else 1)

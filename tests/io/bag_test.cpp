@@ -5,9 +5,9 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "apvi/core/random.hpp"
-#include "apvi/io/bag_writer.hpp"
+#include "core/random.hpp"
 #include "io/dataset_builder.hpp"
+#include "io/rosbag/bag_writer.hpp"
 
 namespace apvi {
 namespace {
@@ -16,7 +16,7 @@ using io::BagWriter;
 using io::DropReason;
 using test::config_for;
 using test::input_error;
-using test::read_out;
+using test::read_dataset;
 using test::TmpDir;
 using testing::HasSubstr;
 
@@ -66,10 +66,10 @@ std::filesystem::path write_tank_bag(const TmpDir& dir) {
   return path;
 }
 
-TEST(Bag, ReadsTheTanksTopicsInOrderOfTime) {
+TEST(Bag, ReadsTankTopicsInChronologicalOrder) {
   const TmpDir dir;
   const auto path = write_tank_bag(dir);
-  const auto out = read_out(config_for(path));
+  const auto out = read_dataset(config_for(path));
   EXPECT_EQ(out.delivered("imu"), 300U);
   EXPECT_EQ(out.delivered("dvl"), 15U);
   EXPECT_EQ(out.delivered("depth"), 90U);
@@ -84,7 +84,7 @@ TEST(Bag, ReadsTheTanksTopicsInOrderOfTime) {
   EXPECT_NEAR(reference->path_length(), 89.0 / 30.0, 1e-9);
 }
 
-TEST(Bag, SamplesComeBackAsWritten) {
+TEST(Bag, RoundTripsSamples) {
   const TmpDir dir;
   const auto path = dir.path() / "a.bag";
   {
@@ -98,14 +98,14 @@ TEST(Bag, SamplesComeBackAsWritten) {
     bag.write_dvl("/dvl", lost);
     bag.write_image("/cam0", at(0.5), "png", png(42));
   }
-  const auto out = read_out(config_for(path));
+  const auto out = read_dataset(config_for(path));
   ASSERT_EQ(out.events.size(), 6U);
   const auto& imu = std::get<ImuSample>(out.events[0]);
   EXPECT_EQ(imu.gyro, imu_at(0.0).gyro);
   EXPECT_EQ(imu.accel, imu_at(0.0).accel);
   EXPECT_EQ(imu.stamp, at(0.0));
   EXPECT_DOUBLE_EQ(std::get<PressureSample>(out.events[1]).pressure_pa, 123456.0);
-  EXPECT_DOUBLE_EQ(std::get<DepthSample>(out.events[2]).depth_m, 7.25);
+  EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[2]).depth_m, 7.25);
   const auto& dvl = std::get<DvlSample>(out.events[3]);
   EXPECT_TRUE(dvl.valid);
   EXPECT_EQ(dvl.velocity, full_dvl(0.3).velocity);
@@ -119,7 +119,7 @@ TEST(Bag, SamplesComeBackAsWritten) {
   EXPECT_EQ(std::get<ImageFrame>(out.events[5]).decode().at<std::uint8_t>(2, 3), 42);
 }
 
-TEST(Bag, LateRecordingAndOvertakingDoNotDisturbTheOrder) {
+TEST(Bag, ReordersDelayedAndOutOfOrderMessages) {
   const TmpDir dir;
   const auto path = dir.path() / "a.bag";
   {
@@ -132,7 +132,7 @@ TEST(Bag, LateRecordingAndOvertakingDoNotDisturbTheOrder) {
       if (i % 20 == 0) bag.write_dvl("/dvl", full_dvl(0.01 * i));
     }
   }
-  const auto out = read_out(config_for(path));
+  const auto out = read_dataset(config_for(path));
   EXPECT_EQ(out.delivered("imu"), 500U);
   EXPECT_EQ(out.delivered("dvl"), 25U);
   EXPECT_EQ(out.dropped("imu") + out.dropped("dvl"), 0U);
@@ -141,7 +141,7 @@ TEST(Bag, LateRecordingAndOvertakingDoNotDisturbTheOrder) {
                      [](const auto& a, const auto& b) { return stamp_of(a) < stamp_of(b); }));
 }
 
-TEST(Bag, ASensorThatFallsSilentDoesNotHoldUpTheOthers) {
+TEST(Bag, SilentSensorDoesNotBlockOthers) {
   const TmpDir dir;
   const auto path = dir.path() / "a.bag";
   {
@@ -153,18 +153,18 @@ TEST(Bag, ASensorThatFallsSilentDoesNotHoldUpTheOthers) {
   }
   const auto reader = io::open_sequence(config_for(path), {});
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(reader->next());
-  EXPECT_LT(reader->fraction(), 0.3);  // one second delivered, and at most the window read ahead
+  EXPECT_LT(reader->fraction(), 0.3);  // one second delivered, plus the look-ahead at most
   std::size_t rest = 0;
   while (reader->next()) ++rest;
   EXPECT_EQ(rest, 2003U - 100U);
 }
 
-TEST(Bag, DropsWhatOtherFormatsDropToo) {
+TEST(Bag, DropsUnusableSamples) {
   const TmpDir dir;
   const auto path = dir.path() / "a.bag";
   {
     BagWriter bag(path);
-    // Recorded in this order, whatever the stamps say.
+    // Recorded in this order, regardless of the stamps.
     double recorded = 0.0;
     for (const double t : {0.0, 0.1, 3600.0, 0.2, 0.2, 0.3, 0.4}) {
       recorded += 1.0;
@@ -174,7 +174,7 @@ TEST(Bag, DropsWhatOtherFormatsDropToo) {
       bag.write_imu("/imu", sample);
     }
   }
-  const auto out = read_out(config_for(path));
+  const auto out = read_dataset(config_for(path));
   EXPECT_EQ(out.delivered("imu"), 4U);
   EXPECT_EQ(out.dropped("imu", DropReason::broken_stamp), 1U);
   EXPECT_EQ(out.dropped("imu", DropReason::duplicate_stamp), 1U);
@@ -182,7 +182,7 @@ TEST(Bag, DropsWhatOtherFormatsDropToo) {
   EXPECT_THAT(out.report.at("imu").first_drop.at(DropReason::not_finite), HasSubstr("/imu at"));
 }
 
-TEST(Bag, TopicsAreChosenByConfigurationBeforeNames) {
+TEST(Bag, ConfiguredTopicsOverrideInferredOnes) {
   const TmpDir dir;
   const auto path = dir.path() / "a.bag";
   {
@@ -193,30 +193,30 @@ TEST(Bag, TopicsAreChosenByConfigurationBeforeNames) {
     bag.write_pose("/odom", {at(0.5), SE3{{1, 0, 0, 0}, {0, 0, -3.0}}});
   }
   auto config = config_for(path);
-  EXPECT_EQ(read_out(config).delivered("imu"), 1U);
+  EXPECT_EQ(read_dataset(config).delivered("imu"), 1U);
   config.topics.imu = "/other/imu";
   config.topics.depth = "/odom";
-  const auto out = read_out(config);
+  const auto out = read_dataset(config);
   EXPECT_EQ(out.delivered("imu"), 2U);
-  EXPECT_DOUBLE_EQ(std::get<DepthSample>(out.events[0]).depth_m, 3.0);
+  EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[0]).depth_m, 3.0);
   config.topics.imu = "/imu/raw";
-  const std::string message = input_error([&] { read_out(config); });
+  const std::string message = input_error([&] { read_dataset(config); });
   EXPECT_THAT(message, HasSubstr("dataset.topics.imu"));
   EXPECT_THAT(message, HasSubstr("/other/imu"));
 }
 
-TEST(Bag, TakesItsCalibrationFromTheFileBesideIt) {
+TEST(Bag, ReadsRigFileNextToBag) {
   const TmpDir dir;
   const auto path = write_tank_bag(dir);
   dir.write("rig.yaml", "imu0: {}\ncam0: {}\npressure0: {}\n");
-  EXPECT_THAT(input_error([&] { read_out(config_for(path)); }),
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(path)); }),
               HasSubstr("no topic for pressure0"));
   dir.write("rig.yaml", "imu0: {}\ncam0: {}\n");
-  const auto out = read_out(config_for(path));
-  EXPECT_EQ(out.delivered("camera"), 60U);  // cam1 is not described
+  const auto out = read_dataset(config_for(path));
+  EXPECT_EQ(out.delivered("camera"), 60U);  // cam1 is not in the rig
 }
 
-TEST(Bag, SaysWhatIsWrongWithADamagedFile) {
+TEST(Bag, ErrorNamesDamagedFile) {
   const TmpDir dir;
   const auto path = write_tank_bag(dir);
   std::ostringstream content;
@@ -225,13 +225,15 @@ TEST(Bag, SaysWhatIsWrongWithADamagedFile) {
   for (const std::size_t size :
        {std::size_t{0}, std::size_t{13}, std::size_t{2000}, whole.size() / 2, whole.size() - 10}) {
     const auto cut = dir.write("cut.bag", whole.substr(0, size));
-    EXPECT_THAT(input_error([&] { read_out(config_for(cut)); }), HasSubstr("cut.bag: ")) << size;
+    EXPECT_THAT(input_error([&] { read_dataset(config_for(cut)); }), HasSubstr("cut.bag: "))
+        << size;
   }
   const auto text = dir.write("text.bag", "this is no bag at all, whatever its name says\n");
-  EXPECT_THAT(input_error([&] { read_out(config_for(text)); }), HasSubstr("text.bag: cannot read"));
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(text)); }),
+              HasSubstr("text.bag: cannot read"));
 }
 
-TEST(Bag, KeepsWhatIsReadableWhenTheMiddleIsDamaged) {
+TEST(Bag, KeepsReadablePartOfDamagedFile) {
   const TmpDir dir;
   const auto path = write_tank_bag(dir);
   std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
@@ -240,7 +242,7 @@ TEST(Bag, KeepsWhatIsReadableWhenTheMiddleIsDamaged) {
   file.close();
   std::size_t events = 0;
   try {
-    events = read_out(config_for(path)).events.size();
+    events = read_dataset(config_for(path)).events.size();
   } catch (const InputError& e) {
     EXPECT_THAT(e.what(), HasSubstr("tank.bag"));
     return;
@@ -249,8 +251,8 @@ TEST(Bag, KeepsWhatIsReadableWhenTheMiddleIsDamaged) {
   EXPECT_LE(events, 525U);
 }
 
-// rosbag_storage trusts every length and place in the file; what keeps it inside is ours.
-TEST(Bag, RandomDamageEndsInAnErrorOrInLessDataAndNeverInACrash) {
+// rosbag_storage does not validate lengths and offsets; check_bag does.
+TEST(Bag, DoesNotCrashOnRandomDamage) {
 #if defined(__SANITIZE_ADDRESS__)
   // ros::Header::parse reads a few bytes past the library's own buffer when a length in it is
   // damaged.
@@ -271,7 +273,7 @@ TEST(Bag, RandomDamageEndsInAnErrorOrInLessDataAndNeverInACrash) {
     }
     auto config = config_for(dir.write("damaged.bag", damaged));
     const std::string error = input_error([&] {
-      EXPECT_LE(read_out(config).events.size(), 525U);
+      EXPECT_LE(read_dataset(config).events.size(), 525U);
       io::open_sequence(config, {})->reference();
     });
     refused += error.empty() ? 0 : 1;

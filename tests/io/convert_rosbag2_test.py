@@ -92,7 +92,7 @@ class Bag:
         message = self.make("sensor_msgs/msg/FluidPressure", header=self.header(ns), fluid_pressure=value, variance=0.0)
         self.write("/pressure", message, ns)
 
-    def picture(self, ns, encoding="rgb8", pixel=(10, 20, 30)):
+    def image(self, ns, encoding="rgb8", pixel=(10, 20, 30)):
         data = np.tile(np.array(pixel, np.uint8), 6)
         message = self.make("sensor_msgs/msg/Image", header=self.header(ns), height=2, width=3, encoding=encoding,
                             is_bigendian=0, step=3 * len(pixel), data=data)
@@ -119,7 +119,7 @@ def write_all(bag):
         bag.depth(10**9 + i * 10**8, -1.5)
         bag.depth(10**9 + i * 10**8, 7.0, topic="/mocap/pose")
     bag.pressure(10**9, 103000.0)
-    bag.compressed(10**9, b"\xff\xd8 pretends to be a jpeg")
+    bag.compressed(10**9, b"\xff\xd8 fake jpeg")
     bag.fix(10**9, 59.0, 10.0)
     bag.fix(2 * 10**9, 59.001, 10.001)
 
@@ -131,7 +131,7 @@ class ConvertTest(unittest.TestCase):
         self.addCleanup(self.folder.cleanup)
 
     def convert(self, *arguments):
-        """Exit status and everything printed."""
+        """Returns exit status and output."""
         text = io.StringIO()
         with contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
             status = converter.main([str(a) for a in arguments])
@@ -162,13 +162,13 @@ class ConvertTest(unittest.TestCase):
         self.assertAlmostEqual(fix[0], math.radians(1e-3) * 6378137 * math.cos(math.radians(59)), delta=0.3)
         self.assertAlmostEqual(fix[1], math.radians(1e-3) * 6367000, delta=0.5)
 
-    def test_every_sensor_of_an_sqlite_bag_arrives(self):
+    def test_converts_all_sensors_of_sqlite_bag(self):
         self.check_all(StoragePlugin.SQLITE3)
 
-    def test_every_sensor_of_an_mcap_bag_arrives(self):
+    def test_converts_all_sensors_of_mcap_bag(self):
         self.check_all(StoragePlugin.MCAP)
 
-    def test_messages_that_overtook_each_other_are_put_in_order_and_doubles_left_out(self):
+    def test_sorts_messages_and_drops_duplicates(self):
         with Bag(self.root / "bag") as bag:
             for recorded, ns in enumerate((100, 300, 200, 200, 400)):
                 bag.imu(10**9 + ns, 10**9 + recorded)
@@ -177,18 +177,18 @@ class ConvertTest(unittest.TestCase):
         self.assertEqual([int(row[0]) - 10**9 for row in self.rows("imu0")[1]], [100, 200, 300, 400])
         self.assertIn("1 messages", text)
 
-    def test_a_message_without_stamp_takes_its_time_of_recording(self):
+    def test_message_without_stamp_uses_recording_time(self):
         with Bag(self.root / "bag") as bag:
             bag.imu(0, 5 * 10**9)
         self.convert(self.root / "bag", self.root / "out")
         self.assertEqual(self.rows("imu0")[1][0][0], "5000000000")
 
-    def test_raw_pictures_become_png_files(self):
+    def test_converts_raw_images_to_png(self):
         for encoding, pixel, expected in (("rgb8", (10, 20, 30), b"\x0a\x14\x1e"), ("bgr8", (30, 20, 10), b"\x0a\x14\x1e"),
                                           ("mono8", (77,), b"\x4d"), ("mono16", (1, 77), b"\x4d")):
             bag_path, out = self.root / f"bag_{encoding}", f"out_{encoding}"
             with Bag(bag_path) as bag:
-                bag.picture(10**9, encoding, pixel)
+                bag.image(10**9, encoding, pixel)
             status, text = self.convert(bag_path, self.root / out)
             self.assertEqual(status, 0, text)
             content = (self.root / out / "mav0/cam0/data/1000000000.png").read_bytes()
@@ -197,15 +197,15 @@ class ConvertTest(unittest.TestCase):
             import zlib
             self.assertEqual(zlib.decompressobj().decompress(data), (b"\0" + expected * 3) * 2, encoding)
 
-    def test_an_unknown_picture_encoding_is_an_error_that_names_it(self):
+    def test_unknown_image_encoding_error_names_encoding(self):
         with Bag(self.root / "bag") as bag:
-            bag.picture(10**9, "32FC1", (1, 2, 3, 4))
+            bag.image(10**9, "32FC1", (1, 2, 3, 4))
         status, text = self.convert(self.root / "bag", self.root / "out")
         self.assertEqual(status, 2)
         self.assertIn("32FC1", text)
         self.assertFalse((self.root / "out").exists())
 
-    def test_topics_can_be_chosen(self):
+    def test_selects_topics(self):
         with Bag(self.root / "bag") as bag:
             bag.imu(10**9)
             bag.imu(2 * 10**9, topic="/second/imu")
@@ -216,7 +216,7 @@ class ConvertTest(unittest.TestCase):
         self.assertEqual(status, 2)
         self.assertIn("/second/imu", text)
 
-    def test_what_exists_is_never_overwritten_and_a_rest_is_started_afresh(self):
+    def test_refuses_existing_output_and_restarts_partial_output(self):
         with Bag(self.root / "bag") as bag:
             bag.imu(10**9)
         (self.root / "out.partial" / "mav0").mkdir(parents=True)
@@ -229,7 +229,7 @@ class ConvertTest(unittest.TestCase):
         self.assertEqual(status, 2)
         self.assertIn("exists already", text)
 
-    def test_errors_are_one_line_with_what_to_do(self):
+    def test_errors_are_one_line(self):
         for arguments, word in ((["nowhere", "out"], "no such file"), ([self.root, self.root / "out"], "metadata.yaml"),
                                 ([self.root], "--list"), ([self.root, self.root / "o", "--rig", "no.yaml"], "no.yaml"),
                                 ([self.root, self.root / "o", "--types", self.root], ".msg")):
@@ -238,7 +238,7 @@ class ConvertTest(unittest.TestCase):
             self.assertIn(word, text)
             self.assertEqual(text.count("\n"), 1, text)
 
-    def test_a_damaged_bag_is_an_error_and_leaves_no_dataset(self):
+    def test_damaged_bag_leaves_no_dataset(self):
         with Bag(self.root / "bag", StoragePlugin.MCAP) as bag:
             write_all(bag)
         mcap = next((self.root / "bag").glob("*.mcap"))
@@ -248,7 +248,7 @@ class ConvertTest(unittest.TestCase):
         self.assertTrue(text)
         self.assertFalse((self.root / "out").exists())
 
-    def test_definitions_of_foreign_messages_come_from_a_folder(self):
+    def test_reads_custom_message_definitions_from_folder(self):
         types = self.root / "types" / "dvl_msgs" / "msg"
         types.mkdir(parents=True)
         (types / "DVL.msg").write_text(DVL_MSG)
@@ -257,7 +257,7 @@ class ConvertTest(unittest.TestCase):
         self.assertIn("dvl_msgs/msg/DVL", store.types)
         self.assertEqual(store.hash_rihs01("dvl_msgs/msg/DVL"), Bag(self.root / "x").store.hash_rihs01("dvl_msgs/msg/DVL"))
 
-    def test_topics_are_listed(self):
+    def test_lists_topics(self):
         with Bag(self.root / "bag") as bag:
             bag.imu(10**9)
         self.assertEqual(self.convert(self.root / "bag", "--list"), (0, "/imu/data sensor_msgs/msg/Imu 1\n"))

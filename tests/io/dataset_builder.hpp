@@ -35,7 +35,7 @@ inline std::string imu_rows(const std::vector<double>& seconds) {
   return rows;
 }
 
-/// A folder with an IMU only, whose csv has this content.
+/// Writes a folder with an IMU only, with this CSV content.
 inline void write_imu(const TmpDir& dir, const std::string& content) {
   dir.write("mav0/imu0/data.csv", content);
 }
@@ -46,8 +46,8 @@ inline io::DatasetConfig config_for(const std::filesystem::path& path) {
   return config;
 }
 
-/// Everything a recording delivers, and what became of the rest.
-struct ReadOut {
+/// All events of a recording, and the report on dropped samples.
+struct DatasetContents {
   std::vector<SensorEvent> events;
   std::map<std::string, io::StreamReport> report;
 
@@ -65,10 +65,10 @@ struct ReadOut {
   std::size_t delivered(const std::string& sensor) const { return report.at(sensor).delivered; }
 };
 
-inline ReadOut read_out(const io::DatasetConfig& config,
-                        const std::vector<std::string>& sensors = {}) {
+inline DatasetContents read_dataset(const io::DatasetConfig& config,
+                                    const std::vector<std::string>& sensors = {}) {
   const auto reader = io::open_sequence(config, sensors);
-  ReadOut out;
+  DatasetContents out;
   while (auto event = reader->next()) out.events.push_back(std::move(*event));
   out.report = reader->report();
   return out;

@@ -13,7 +13,7 @@ using test::input_error;
 using test::TmpDir;
 using testing::HasSubstr;
 
-// As the files of EuRoC's MH_01_easy look.
+// Format of EuRoC's MH_01_easy.
 constexpr const char* kImuYaml = R"(#Default imu sensor yaml file
 sensor_type: imu
 comment: VI-Sensor IMU (ADIS16448)
@@ -67,7 +67,7 @@ void write_published(const TmpDir& dir) {
   dir.write("mav0/cam0/data/1403636579763555584.png", "not looked at");
 }
 
-TEST(PublishedEuroc, IsRecognisedAndCalibratedByItsSensorFiles) {
+TEST(PublishedEuroc, ReadsCalibrationFromSensorFiles) {
   const TmpDir dir;
   write_published(dir);
   const auto reader = io::open_sequence(config_for(dir.path()), {});
@@ -88,10 +88,11 @@ TEST(PublishedEuroc, IsRecognisedAndCalibratedByItsSensorFiles) {
   EXPECT_FALSE(reader->next());
 }
 
-TEST(PublishedEuroc, PosesAreTurnedIntoTheFrameOfTheImu) {
+TEST(PublishedEuroc, TransformsPosesToImuFrame) {
   const TmpDir dir;
   write_published(dir);
-  std::string yaml = kImuYaml;  // the IMU sits turned 90 degrees about z, 1 m along x
+  std::string yaml =
+      kImuYaml;  // the IMU is rotated by 90 degrees about z and offset by 1 m along x
   yaml.replace(yaml.find("1.0, 0.0, 0.0, 0.0"), 18, "0.0, -1.0, 0.0, 1.0");
   yaml.replace(yaml.find("0.0, 1.0, 0.0, 0.0"), 18, "1.0, 0.0, 0.0, 0.0");
   dir.write("mav0/imu0/sensor.yaml", yaml);
@@ -102,7 +103,7 @@ TEST(PublishedEuroc, PosesAreTurnedIntoTheFrameOfTheImu) {
   EXPECT_NEAR(p.y(), 1.0 + 0.0216401454975, 1e-9);
 }
 
-TEST(PublishedEuroc, NamesFileAndLineOfABadCalibration) {
+TEST(PublishedEuroc, CalibrationErrorNamesFileAndLine) {
   const TmpDir dir;
   write_published(dir);
   const auto error = [&](const std::string& yaml) {
@@ -116,8 +117,8 @@ TEST(PublishedEuroc, NamesFileAndLineOfABadCalibration) {
               HasSubstr("cam0/sensor.yaml:2"));
 }
 
-// Found by fuzzing: the YAML library finds documents without end in this.
-TEST(PublishedEuroc, ABrokenDirectiveIsRefusedAndNotReadForEver) {
+// Found by fuzzing: the YAML library reports endless documents for this input.
+TEST(PublishedEuroc, RejectsInvalidDirective) {
   const TmpDir dir;
   write_published(dir);
   dir.write("mav0/cam0/sensor.yaml",
@@ -127,11 +128,11 @@ TEST(PublishedEuroc, ABrokenDirectiveIsRefusedAndNotReadForEver) {
               HasSubstr("cam0/sensor.yaml:"));
 }
 
-TEST(PublishedEuroc, ACameraWithoutCalibrationIsLeftOut) {
+TEST(PublishedEuroc, IgnoresCameraWithoutCalibration) {
   const TmpDir dir;
   write_published(dir);
   dir.write("mav0/cam1/data.csv", "#timestamp [ns],filename\n1,a.png\n");
-  const auto out = test::read_out(config_for(dir.path()));
+  const auto out = test::read_dataset(config_for(dir.path()));
   EXPECT_EQ(out.delivered("camera"), 1U);
 }
 

@@ -17,55 +17,55 @@ using test::imu_rows;
 using test::input_error;
 using test::kDvlHeader;
 using test::kImuHeader;
-using test::read_out;
+using test::read_dataset;
 using test::TmpDir;
 using testing::HasSubstr;
 
-std::vector<std::int64_t> stamps_ms(const test::ReadOut& out) {
+std::vector<std::int64_t> stamps_ms(const test::DatasetContents& out) {
   std::vector<std::int64_t> stamps;
   for (const auto& event : out.events) stamps.push_back(stamp_of(event).ns / 1'000'000);
   return stamps;
 }
 
-TEST(DatasetFolder, MergesSensorsInOrderOfTime) {
+TEST(DatasetFolder, MergesSensorsChronologically) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) + imu_rows({1.0, 1.2, 1.4}));
   dir.write("mav0/depth0/data.csv", "#timestamp [ns],depth [m]\n1100000000,2.5\n1300000000,2.6\n");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_THAT(stamps_ms(out), testing::ElementsAre(1000, 1100, 1200, 1300, 1400));
   EXPECT_EQ(out.delivered("imu"), 3U);
   EXPECT_EQ(out.delivered("depth"), 2U);
-  EXPECT_DOUBLE_EQ(std::get<DepthSample>(out.events[1]).depth_m, 2.5);
+  EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[1]).depth_m, 2.5);
   EXPECT_EQ(std::get<ImuSample>(out.events[0]).gyro, Eigen::Vector3d(0.1, 0.2, 0.3));
 }
 
-TEST(DatasetFolder, FindsColumnsByNameInAnyOrder) {
+TEST(DatasetFolder, FindsColumnsByName) {
   const TmpDir dir;
   test::write_imu(dir, "#timestamp [ns],a_z,a_y,a_x,w_x,w_z,w_y\n5,6,5,4,1,3,2\n");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   ASSERT_EQ(out.events.size(), 1U);
   EXPECT_EQ(std::get<ImuSample>(out.events[0]).gyro, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(std::get<ImuSample>(out.events[0]).accel, Eigen::Vector3d(4, 5, 6));
 }
 
-TEST(DatasetFolder, TakesByteOrderMarkCarriageReturnsBlankAndCommentLines) {
+TEST(DatasetFolder, AcceptsByteOrderMarkCrlfBlankAndCommentLines) {
   const TmpDir dir;
   test::write_imu(dir,
                   "\xEF\xBB\xBF#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\r\n10,1,2,3,4,5,6\r\n"
                   "\r\n# a remark\r\n20,1,2,3,4,5,6,\r\n30,1,2,3,4,5,6");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_EQ(out.delivered("imu"), 3U);
   EXPECT_EQ(out.dropped("imu"), 0U);
 }
 
-TEST(DatasetFolder, CountsEveryKindOfUnusableSample) {
+TEST(DatasetFolder, CountsUnusableSamplesByReason) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) + imu_rows({1.0, 1.1}) +
                            "1150000000,nan,0,0,0,0,0\n1160000000,0,0,0,0,inf,0\n"  // not finite
                            "1170000000,0,0,0,x,0,0\nhello,0,0,0,0,0,0\n-5,0,0,0,0,0,0\n"
                            "1180000000,0,0,0\n1190000000,,0,0,0,0,0\n"  // malformed
                            + imu_rows({1.1, 1.05, 1.2}) + "1300000000,0,0");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_THAT(stamps_ms(out), testing::ElementsAre(1000, 1100, 1200));
   EXPECT_EQ(out.dropped("imu", DropReason::not_finite), 2U);
   EXPECT_EQ(out.dropped("imu", DropReason::malformed), 6U);
@@ -76,54 +76,54 @@ TEST(DatasetFolder, CountsEveryKindOfUnusableSample) {
               HasSubstr("mav0/imu0/data.csv:6"));
 }
 
-TEST(DatasetFolder, DropsASingleStampThatJumpsAnHourEitherWay) {
+TEST(DatasetFolder, DropsIsolatedStampJumps) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) +
                            imu_rows({5000.0, 5000.1, 8600.0, 5000.2, 1400.0, 5000.3, 5000.4}));
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_THAT(stamps_ms(out), testing::ElementsAre(5000000, 5000100, 5000200, 5000300, 5000400));
   EXPECT_EQ(out.dropped("imu", DropReason::broken_stamp), 2U);
   EXPECT_EQ(out.dropped("imu"), 2U);
 }
 
-TEST(DatasetFolder, DropsABrokenFirstOrLastStamp) {
+TEST(DatasetFolder, DropsBrokenFirstOrLastStamp) {
   const TmpDir dir;
   for (const double first : {0.0, 90000.0}) {
     test::write_imu(dir, std::string(kImuHeader) + imu_rows({first, 5000.1, 5000.2, 90000.0}));
-    const auto out = read_out(config_for(dir.path()));
+    const auto out = read_dataset(config_for(dir.path()));
     EXPECT_THAT(stamps_ms(out), testing::ElementsAre(5000100, 5000200)) << first;
     EXPECT_EQ(out.dropped("imu", DropReason::broken_stamp), 2U) << first;
   }
 }
 
-TEST(DatasetFolder, KeepsWhatFollowsAGap) {
+TEST(DatasetFolder, KeepsSamplesAfterGap) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) + imu_rows({1.0, 1.1, 3601.0, 3601.1, 3601.2}));
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_EQ(out.delivered("imu"), 5U);
   EXPECT_EQ(out.dropped("imu"), 0U);
 }
 
-TEST(DatasetFolder, DropsEverythingAfterAJumpBackThatStays) {
+TEST(DatasetFolder, DropsSamplesAfterPersistentJumpBack) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) +
                            imu_rows({5000.0, 5000.1, 5000.2, 1400.0, 1400.1, 1400.2, 1400.3}));
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_THAT(stamps_ms(out), testing::ElementsAre(5000000, 5000100, 5000200));
   EXPECT_EQ(out.dropped("imu", DropReason::out_of_order), 4U);
   EXPECT_EQ(out.dropped("imu"), 4U);
 }
 
-TEST(DatasetFolder, HeaderOnlyIsASensorThatNeverReports) {
+TEST(DatasetFolder, AcceptsFileWithHeaderOnly) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) + imu_rows({1.0}));
   dir.write("mav0/dvl0/data.csv", kDvlHeader);
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   EXPECT_EQ(out.events.size(), 1U);
   EXPECT_EQ(out.delivered("dvl"), 0U);
 }
 
-TEST(DatasetFolder, DeliversInvalidDvlSamplesAsData) {
+TEST(DatasetFolder, DeliversInvalidDvlSamples) {
   const TmpDir dir;
   dir.write("mav0/dvl0/data.csv", std::string(kDvlHeader) +
                                       "10,nan,nan,nan,,-1,0,,,,,,,,,,,,\n"
@@ -131,7 +131,7 @@ TEST(DatasetFolder, DeliversInvalidDvlSamplesAsData) {
                                       "30,1,2,3,0.01,8.5,1,,,,,,,,,,,,\n"
                                       "40,,2,3,0.01,8.5,1,,,,,,,,,,,,\n"
                                       "50,1,2,3,0.01,8.5,2,,,,,,,,,,,,\n");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   ASSERT_EQ(out.events.size(), 3U);
   EXPECT_EQ(out.dropped("dvl", DropReason::malformed), 2U);
   const auto& first = std::get<DvlSample>(out.events[0]);
@@ -150,13 +150,13 @@ TEST(DatasetFolder, DeliversInvalidDvlSamplesAsData) {
   EXPECT_DOUBLE_EQ(third.figure_of_merit.value(), 0.01);
 }
 
-TEST(DatasetFolder, TurnsPressureIntoPascal) {
+TEST(DatasetFolder, ConvertsPressureToPascal) {
   const TmpDir dir;
   const auto pressure = [&](const std::string& column, double value, io::PressureUnit unit) {
     dir.write("mav0/pressure0/data.csv", fmt::format("#timestamp [ns],{}\n1,{}\n", column, value));
     auto config = config_for(dir.path());
     config.pressure_unit = unit;
-    return std::get<PressureSample>(read_out(config).events.at(0)).pressure_pa;
+    return std::get<PressureSample>(read_dataset(config).events.at(0)).pressure_pa;
   };
   using enum io::PressureUnit;
   EXPECT_DOUBLE_EQ(pressure("pressure [Pa]", 103000, automatic), 103000);
@@ -168,14 +168,14 @@ TEST(DatasetFolder, TurnsPressureIntoPascal) {
   EXPECT_THAT(input_error([&] { pressure("pressure [psi]", 14.7, automatic); }), HasSubstr("psi"));
 }
 
-TEST(DatasetFolder, DecodesImagesOnlyWhenAsked) {
+TEST(DatasetFolder, DecodesImagesOnDemand) {
   const TmpDir dir;
   dir.write("mav0/cam0/data.csv",
             "#timestamp [ns],filename\n1,good.png\n2,missing.png\n3,broken.png\n");
   std::filesystem::create_directories(dir.path() / "mav0/cam0/data");
   cv::imwrite((dir.path() / "mav0/cam0/data/good.png").string(), cv::Mat(4, 6, CV_8UC1, {77}));
   dir.write("mav0/cam0/data/broken.png", "no image");
-  const auto out = read_out(config_for(dir.path()));
+  const auto out = read_dataset(config_for(dir.path()));
   ASSERT_EQ(out.events.size(), 2U);
   EXPECT_EQ(out.dropped("camera", DropReason::malformed), 1U);
   const cv::Mat image = std::get<ImageFrame>(out.events[0]).decode();
@@ -184,7 +184,7 @@ TEST(DatasetFolder, DecodesImagesOnlyWhenAsked) {
   EXPECT_THROW(std::get<ImageFrame>(out.events[1]).decode(), RunError);
 }
 
-TEST(DatasetFolder, CutsTheConfiguredSpanAndHidesImages) {
+TEST(DatasetFolder, AppliesConfiguredSpanAndBlackout) {
   const TmpDir dir;
   std::string rows;
   std::string images = "#timestamp [ns],filename\n";
@@ -199,29 +199,29 @@ TEST(DatasetFolder, CutsTheConfiguredSpanAndHidesImages) {
   config.start_s = 2.0;
   config.duration_s = 3.0;
   config.blackout_s = {{2.5, 3.0}, {4.0, 4.1}};
-  config.blackout = io::Blackout::dropped;
-  const auto out = read_out(config);
+  config.blackout_mode = io::Blackout::dropped;
+  const auto out = read_dataset(config);
   EXPECT_EQ(out.delivered("imu"), 30U);
   EXPECT_EQ(out.delivered("camera"), 24U);
   EXPECT_EQ(stamp_of(out.events.front()).ns, 9'000'000'000);
   EXPECT_EQ(stamp_of(out.events.back()).ns, 11'900'000'000);
 }
 
-TEST(DatasetFolder, ReadsOnlyTheSensorsAskedFor) {
+TEST(DatasetFolder, ReadsOnlyRequestedSensors) {
   const TmpDir dir;
   test::write_imu(dir, std::string(kImuHeader) + imu_rows({1.0}));
   dir.write("mav0/depth0/data.csv", "#timestamp [ns],depth [m]\n1,2.5\n");
   dir.write("mav0/gnss0/data.csv", "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n");
-  EXPECT_EQ(read_out(config_for(dir.path()), {"imu"}).events.size(), 1U);
-  EXPECT_EQ(read_out(config_for(dir.path()), {"imu", "pressure"}).events.size(), 2U);
-  EXPECT_EQ(read_out(config_for(dir.path())).events.size(), 3U);
+  EXPECT_EQ(read_dataset(config_for(dir.path()), {"imu"}).events.size(), 1U);
+  EXPECT_EQ(read_dataset(config_for(dir.path()), {"imu", "pressure"}).events.size(), 2U);
+  EXPECT_EQ(read_dataset(config_for(dir.path())).events.size(), 3U);
 }
 
-TEST(DatasetFolder, SaysWhatIsWrongInOneLine) {
+TEST(DatasetFolder, ErrorsAreOneLine) {
   const TmpDir dir;
   const auto error = [&](const std::filesystem::path& path,
                          const std::vector<std::string>& sensors = {}) {
-    const std::string message = input_error([&] { read_out(config_for(path), sensors); });
+    const std::string message = input_error([&] { read_dataset(config_for(path), sensors); });
     EXPECT_THAT(message, testing::Not(HasSubstr("\n")));
     return message;
   };
@@ -230,7 +230,7 @@ TEST(DatasetFolder, SaysWhatIsWrongInOneLine) {
   EXPECT_THAT(error(dir.path()), HasSubstr("no data set"));
   EXPECT_THAT(error(dir.write("notes.txt", "x")), HasSubstr("not a data set"));
   std::filesystem::create_directories(dir.path() / "mav0");
-  EXPECT_THAT(error(dir.path()), HasSubstr("none of the sensors"));
+  EXPECT_THAT(error(dir.path()), HasSubstr("none of the requested sensors"));
   std::filesystem::create_directories(dir.path() / "mav0/imu0");
   EXPECT_THAT(error(dir.path()), HasSubstr("imu0/data.csv: missing"));
   test::write_imu(dir, "");
@@ -251,7 +251,7 @@ TEST(DatasetFolder, SaysWhatIsWrongInOneLine) {
   EXPECT_EQ(error(dir.path(), {"imu"}), "");
 }
 
-TEST(DatasetFolder, KnowsItsCalibrationAndTakesAnotherOne) {
+TEST(DatasetFolder, ReadsOwnOrConfiguredCalibration) {
   const TmpDir dir;
   test::write_imu(dir, kImuHeader);
   auto config = config_for(dir.path());
@@ -264,7 +264,7 @@ TEST(DatasetFolder, KnowsItsCalibrationAndTakesAnotherOne) {
   EXPECT_THAT(input_error([&] { io::open_sequence(config, {}); }), HasSubstr("missing.yaml"));
 }
 
-TEST(DatasetFolder, RefersToGroundTruthElseToGnss) {
+TEST(DatasetFolder, ReferenceIsGroundTruthElseGnss) {
   const TmpDir dir;
   test::write_imu(dir, kImuHeader);
   const auto reference = [&] { return io::open_sequence(config_for(dir.path()), {})->reference(); };

@@ -40,12 +40,12 @@ std::vector<std::int64_t> read_all(LiveSequence& live) {
   return stamps;
 }
 
-TEST(LiveSequence, HandsOnWhatWasPushedInOrderOfTimeToTheEnd) {
+TEST(LiveSequence, DeliversSamplesChronologically) {
   LiveSequence live({});
   live.push(imu(0));
   live.push(imu(10));
   live.push(imu(20));
-  live.push(dvl(5));  // later than the inertial data, within what it waits
+  live.push(dvl(5));  // late, but within the reorder window
   live.push(image(15, 0));
   live.push(imu(30));
   live.finish();
@@ -55,7 +55,7 @@ TEST(LiveSequence, HandsOnWhatWasPushedInOrderOfTimeToTheEnd) {
   EXPECT_EQ(live.report().at("camera").delivered, 1U);
 }
 
-TEST(LiveSequence, ASampleThatComesTooLateComesWhenItComes) {
+TEST(LiveSequence, DeliversLateSampleOnArrival) {
   LiveSequence live({}, {.reorder_s = 0.02});
   live.push(dvl(-10));
   live.push(dvl(-5));
@@ -67,10 +67,10 @@ TEST(LiveSequence, ASampleThatComesTooLateComesWhenItComes) {
   ASSERT_EQ(stamps.size(), 15U);
   const auto late = std::find(stamps.begin(), stamps.end(), 5);
   ASSERT_NE(late, stamps.begin());
-  EXPECT_EQ(*(late - 1), 80);  // twenty milliseconds before the newest when it came
+  EXPECT_EQ(*(late - 1), 80);  // reorder window before the newest stamp at arrival
 }
 
-TEST(LiveSequence, SamplesOfOneSensorThatGoBackAreDroppedAndCounted) {
+TEST(LiveSequence, DropsAndCountsOutOfOrderSamples) {
   LiveSequence live({});
   for (const int ms : {0, 10, 30, 20, 30, 40}) live.push(imu(ms));
   SensorEvent broken = imu(50);
@@ -84,7 +84,7 @@ TEST(LiveSequence, SamplesOfOneSensorThatGoBackAreDroppedAndCounted) {
   EXPECT_EQ(report.dropped.at(DropReason::not_finite), 1U);
 }
 
-TEST(LiveSequence, TwoCamerasMayHaveTheSameStamps) {
+TEST(LiveSequence, AcceptsEqualStampsOfTwoCameras) {
   LiveSequence live({});
   for (const int ms : {0, 50, 100}) {
     live.push(image(ms, 0));
@@ -94,13 +94,13 @@ TEST(LiveSequence, TwoCamerasMayHaveTheSameStamps) {
   EXPECT_EQ(read_all(live).size(), 6U);
 }
 
-TEST(LiveSequence, SensorsOfTheRigAreExpectedBeforeTheirFirstSample) {
+TEST(LiveSequence, ReportsSensorsOfRigBeforeFirstSample) {
   LiveSequence live(config::parse_yaml("{imu0: {}, cam0: {}}", "rig"));
   EXPECT_TRUE(live.report().contains("camera"));
   EXPECT_FALSE(live.report().contains("dvl"));
 }
 
-TEST(LiveSequence, AFullQueueMakesTheDriverWaitAndLosesNothing) {
+TEST(LiveSequence, PushBlocksWhileQueueIsFull) {
   LiveSequence live({}, {.capacity = 4, .reorder_s = 0.0});
   std::atomic<int> pushed = 0;
   const std::jthread driver([&] {
@@ -115,7 +115,7 @@ TEST(LiveSequence, AFullQueueMakesTheDriverWaitAndLosesNothing) {
   EXPECT_EQ(read_all(live).size(), 200U);
 }
 
-TEST(LiveSequence, AStopWakesAReaderThatWaits) {
+TEST(LiveSequence, StopUnblocksNext) {
   LiveSequence live({});
   const std::jthread other([&] {
     std::this_thread::sleep_for(30ms);
@@ -125,7 +125,7 @@ TEST(LiveSequence, AStopWakesAReaderThatWaits) {
   EXPECT_FALSE(live.push(imu(0)));
 }
 
-TEST(LiveSequence, AStopWakesADriverThatWaits) {
+TEST(LiveSequence, StopUnblocksPush) {
   LiveSequence live({}, {.capacity = 1});
   std::atomic<bool> refused = false;
   {
@@ -141,12 +141,12 @@ TEST(LiveSequence, AStopWakesADriverThatWaits) {
   EXPECT_TRUE(refused);
 }
 
-TEST(LiveSequence, WhatTheDriverThrowsReachesTheReaderAfterWhatWasPushed) {
+TEST(LiveSequence, NextThrowsDriverErrorAfterPushedSamples) {
   LiveSequence live({});
   const std::jthread driver([&] {
     live.push(imu(0));
     live.push(imu(10));
-    live.fail(std::make_exception_ptr(RunError("the cable is out")));
+    live.fail(std::make_exception_ptr(RunError("cable disconnected")));
   });
   EXPECT_TRUE(live.next());
   EXPECT_TRUE(live.next());
@@ -154,7 +154,7 @@ TEST(LiveSequence, WhatTheDriverThrowsReachesTheReaderAfterWhatWasPushed) {
   EXPECT_FALSE(live.next());
 }
 
-TEST(LiveSequence, ManyDriversLoseNothing) {
+TEST(LiveSequence, LosesNothingWithManyDrivers) {
   LiveSequence live({}, {.capacity = 16});
   std::vector<std::jthread> drivers;
   drivers.emplace_back([&] {

@@ -19,9 +19,9 @@ std::size_t rows_of(const std::filesystem::path& csv) {
 
 class RealRecording : public testing::TestWithParam<const char*> {};
 
-TEST_P(RealRecording, DeliversEveryRowInOrder) {
+TEST_P(RealRecording, DeliversAllRowsInOrder) {
   APVI_NEEDS_DATA(folder, GetParam());
-  const auto out = test::read_out(test::config_for(folder));
+  const auto out = test::read_dataset(test::config_for(folder));
   const std::map<std::string, std::string> folders = {
       {"imu", "imu0"},     {"dvl", "dvl0"},    {"pressure", "pressure0"},
       {"depth", "depth0"}, {"camera", "cam0"}, {"gnss", "gnss0"}};
@@ -44,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(All, RealRecording,
                                          "euroc_mh01_apvi", "euroc_v101_posed"),
                          [](const auto& name) { return std::string(name.param); });
 
-TEST(RealRecordings, BlueyeIsReferredToByItsGnssWithoutHeight) {
+TEST(RealRecordings, BlueyeReferenceIsGnssWithoutHeight) {
   APVI_NEEDS_DATA(folder, "blueye_auto_square");
   const auto reference = io::open_sequence(test::config_for(folder), {})->reference();
   ASSERT_TRUE(reference);
@@ -53,7 +53,7 @@ TEST(RealRecordings, BlueyeIsReferredToByItsGnssWithoutHeight) {
   EXPECT_EQ(reference->size(), rows_of(folder / "mav0/gnss0/data.csv"));
 }
 
-TEST(RealRecordings, EurocImagesDecodeToTheirCalibratedSize) {
+TEST(RealRecordings, EurocImagesHaveCalibratedSize) {
   APVI_NEEDS_DATA(folder, "euroc_mh01_apvi");
   const auto reader = io::open_sequence(test::config_for(folder), {"camera"});
   const auto event = reader->next();

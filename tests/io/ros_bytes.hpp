@@ -8,7 +8,7 @@
 
 namespace apvi::test {
 
-/// The bytes of a ROS1 message, put together by hand.
+/// Serializes a ROS1 message field by field.
 class RosBytes {
  public:
   template <typename T>
@@ -35,7 +35,7 @@ class RosBytes {
 
 inline const std::string kSeparator = "\n" + std::string(80, '=') + "\nMSG: ";
 inline const std::string kHeaderPart =
-    kSeparator + "std_msgs/Header\n# a remark\nuint32 seq\ntime stamp\nstring frame_id\n";
+    kSeparator + "std_msgs/Header\n# a comment\nuint32 seq\ntime stamp\nstring frame_id\n";
 inline const std::string kVectorPart =
     kSeparator + "geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n";
 

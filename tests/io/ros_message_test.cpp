@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/ros_message.hpp"
+#include "io/rosbag/ros_message.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,10 +9,10 @@
 #include <sstream>
 
 #include "io/dataset_builder.hpp"
-#include "io/image_decode.hpp"
+#include "io/folder/image_decode.hpp"
 #include "io/ros_bytes.hpp"
-#include "io/ros_definitions.hpp"
-#include "io/ros_samples.hpp"
+#include "io/rosbag/ros_definitions.hpp"
+#include "io/rosbag/ros_samples.hpp"
 
 namespace apvi {
 namespace {
@@ -31,13 +31,13 @@ std::string md5(const std::string& text) {
   boost::uuids::detail::md5::digest_type digest;
   hash.get_digest(digest);
   std::string hex;
-  // Four words or sixteen bytes, by the version of Boost.
+  // Four words or sixteen bytes, depending on the Boost version.
   for (const auto part : digest) hex += fmt::format("{:0{}x}", part, 2 * sizeof(part));
   return hex;
 }
 
-// The checksum of a message by ROS's rule: its fields line by line, a part's type replaced by the
-// part's checksum. (No constants: the definitions here have none.)
+// ROS message checksum: the fields line by line, with nested types replaced by their checksums.
+// Constants are not supported; the definitions here have none.
 std::string checksum(const std::map<std::string, std::string>& blocks, const std::string& name) {
   std::istringstream lines(blocks.at(name));
   std::string sum;
@@ -68,7 +68,7 @@ std::string checksum(const io::RosDefinition& definition) {
   return checksum(blocks, definition.type);
 }
 
-TEST(RosDefinitions, HaveThePublishedChecksums) {
+TEST(RosDefinitions, HavePublishedChecksums) {
   EXPECT_EQ(checksum(io::imu_definition()), "6a62c6daae103f4ff57a132d6f95cec2");
   EXPECT_EQ(checksum(io::fluid_pressure_definition()), "804dc5cea1c5306d6a2eb80b9833befe");
   EXPECT_EQ(checksum(io::odometry_definition()), "cd5e73d190d741a2f92e81eda573aca7");
@@ -79,13 +79,13 @@ TEST(RosDefinitions, HaveThePublishedChecksums) {
         &io::compressed_image_definition(), &io::waterlinked_dvl_definition()}) {
     EXPECT_EQ(checksum(*definition), definition->md5) << definition->type;
   }
-  // And of the part that has one of its own.
+  // The nested type has a published checksum too.
   const std::string text = io::waterlinked_dvl_definition().text;
   EXPECT_EQ(md5(text.substr(text.rfind("int64 id"), text.size() - 1 - text.rfind("int64 id"))),
             "750bcc69eae0dec5dc80e15e3ced915b");
 }
 
-TEST(RosMessages, DecodeEveryKindOfField) {
+TEST(RosMessages, DecodeEveryFieldType) {
   const RosMessageType type("test_msgs/All",
                             "# all kinds\nint8 A=1\nstring B= x # y\nbool flag # tail\nint8 i8\n"
                             "byte b\nchar c\nuint16 u16\nint32 i32\nuint64 u64\nfloat32 f\n"
@@ -123,7 +123,7 @@ TEST(RosMessages, DecodeEveryKindOfField) {
   EXPECT_FALSE(value->number_at("s"));
 }
 
-TEST(RosMessages, WithTooFewOrTooManyBytesAreMalformed) {
+TEST(RosMessages, RejectWrongSize) {
   const RosMessageType type("a/B", "uint32 n\nstring[] words\nfloat64[] x\n");
   RosBytes good;
   good.put(std::uint32_t{1}).put(std::uint32_t{1}).text("w").put(std::uint32_t{1}).put(2.5);
@@ -137,18 +137,18 @@ TEST(RosMessages, WithTooFewOrTooManyBytesAreMalformed) {
   EXPECT_FALSE(type.decode(huge));
 }
 
-TEST(RosMessages, OfValuesWithoutBytesDoNotFillTheMemory) {
+TEST(RosMessages, RejectExcessiveZeroSizeValues) {
   const RosMessageType type("a/B", "C[1000] c\n" + kSeparator + "a/C\nD[1000] d\n" + kSeparator +
                                        "a/D\nE[1000] e\n" + kSeparator + "a/E\n");
   EXPECT_FALSE(type.decode({}));
 }
 
-TEST(RosMessages, DefinitionsThatMakeNoSenseAreRefused) {
+TEST(RosMessages, RejectInvalidDefinitions) {
   const auto error = [](const std::string& definition) {
     return input_error([&] { RosMessageType("a/B", definition); });
   };
-  EXPECT_THAT(error("C c\n"), HasSubstr("a/B: nothing is said about its part C"));
-  EXPECT_THAT(error("B b\n"), HasSubstr("contain each other"));
+  EXPECT_THAT(error("C c\n"), HasSubstr("a/B: no definition of its type C"));
+  EXPECT_THAT(error("B b\n"), HasSubstr("recursive types"));
   EXPECT_THAT(error("uint8\n"), HasSubstr("cannot read the line"));
   EXPECT_THAT(error("uint8[x] y\n"), HasSubstr("cannot read the type"));
   EXPECT_THAT(error("uint8[-1] y\n"), HasSubstr("cannot read the type"));
@@ -156,7 +156,7 @@ TEST(RosMessages, DefinitionsThatMakeNoSenseAreRefused) {
   EXPECT_EQ(error(""), "");
 }
 
-TEST(RosSamples, DvlForksReadWithTheFieldsTheyHave) {
+TEST(RosSamples, ReadsDvlForkWithFewerFields) {
   const RosMessageType fork("fork_msgs/DVL",
                             "Header header\ngeometry_msgs/Vector3 velocity\nbool velocity_valid\n" +
                                 kHeaderPart + kVectorPart);
@@ -171,7 +171,7 @@ TEST(RosSamples, DvlForksReadWithTheFieldsTheyHave) {
   EXPECT_FALSE(sample.valid || sample.figure_of_merit || sample.altitude || sample.beams[0]);
 }
 
-TEST(RosSamples, UuvSimulatorMarksInvalidByItsCovariance) {
+TEST(RosSamples, UuvSimulatorCovarianceMarksInvalid) {
   const RosMessageType type(
       "uuv_sensor_ros_plugins_msgs/DVL",
       "Header header\ngeometry_msgs/Vector3 velocity\nfloat64[9] velocity_covariance\n"
@@ -185,7 +185,7 @@ TEST(RosSamples, UuvSimulatorMarksInvalidByItsCovariance) {
     for (int i = 0; i < 8; ++i) bytes.put(0.0);
     bytes.put(4.5).put(std::uint32_t{1}).put(5.0).put(0.0).put(0.25).put(-1.0);
     const auto value = type.decode(bytes.get());
-    EXPECT_EQ(io::stamp_of_message(*value, Stamp{77})->ns, 77);  // no stamp: when recorded
+    EXPECT_EQ(io::stamp_of_message(*value, Stamp{77})->ns, 77);  // without stamp: recording time
     return std::get<DvlSample>(io::dvl_of(*value, Stamp{1}).value());
   };
   EXPECT_FALSE(sample(-1.0).valid);
@@ -198,7 +198,7 @@ TEST(RosSamples, UuvSimulatorMarksInvalidByItsCovariance) {
   EXPECT_FALSE(good.beams[0]->valid);
 }
 
-TEST(RosSamples, TwistsReadAsDvl) {
+TEST(RosSamples, ReadsTwistAsDvl) {
   const RosMessageType type(
       "geometry_msgs/TwistWithCovarianceStamped",
       "Header header\nTwistWithCovariance twist\n" + kHeaderPart + kVectorPart + kSeparator +
@@ -214,7 +214,7 @@ TEST(RosSamples, TwistsReadAsDvl) {
   EXPECT_DOUBLE_EQ(sample.figure_of_merit.value(), 0.2);
 }
 
-TEST(RosSamples, RawImagesDecodeByTheirEncoding) {
+TEST(RosSamples, DecodesRawImagesByEncoding) {
   const RosMessageType type("sensor_msgs/Image",
                             "Header header\nuint32 height\nuint32 width\nstring encoding\n"
                             "uint8 is_bigendian\nuint32 step\nuint8[] data\n" +
@@ -241,14 +241,14 @@ TEST(RosSamples, RawImagesDecodeByTheirEncoding) {
             cv::Vec3b(3, 2, 1));
   EXPECT_EQ(std::get<ImageFrame>(*image("bgr8", 6, rgb)).decode().at<cv::Vec3b>(0, 0),
             cv::Vec3b(1, 2, 3));
-  EXPECT_FALSE(image("mono8", 2, {1, 2, 3}));        // cut short
-  EXPECT_FALSE(image("mono8", 1, {1, 2, 3, 4}));     // a step below the width
-  EXPECT_FALSE(image("32FC1", 8, {1, 2, 3, 4, 5}));  // not an image of 8 or 16 bits
+  EXPECT_FALSE(image("mono8", 2, {1, 2, 3}));        // truncated
+  EXPECT_FALSE(image("mono8", 1, {1, 2, 3, 4}));     // step smaller than the width
+  EXPECT_FALSE(image("32FC1", 8, {1, 2, 3, 4, 5}));  // neither 8 nor 16 bits
   EXPECT_FALSE(image("mono8", 2, {}));
 }
 
-TEST(RosSamples, BayerPatternsKeepTheirColours) {
-  // A uniformly red scene: only the red cells of the mosaic see light.
+TEST(RosSamples, DecodesBayerPatterns) {
+  // A uniformly red scene: only the red pixels of the mosaic are nonzero.
   const auto decode = [](const std::string& encoding, std::size_t red_row, std::size_t red_col) {
     std::vector<std::uint8_t> data(64, 0);
     for (std::size_t row = red_row; row < 8; row += 2) {

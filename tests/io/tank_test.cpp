@@ -14,7 +14,7 @@ using test::input_error;
 using test::TmpDir;
 using testing::HasSubstr;
 
-// The headers that the data set's own tool writes.
+// Headers as written by the data set's own tool.
 void write_raw(const TmpDir& dir) {
   dir.write("imu.csv",
             "timestamp[ns],ang_vel_x[rad/s],ang_vel_y[rad/s],ang_vel_z[rad/s],lin_acc_x[m/s^2],"
@@ -34,10 +34,10 @@ void write_raw(const TmpDir& dir) {
   dir.write("IMG_L/notes.txt", "no image");
 }
 
-TEST(TankFolder, IsRecognisedAndReadInOrderOfTime) {
+TEST(TankFolder, IsDetectedAndReadChronologically) {
   const TmpDir dir;
   write_raw(dir);
-  const auto out = test::read_out(config_for(dir.path()));
+  const auto out = test::read_dataset(config_for(dir.path()));
   std::vector<std::string> kinds;
   for (const auto& event : out.events) kinds.emplace_back(kind_of(event));
   EXPECT_THAT(kinds, testing::ElementsAre("imu", "dvl", "depth", "camera", "dvl", "imu", "camera"));
@@ -45,10 +45,10 @@ TEST(TankFolder, IsRecognisedAndReadInOrderOfTime) {
   EXPECT_EQ(std::get<ImageFrame>(out.events.back()).decode().type(), CV_8UC3);
 }
 
-TEST(TankFolder, TurnsHeightIntoDepthAndZerosIntoInvalidVelocity) {
+TEST(TankFolder, ConvertsHeightToDepthAndZerosToInvalidVelocity) {
   const TmpDir dir;
   write_raw(dir);
-  const auto out = test::read_out(config_for(dir.path()), {"dvl", "pressure"});
+  const auto out = test::read_dataset(config_for(dir.path()), {"dvl", "pressure"});
   ASSERT_EQ(out.events.size(), 3U);
   const auto& dvl = std::get<DvlSample>(out.events[0]);
   EXPECT_TRUE(dvl.valid);
@@ -56,11 +56,11 @@ TEST(TankFolder, TurnsHeightIntoDepthAndZerosIntoInvalidVelocity) {
   EXPECT_DOUBLE_EQ(dvl.beams[0]->velocity, 1.0);
   EXPECT_DOUBLE_EQ(dvl.beams[3]->velocity, 4.0);
   EXPECT_FALSE(dvl.figure_of_merit || dvl.altitude);
-  EXPECT_DOUBLE_EQ(std::get<DepthSample>(out.events[1]).depth_m, 1.5);
+  EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[1]).depth_m, 1.5);
   EXPECT_FALSE(std::get<DvlSample>(out.events[2]).valid);
 }
 
-TEST(TankFolder, RefersToItsGroundTruth) {
+TEST(TankFolder, ReadsGroundTruth) {
   const TmpDir dir;
   write_raw(dir);
   const auto reference = io::open_sequence(config_for(dir.path()), {})->reference();
@@ -68,7 +68,7 @@ TEST(TankFolder, RefersToItsGroundTruth) {
   EXPECT_EQ(reference->poses[0].T_world_body.translation, Eigen::Vector3d(1, 2, 3));
 }
 
-TEST(TankFolder, MissesWhatItsRigDescribes) {
+TEST(TankFolder, RejectsMissingSensorOfRig) {
   const TmpDir dir;
   write_raw(dir);
   std::filesystem::remove(dir.path() / "dvl.csv");

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "apvi/core/error.hpp"
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 #include "io/dataset_builder.hpp"
 #include "support/test_data.hpp"
 
@@ -40,7 +40,7 @@ void expect_same(const Trajectory& a, const Trajectory& b) {
   }
 }
 
-TEST(TrajectoryFiles, ComeBackAsWritten) {
+TEST(TrajectoryFiles, RoundTrip) {
   const TmpDir dir;
   const Trajectory trajectory = random_trajectory(50);
   io::write_tum(dir.path() / "a.tum", trajectory);
@@ -49,7 +49,7 @@ TEST(TrajectoryFiles, ComeBackAsWritten) {
   expect_same(io::read_trajectory(dir.path() / "a.csv"), trajectory);
 }
 
-TEST(TrajectoryFiles, KeepStampsBeforeAndAtZero) {
+TEST(TrajectoryFiles, SupportNegativeAndZeroStamps) {
   const TmpDir dir;
   Trajectory trajectory = random_trajectory(3);
   trajectory.poses[0].stamp.ns = -1'500'000'001;
@@ -59,7 +59,7 @@ TEST(TrajectoryFiles, KeepStampsBeforeAndAtZero) {
   expect_same(io::read_trajectory(dir.path() / "a.tum"), trajectory);
 }
 
-TEST(TrajectoryFiles, AreToldApartByContent) {
+TEST(TrajectoryFiles, FormatIsDetectedByContent) {
   const TmpDir dir;
   const auto read = [&](const std::string& text) {
     return io::read_trajectory(dir.write("trajectory", text));
@@ -84,7 +84,7 @@ TEST(TrajectoryFiles, AreToldApartByContent) {
   EXPECT_EQ(gnss.poses[0].T_world_body.translation, Eigen::Vector3d(2, 3, 4));
 }
 
-TEST(TrajectoryFiles, SayFileAndLineOfWhatIsWrong) {
+TEST(TrajectoryFiles, ErrorsNameFileAndLine) {
   const TmpDir dir;
   const auto error = [&](const std::string& text) {
     return input_error([&] { io::read_trajectory(dir.write("t.tum", text)); });
@@ -94,12 +94,12 @@ TEST(TrajectoryFiles, SayFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(error("# only a header\n"), HasSubstr("no poses"));
   EXPECT_THAT(error(good + "2 0 0 0 0 0 1\n"), HasSubstr("t.tum:2: expected 8 numbers, got 7"));
   EXPECT_THAT(error(good + "2 0 x 0 0 0 0 1\n"), HasSubstr("t.tum:2: \"x\" is not a number"));
-  EXPECT_THAT(error(good + "2 0 nan 0 0 0 0 1\n"), HasSubstr("t.tum:2: a number that is not"));
-  EXPECT_THAT(error(good + "2 0 0 0 0 0 0 2\n"), HasSubstr("t.tum:2: the quaternion has the norm"));
-  EXPECT_THAT(error(good + "2 0 0 0 0 0 0 0\n"), HasSubstr("the norm 0"));
+  EXPECT_THAT(error(good + "2 0 nan 0 0 0 0 1\n"), HasSubstr("t.tum:2: number is not finite"));
+  EXPECT_THAT(error(good + "2 0 0 0 0 0 0 2\n"), HasSubstr("t.tum:2: the quaternion has norm"));
+  EXPECT_THAT(error(good + "2 0 0 0 0 0 0 0\n"), HasSubstr("has norm 0"));
   EXPECT_THAT(error(good + "1 0 0 0 0 0 0 1\n"), HasSubstr("t.tum:2: the time does not increase"));
-  EXPECT_THAT(error("nan 0 0 0 0 0 0 1\n"), HasSubstr("no time in seconds"));
-  EXPECT_THAT(error("#timestamp,a,b,c,d\n"), HasSubstr("no columns of a position"));
+  EXPECT_THAT(error("nan 0 0 0 0 0 0 1\n"), HasSubstr("not a time in seconds"));
+  EXPECT_THAT(error("#timestamp,a,b,c,d\n"), HasSubstr("no position columns"));
   EXPECT_THAT(input_error([&] { io::read_trajectory(dir.path()); }), HasSubstr("a folder"));
   EXPECT_THAT(input_error([&] { io::read_trajectory(dir.path() / "no"); }),
               HasSubstr("no such file"));
@@ -115,7 +115,7 @@ TEST(TrajectoryFiles, ReadTheKittiReference) {
   EXPECT_NEAR(trajectory.path_length(), 3724.187, 0.01);  // as published for KITTI 00
 }
 
-TEST(TextFiles, AreWrittenInFullOrNotSilently) {
+TEST(TextFiles, WriteCompletelyOrThrow) {
   const TmpDir dir;
   io::write_text_file(dir.path() / "a.txt", "content");
   std::ostringstream read_back;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a map bears: a full disk, a long run, water that is known better.
+// Mapper limits: full disk, long runs, learning rate decay, visibility; and MapOptimizer.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <torch/torch.h>
@@ -12,11 +12,11 @@
 #include <sstream>
 
 #include "apvi/core/error.hpp"
-#include "apvi/mapping/mapper.hpp"
-#include "apvi/splat/device.hpp"
-#include "apvi/splat/morton.hpp"
-#include "apvi/splat/ply.hpp"
-#include "mapper_scene.hpp"
+#include "gaussians/device.hpp"
+#include "gaussians/model/morton.hpp"
+#include "map_io/ply.hpp"
+#include "mapping/mapper.hpp"
+#include "mapping/mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -24,20 +24,20 @@
 namespace apvi::mapping {
 namespace {
 
+using test::bitwise_equal;
 using test::camera_at;
-using test::same;
-using test::wall_of_gaussians;
+using test::gaussian_wall;
 using torch::Tensor;
 
-void learn_from(Mapper& mapper, const splat::Gaussians& world, int number) {
+void add_and_train(Mapper& mapper, const gaussians::Gaussians& world, int number) {
   MapperInput input;
-  input.keyframe = test::photograph(world, camera_at(0.1 * number, 0.0), number);
+  input.keyframe = test::render_keyframe(world, camera_at(0.1 * number, 0.0), number);
   input.points = points_of(world, 1000 * std::int64_t{number});
   mapper.add(input);
   for (int k = 0; k < 5; ++k) mapper.step();
 }
 
-/// Files of this process end after so many bytes, as on a full disk, while this lives.
+/// Limits the file size of this process during its lifetime, like a full disk.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -57,14 +57,14 @@ class FullDisk {
   void (*handler_)(int);
 };
 
-TEST(MapperLimits, AMapThatHasSeenManyStepsMovesLess) {
-  const splat::Gaussians world = wall_of_gaussians();
-  const auto moves = [&world](double late_rates) {
+TEST(MapperLimits, LearningRatesDecayDuringMapping) {
+  const gaussians::Gaussians world = gaussian_wall();
+  const auto moves = [&world](double final_rate_factor) {
     MapperOptions options = small_map_options();
-    options.online.late_rates = late_rates;
-    options.online.late_rates_steps = 5;
+    options.online.final_rate_factor = final_rate_factor;
+    options.online.rate_decay_steps = 5;
     Mapper mapper(options);
-    for (int number = 0; number < 6; ++number) learn_from(mapper, world, number);
+    for (int number = 0; number < 6; ++number) add_and_train(mapper, world, number);
     const Tensor before = mapper.snapshot().gaussians.sh_dc;
     for (int k = 0; k < 10; ++k) mapper.step();
     return (mapper.snapshot().gaussians.sh_dc - before).abs().mean().item<double>();
@@ -72,58 +72,58 @@ TEST(MapperLimits, AMapThatHasSeenManyStepsMovesLess) {
   EXPECT_LT(moves(0.1), 0.3 * moves(1.0));
 }
 
-TEST(MapperLimits, APictureSoonBeforeOrAfterAMurkyOneIsVeiled) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(MapperLimits, RejectsImagesAroundLowVisibility) {
+  const gaussians::Gaussians world = gaussian_wall();
   Mapper mapper(small_map_options());
-  const auto after = [&](double seconds, bool murky, bool held_out) {
+  const auto after = [&](double seconds, bool low_visibility, bool held_out) {
     MapperInput input;
-    input.keyframe = test::photograph(world, camera_at(0.01 * seconds, 0.0), 0, held_out);
+    input.keyframe = test::render_keyframe(world, camera_at(0.01 * seconds, 0.0), 0, held_out);
     input.keyframe.stamp_ns = static_cast<std::int64_t>(1e9 * seconds) + 1;
     if (!held_out) input.points = points_of(world);
-    input.murky = murky;
+    input.low_visibility = low_visibility;
     return mapper.add(input);
   };
-  EXPECT_EQ(after(1.0, false, false), Intake::taken);
-  EXPECT_EQ(after(2.0, false, false), Intake::taken);
-  EXPECT_EQ(after(2.5, false, true), Intake::held_out);
-  EXPECT_EQ(after(2.7, false, false), Intake::taken);
-  EXPECT_EQ(after(2.9, true, false), Intake::murky);
-  // So were those just before it.
+  EXPECT_EQ(after(1.0, false, false), KeyframeDecision::accepted);
+  EXPECT_EQ(after(2.0, false, false), KeyframeDecision::accepted);
+  EXPECT_EQ(after(2.5, false, true), KeyframeDecision::held_out);
+  EXPECT_EQ(after(2.7, false, false), KeyframeDecision::accepted);
+  EXPECT_EQ(after(2.9, true, false), KeyframeDecision::low_visibility);
+  // Images just before are dropped as well.
   EXPECT_EQ(mapper.keyframes().training(), (std::vector<std::size_t>{0, 1}));
   EXPECT_TRUE(mapper.keyframes().held_out().empty());
-  EXPECT_EQ(after(3.2, false, false), Intake::murky);
-  EXPECT_EQ(after(3.5, false, true), Intake::murky);
-  EXPECT_EQ(after(3.7, false, false), Intake::taken);
-  EXPECT_EQ(mapper.counts().at(Intake::murky), 5U);
-  EXPECT_EQ(mapper.counts().at(Intake::taken), 3U);
+  EXPECT_EQ(after(3.2, false, false), KeyframeDecision::low_visibility);
+  EXPECT_EQ(after(3.5, false, true), KeyframeDecision::low_visibility);
+  EXPECT_EQ(after(3.7, false, false), KeyframeDecision::accepted);
+  EXPECT_EQ(mapper.counts().at(KeyframeDecision::low_visibility), 5U);
+  EXPECT_EQ(mapper.counts().at(KeyframeDecision::accepted), 3U);
   for (int i = 0; i < 20; ++i) mapper.step();
 }
 
-TEST(MapperLimits, ADiskThatIsFullLeavesTheLastMapAndSaysSo) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(MapperLimits, FullDiskKeepsThePreviousFiles) {
+  const gaussians::Gaussians world = gaussian_wall();
   const test::TmpDir dir;
   const auto checkpoint = dir.path() / "checkpoint.pt";
   const auto ply = dir.path() / "map.ply";
   Mapper mapper(small_map_options());
-  learn_from(mapper, world, 0);
+  add_and_train(mapper, world, 0);
   mapper.save(checkpoint);
-  splat::write_ply(ply, mapper.snapshot().gaussians, std::nullopt);
-  const splat::Gaussians saved = mapper.snapshot().gaussians;
-  learn_from(mapper, world, 1);
+  map_io::write_ply(ply, mapper.snapshot().gaussians, std::nullopt);
+  const gaussians::Gaussians saved = mapper.snapshot().gaussians;
+  add_and_train(mapper, world, 1);
   {
     const FullDisk full(4096);
     EXPECT_THROW(mapper.save(checkpoint), RunError);
-    EXPECT_THROW(splat::write_ply(ply, mapper.snapshot().gaussians, std::nullopt), RunError);
+    EXPECT_THROW(map_io::write_ply(ply, mapper.snapshot().gaussians, std::nullopt), RunError);
   }
   const auto files = std::distance(std::filesystem::directory_iterator(dir.path()), {});
-  EXPECT_EQ(files, 2) << "half a file was left";
+  EXPECT_EQ(files, 2) << "a partial file was left";
   Mapper resumed(small_map_options());
   resumed.resume(checkpoint);
-  EXPECT_TRUE(same(resumed.snapshot().gaussians, saved));
-  EXPECT_TRUE(torch::equal(splat::read_ply(ply).means, saved.means.cpu()));
-  mapper.save(checkpoint);  // there is room again
+  EXPECT_TRUE(bitwise_equal(resumed.snapshot().gaussians, saved));
+  EXPECT_TRUE(torch::equal(map_io::read_ply(ply).means, saved.means.cpu()));
+  mapper.save(checkpoint);  // the limit is gone
   resumed.resume(checkpoint);
-  EXPECT_TRUE(same(resumed.snapshot().gaussians, mapper.snapshot().gaussians));
+  EXPECT_TRUE(bitwise_equal(resumed.snapshot().gaussians, mapper.snapshot().gaussians));
 }
 
 double resident_mib() {
@@ -133,24 +133,24 @@ double resident_mib() {
   return pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1024.0 * 1024.0);
 }
 
-TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
+TEST(MapperLimits, MemoryIsBoundedOverThousandsOfKeyframes) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer keeps what is freed";
 #endif
-  if (splat::active_device().is_cuda()) {
+  if (gaussians::active_device().is_cuda()) {
     GTEST_SKIP() << "a GPU's driver takes memory as it likes: benchmarks/map_soak looks there";
   }
   constexpr int kKeyframes = 3000;
-  constexpr double kPictureMib = 96.0 * 128.0 * 3.0 / (1024.0 * 1024.0);
+  constexpr double kImageMib = 96.0 * 128.0 * 3.0 / (1024.0 * 1024.0);
   MapperOptions options = small_map_options();
   options.trainer.densify.kind = Densification::gradient;
   options.trainer.densify.max_gaussians = 400;
-  options.online.memory_mib = 30.0 * kPictureMib;
-  options.online.heldout_views = 10;
-  options.trainer.coarsest = 4;
-  options.online.pyramid_uses = 1000000;
+  options.online.image_memory_mib = 30.0 * kImageMib;
+  options.online.max_heldout_views = 10;
+  options.trainer.initial_downscale = 4;
+  options.online.uses_per_pyramid_level = 1000000;
   Mapper mapper(options);
-  const splat::Gaussians world = wall_of_gaussians(60);
+  const gaussians::Gaussians world = gaussian_wall(60);
   torch::manual_seed(2);
   double warm = 0.0;
   for (int i = 0; i < kKeyframes; ++i) {
@@ -168,78 +168,78 @@ TEST(MapperLimits, MemoryStaysFlatOverThousandsOfKeyframes) {
     if (i == kKeyframes / 3) warm = resident_mib();
   }
   const int after_warming = kKeyframes - kKeyframes / 3;
-  const double pictures = after_warming * kPictureMib;
-  ASSERT_GT(pictures, 60.0);
-  EXPECT_LT(resident_mib() - warm, 0.2 * pictures);
+  const double images = after_warming * kImageMib;
+  ASSERT_GT(images, 60.0);
+  EXPECT_LT(resident_mib() - warm, 0.2 * images);
   EXPECT_LE(mapper.size(), 400);
 }
 
-TEST(MapLearner, LearnsOnFromAnotherOrderAsItWouldHave) {
-  const KeyframeStore keyframes = test::photographs(test::wall_of_gaussians());
-  splat::Gaussians world = test::wall_of_gaussians();
+TEST(MapOptimizer, IsInvariantToReordering) {
+  const KeyframeStore keyframes = test::render_keyframes(test::gaussian_wall());
+  gaussians::Gaussians world = test::gaussian_wall();
   torch::manual_seed(4);
   world.means = world.means + 0.02 * torch::randn_like(world.means);
-  MapLearner moved(world, {}, keyframes.size());
-  MapLearner whole(world, {}, keyframes.size());
+  MapOptimizer moved(world, {}, keyframes.size());
+  MapOptimizer whole(world, {}, keyframes.size());
   const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
   for (const std::size_t view : {std::size_t{1}, std::size_t{2}}) {
     moved.step(keyframes, view, settings);
     whole.step(keyframes, view, settings);
   }
   moved.reorder();
-  const Tensor order = splat::morton_order(whole.map().means);
+  const Tensor order = gaussians::morton_order(whole.map().means);
   ASSERT_FALSE(torch::equal(order.cpu(), torch::arange(order.size(0))));
   EXPECT_TRUE(torch::equal(moved.map().means, whole.map().means.index_select(0, order)));
-  for (MapLearner* learner : {&moved, &whole}) learner->step(keyframes, 3, settings);
+  for (MapOptimizer* optimizer : {&moved, &whole}) optimizer->step(keyframes, 3, settings);
   EXPECT_TRUE(
       test::tensors_near(moved.map().means, whole.map().means.index_select(0, order), 1e-5));
 }
 
-TEST(MapLearner, PutsNeighboursTogetherNowAndThenAndResumesThere) {
-  const KeyframeStore keyframes = test::photographs(test::wall_of_gaussians());
+TEST(MapOptimizer, ReordersPeriodicallyAlsoAfterResuming) {
+  const KeyframeStore keyframes = test::render_keyframes(test::gaussian_wall());
   TrainerOptions options;
-  MapLearner learner(test::wall_of_gaussians(), options, keyframes.size());
+  MapOptimizer optimizer(test::gaussian_wall(), options, keyframes.size());
   const StepSettings settings = {.sh_degree = 0, .rates = rates_at({}, 1.0, 0.0)};
-  learner.step(keyframes, 1, settings);
+  optimizer.step(keyframes, 1, settings);
   torch::serialize::OutputArchive out;
-  learner.save(out);
+  optimizer.save(out);
   std::stringstream stream;
   out.save_to(stream);
   torch::serialize::InputArchive in;
   in.load_from(stream);
-  MapLearner again(test::wall_of_gaussians(), options, keyframes.size());
+  MapOptimizer again(test::gaussian_wall(), options, keyframes.size());
   again.load(in);
-  for (MapLearner* one : {&learner, &again}) {
-    one->densify(1.0, one->size(), 0, 1000);  // as many as pass from one order to the next
-    const Tensor order = splat::morton_order(one->map().means);
+  for (MapOptimizer* one : {&optimizer, &again}) {
+    one->densify(1.0, one->size(), 0, 1000);  // one reorder interval
+    const Tensor order = gaussians::morton_order(one->map().means);
     EXPECT_TRUE(torch::equal(order.cpu(), torch::arange(one->size())));
     one->step(keyframes, 2, settings);
   }
-  EXPECT_TRUE(torch::equal(learner.map().means, again.map().means));
+  EXPECT_TRUE(torch::equal(optimizer.map().means, again.map().means));
 }
 
-TEST(MapLearner, NewWaterLeavesThePicturesAsTheyWere) {
-  const splat::Gaussians flat = wall_of_gaussians(1500);
-  splat::Gaussians world = flat;
+TEST(MapOptimizer, ApplyMediumKeepsTheRenderings) {
+  const gaussians::Gaussians flat = gaussian_wall(1500);
+  gaussians::Gaussians world = flat;
   world.sh_rest = 0.1 * torch::randn({flat.size(), 3, 3});
-  const KeyframeStore keyframes = test::photographs(flat);
+  const KeyframeStore keyframes = test::render_keyframes(flat);
   TrainerOptions options;
   options.sh_degree = 1;
-  MapLearner learner(world, options, keyframes.size());
+  MapOptimizer optimizer(world, options, keyframes.size());
   const auto water = [](double beta, double b_inf) {
-    return splat::Medium{.beta_d = torch::tensor({beta, 0.6 * beta, 0.7 * beta}),
-                         .beta_b = torch::tensor({0.9 * beta, 0.5 * beta, 0.6 * beta}),
-                         .b_inf = torch::tensor({0.2 * b_inf, b_inf, b_inf})};
+    return medium::Medium{.beta_d = torch::tensor({beta, 0.6 * beta, 0.7 * beta}),
+                          .beta_b = torch::tensor({0.9 * beta, 0.5 * beta, 0.6 * beta}),
+                          .b_inf = torch::tensor({0.2 * b_inf, b_inf, b_inf})};
   };
-  const auto picture = [&] { return take_picture(learner.whole_map(), keyframes.view(0, 1)); };
+  const auto image = [&] { return render_map(optimizer.full_map(), keyframes.view(0, 1)); };
   const Tensor none = torch::zeros({3, 3, 3}, torch::kFloat64);
-  learner.adopt(water(0.1, 0.1), none, keyframes);
-  const Picture before = picture();
-  learner.adopt(water(0.3, 0.2), none, keyframes);
-  const Picture after = picture();
+  optimizer.apply_medium(water(0.1, 0.1), none, keyframes);
+  const MapRendering before = image();
+  optimizer.apply_medium(water(0.3, 0.2), none, keyframes);
+  const MapRendering after = image();
   const Tensor solid = before.alpha > 0.98;
   ASSERT_GT(solid.to(torch::kFloat32).mean().item<double>(), 0.5);
-  const Tensor change = (after.as_seen - before.as_seen).abs().mean(2);
+  const Tensor change = (after.color - before.color).abs().mean(2);
   EXPECT_LT(change.masked_select(solid).mean().item<double>(), 0.005);
   EXPECT_GT((after.restored - before.restored).abs().mean().item<double>(), 0.1);
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A device whose memory ends, with the host's in its place.
+// Out-of-memory errors, simulated by the host allocator.
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-#include "apvi/mapping/evaluation.hpp"
-#include "apvi/mapping/mapper.hpp"
-#include "mapper_scene.hpp"
-#include "support/ending_memory.hpp"
+#include "mapping/evaluation.hpp"
+#include "mapping/mapper.hpp"
+#include "mapping/mapper_scene.hpp"
+#include "support/out_of_memory.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -14,13 +14,13 @@ namespace apvi::mapping {
 namespace {
 
 using test::camera_at;
-using test::EndingMemory;
-using test::wall_of_gaussians;
+using test::gaussian_wall;
+using test::OutOfMemoryAllocator;
 using torch::Tensor;
 
 constexpr int kKeyframes = 4;
 
-class MapperMemory : public test::EndingMemoryTest {
+class MapperMemory : public test::OutOfMemoryTest {
  protected:
   static MapperOptions options() {
     MapperOptions options = small_map_options();
@@ -32,11 +32,11 @@ class MapperMemory : public test::EndingMemoryTest {
   }
   void add(Mapper& mapper, int number) const {
     MapperInput input;
-    input.keyframe = test::photograph(world_, camera_at(0.1 * number, 0.0), number);
+    input.keyframe = test::render_keyframe(world_, camera_at(0.1 * number, 0.0), number);
     input.points = points_of(world_, 1000 * std::int64_t{number});
     mapper.add(input);
   }
-  void learn(Mapper& mapper) const {
+  void train(Mapper& mapper) const {
     for (int number = 0; number < kKeyframes; ++number) {
       add(mapper, number);
       for (int k = 0; k < 15; ++k) mapper.step();
@@ -45,26 +45,26 @@ class MapperMemory : public test::EndingMemoryTest {
   static double psnr(const Mapper& mapper) {
     return mean_psnr(mapper.map(), mapper.keyframes(), mapper.keyframes().training()).value();
   }
-  static void expect_whole(const Mapper& mapper) {
-    const splat::Gaussians map = mapper.snapshot().gaussians;
+  static void expect_consistent(const Mapper& mapper) {
+    const gaussians::Gaussians map = mapper.snapshot().gaussians;
     for (const Tensor* t : map.tensors()) {
       ASSERT_EQ(t->size(0), mapper.size());
       ASSERT_TRUE(torch::isfinite(*t).all().item<bool>());
     }
-    ASSERT_EQ(mapper.learner().importance().size(0), mapper.size());
+    ASSERT_EQ(mapper.optimizer().importance().size(0), mapper.size());
     ASSERT_LE(mapper.size(), mapper.most_gaussians());
   }
 
-  splat::Gaussians world_ = wall_of_gaussians(600);
+  gaussians::Gaussians world_ = gaussian_wall(600);
 };
 
-TEST_F(MapperMemory, WhereverItEndsInAStepTheMapGoesOnSmaller) {
+TEST_F(MapperMemory, AStepRecoversFromAnyFailedAllocation) {
   const int requests = [this] {
     Mapper mapper(options());
-    learn(mapper);
-    EndingMemory memory;
+    train(mapper);
+    OutOfMemoryAllocator memory;
     for (int k = 0; k < 40; ++k) mapper.step();
-    return memory.asked();
+    return memory.request_count();
   }();
   ASSERT_GT(requests, 400);
   int cases = 0;
@@ -72,34 +72,34 @@ TEST_F(MapperMemory, WhereverItEndsInAStepTheMapGoesOnSmaller) {
   for (int at = 0; at < requests; at += 19) {
     SCOPED_TRACE("request " + std::to_string(at));
     Mapper mapper(options());
-    learn(mapper);
+    train(mapper);
     const std::int64_t before = mapper.size();
     {
-      EndingMemory memory;
-      memory.end(at);
+      OutOfMemoryAllocator memory;
+      memory.fail_after(at);
       for (int k = 0; k < 40; ++k) ASSERT_NO_THROW(mapper.step());
     }
     ++cases;
     if (mapper.most_gaussians() < 4000) ++smaller;
     EXPECT_GT(mapper.most_gaussians(), before / 2);
-    expect_whole(mapper);
+    expect_consistent(mapper);
     add(mapper, kKeyframes);
     for (int k = 0; k < 40; ++k) mapper.step();
-    expect_whole(mapper);
+    expect_consistent(mapper);
     EXPECT_GT(psnr(mapper), 25.0);
   }
-  // But where it can do without.
+  // Except where the failing allocation is optional.
   EXPECT_GT(smaller, 0.9 * cases);
 }
 
-// What is asked for before the map is, no smaller map can give.
-TEST_F(MapperMemory, WhereverItEndsAtAKeyframeTheMapIsSavedAndGoesOn) {
+// Allocations before the map exists cannot be recovered by shrinking it.
+TEST_F(MapperMemory, AFailedKeyframeLeavesAValidMap) {
   const int requests = [this] {
     Mapper mapper(options());
-    learn(mapper);
-    EndingMemory memory;
+    train(mapper);
+    OutOfMemoryAllocator memory;
     add(mapper, kKeyframes);
-    return memory.asked();
+    return memory.request_count();
   }();
   ASSERT_GT(requests, 50);
   const test::TmpDir dir;
@@ -107,10 +107,10 @@ TEST_F(MapperMemory, WhereverItEndsAtAKeyframeTheMapIsSavedAndGoesOn) {
   for (int at = 0; at < requests; ++at) {
     SCOPED_TRACE("request " + std::to_string(at));
     Mapper mapper(options());
-    learn(mapper);
+    train(mapper);
     {
-      EndingMemory memory;
-      memory.end(at);
+      OutOfMemoryAllocator memory;
+      memory.fail_after(at);
       try {
         add(mapper, kKeyframes);
       } catch (const c10::OutOfMemoryError&) {
@@ -122,18 +122,18 @@ TEST_F(MapperMemory, WhereverItEndsAtAKeyframeTheMapIsSavedAndGoesOn) {
     resumed.resume(dir.path() / "checkpoint.pt");
     add(resumed, kKeyframes + 1);
     for (int k = 0; k < 20; ++k) resumed.step();
-    expect_whole(resumed);
+    expect_consistent(resumed);
     EXPECT_GT(psnr(resumed), 25.0);
   }
   EXPECT_GT(requests - refused, 20);
 }
 
-TEST_F(MapperMemory, WhereLessDoesNotHelpItSaysSoAndTheMapCanBeSaved) {
+TEST_F(MapperMemory, ThrowsWhenShrinkingDoesNotHelpAndCanStillSave) {
   Mapper mapper(options());
-  learn(mapper);
+  train(mapper);
   {
-    EndingMemory memory;
-    memory.end(100, 1000000);
+    OutOfMemoryAllocator memory;
+    memory.fail_after(100, 1000000);
     const auto step = [&mapper] { mapper.step(); };
     EXPECT_THROW(for (int k = 0; k < 100; ++k) step(), c10::OutOfMemoryError);
   }
@@ -146,9 +146,9 @@ TEST_F(MapperMemory, WhereLessDoesNotHelpItSaysSoAndTheMapCanBeSaved) {
   EXPECT_GT(psnr(again), 15.0);
 }
 
-TEST_F(MapperMemory, AMapIsResumedWithFewerOfThoseThatCountMost) {
+TEST_F(MapperMemory, ResumesWithTheMostImportantGaussians) {
   Mapper mapper(options());
-  learn(mapper);
+  train(mapper);
   const test::TmpDir dir;
   mapper.save(dir.path() / "checkpoint.pt");
   MapperOptions fewer = options();
@@ -156,8 +156,8 @@ TEST_F(MapperMemory, AMapIsResumedWithFewerOfThoseThatCountMost) {
   Mapper resumed(fewer);
   resumed.resume(dir.path() / "checkpoint.pt");
   ASSERT_EQ(resumed.size(), fewer.trainer.densify.max_gaussians);
-  const Tensor all = mapper.learner().importance();
-  const Tensor kept = resumed.learner().importance();
+  const Tensor all = mapper.optimizer().importance();
+  const Tensor kept = resumed.optimizer().importance();
   EXPECT_GE(kept.min().item<double>(),
             std::get<0>(all.topk(resumed.size())).min().item<double>() - 1e-6);
   for (int k = 0; k < 20; ++k) resumed.step();

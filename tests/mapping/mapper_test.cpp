@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/mapping/mapper.hpp"
+#include "mapping/mapper.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>
@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "apvi/core/error.hpp"
-#include "apvi/mapping/evaluation.hpp"
-#include "mapper_scene.hpp"
+#include "mapping/evaluation.hpp"
+#include "mapping/mapper_scene.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -18,40 +18,40 @@
 namespace apvi::mapping {
 namespace {
 
+using test::bitwise_equal;
 using test::camera_at;
-using test::same;
-using test::wall_of_gaussians;
+using test::gaussian_wall;
 using torch::Tensor;
 
 MapperOptions quick_options() {
   MapperOptions options = small_map_options();
   options.trainer.final_iterations = 200;
-  options.trainer.rates.means = 1e-3;
-  options.trainer.rates.sh_dc = 1e-2;
+  options.trainer.learning_rates.means = 1e-3;
+  options.trainer.learning_rates.sh_dc = 1e-2;
   options.trainer.densify.interval = 20;
-  options.online.densify_interval = 20;
-  options.online.medium_after = 3;
+  options.online.max_densify_interval = 20;
+  options.online.medium_min_keyframes = 3;
   return options;
 }
 
-MapperInput input_of(const splat::Gaussians& world, double x, double y, std::int64_t number,
+MapperInput input_of(const gaussians::Gaussians& world, double x, double y, std::int64_t number,
                      bool held_out = false) {
   MapperInput input;
-  input.keyframe = test::photograph(world, camera_at(x, y), number, held_out);
+  input.keyframe = test::render_keyframe(world, camera_at(x, y), number, held_out);
   if (!held_out) input.points = points_of(world);
   return input;
 }
 
-/// Takes in keyframes that pass before the wall, every third of them held out.
-void swim(Mapper& mapper, const splat::Gaussians& world, int keyframes, int steps) {
+/// Adds keyframes along the wall, every third of them held out.
+void swim(Mapper& mapper, const gaussians::Gaussians& world, int keyframes, int steps) {
   for (int i = 0; i < keyframes; ++i) {
     mapper.add(input_of(world, 0.1 * i - 0.4, 0.05 * (i % 3), i, i % 3 == 1));
     for (int k = 0; k < steps && mapper.ready(); ++k) mapper.step();
   }
 }
 
-TEST(Mapper, LearnsAWorldWhileItsKeyframesComeIn) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, ReconstructsAWorldIncrementally) {
+  const gaussians::Gaussians world = gaussian_wall();
   Mapper mapper(quick_options());
   swim(mapper, world, 9, 40);
   const auto psnr = [&] {
@@ -65,50 +65,50 @@ TEST(Mapper, LearnsAWorldWhileItsKeyframesComeIn) {
   EXPECT_GT(psnr(), online + 0.5);
 }
 
-TEST(Mapper, RefusesWhatIsNoKeyframeAndSaysWhy) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, RejectsInvalidKeyframes) {
+  const gaussians::Gaussians world = gaussian_wall();
   Mapper mapper(quick_options());
-  EXPECT_EQ(mapper.add({}), Intake::no_picture);
+  EXPECT_EQ(mapper.add({}), KeyframeDecision::no_image);
   EXPECT_FALSE(mapper.ready());
-  EXPECT_EQ(mapper.add(input_of(world, 0.0, 0.0, 0)), Intake::taken);
-  const splat::Gaussians before = mapper.snapshot().gaussians;
+  EXPECT_EQ(mapper.add(input_of(world, 0.0, 0.0, 0)), KeyframeDecision::accepted);
+  const gaussians::Gaussians before = mapper.snapshot().gaussians;
   MapperInput nan = input_of(world, 0.1, 0.0, 1);
   nan.keyframe.T_camera_world = nan.keyframe.T_camera_world.clone();
   nan.keyframe.T_camera_world[0][3] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(mapper.add(nan), Intake::bad_pose);
+  EXPECT_EQ(mapper.add(nan), KeyframeDecision::bad_pose);
   MapperInput stretched = input_of(world, 0.1, 0.0, 1);
   stretched.keyframe.T_camera_world = 2.0 * stretched.keyframe.T_camera_world;
-  EXPECT_EQ(mapper.add(stretched), Intake::bad_pose);
+  EXPECT_EQ(mapper.add(stretched), KeyframeDecision::bad_pose);
   MapperInput black = input_of(world, 0.1, 0.0, 1);
   black.keyframe.image = torch::ones_like(black.keyframe.image);
-  EXPECT_EQ(mapper.add(black), Intake::black);
+  EXPECT_EQ(mapper.add(black), KeyframeDecision::black);
   MapperInput small = input_of(world, 0.1, 0.0, 1);
   small.keyframe.image = small.keyframe.image.slice(0, 0, 8).contiguous();
-  EXPECT_EQ(mapper.add(small), Intake::bad_picture);
-  EXPECT_EQ(mapper.add(input_of(world, 0.3, 0.0, 0)), Intake::duplicate);
-  MapperInput murky = input_of(world, 0.1, 0.0, 1);
-  murky.murky = true;
-  EXPECT_EQ(mapper.add(murky), Intake::murky);
+  EXPECT_EQ(mapper.add(small), KeyframeDecision::bad_image);
+  EXPECT_EQ(mapper.add(input_of(world, 0.3, 0.0, 0)), KeyframeDecision::duplicate);
+  MapperInput low_visibility = input_of(world, 0.1, 0.0, 1);
+  low_visibility.low_visibility = true;
+  EXPECT_EQ(mapper.add(low_visibility), KeyframeDecision::low_visibility);
   EXPECT_EQ(mapper.keyframes().size(), 1U);
-  EXPECT_TRUE(same(mapper.snapshot().gaussians, before));
+  EXPECT_TRUE(bitwise_equal(mapper.snapshot().gaussians, before));
 }
 
-TEST(Mapper, PointsThatAreNoneMakeNoGaussians) {
-  const splat::Gaussians world = wall_of_gaussians(40);
+TEST(Mapper, IgnoresInvalidPoints) {
+  const gaussians::Gaussians world = gaussian_wall(40);
   Mapper mapper(quick_options());
   MapperInput input = input_of(world, 0.0, 0.0, 0);
   input.points.positions[0].fill_(std::numeric_limits<double>::quiet_NaN());
   input.points.positions[1][2] = -3.0;   // behind the camera
-  input.points.sigmas[2] = 1e3;          // at no known distance
-  input.points.positions[3][0] = 100.0;  // out of the picture
+  input.points.sigmas[2] = 1e3;          // unknown distance
+  input.points.positions[3][0] = 100.0;  // outside the image
   input.points.positions.slice(0, 4) = torch::tensor({0.0, 0.0, 3.0}, torch::kFloat64);
-  EXPECT_EQ(mapper.add(input), Intake::taken);
+  EXPECT_EQ(mapper.add(input), KeyframeDecision::accepted);
   EXPECT_EQ(mapper.size(), 36);
   EXPECT_TRUE(torch::isfinite(mapper.snapshot().gaussians.log_scales).all().item<bool>());
 }
 
-TEST(Mapper, APointMakesOneGaussianHoweverOftenItIsSeen) {
-  const splat::Gaussians world = wall_of_gaussians(60);
+TEST(Mapper, InsertsEachPointOnce) {
+  const gaussians::Gaussians world = gaussian_wall(60);
   Mapper mapper(quick_options());
   mapper.add(input_of(world, 0.0, 0.0, 0));
   const std::int64_t first = mapper.size();
@@ -121,8 +121,8 @@ TEST(Mapper, APointMakesOneGaussianHoweverOftenItIsSeen) {
   EXPECT_EQ(mapper.size(), 2 * first);
 }
 
-TEST(Mapper, WhatWasRangedMakesGaussiansWhereTheViewSeesIt) {
-  const splat::Gaussians world = wall_of_gaussians(60);
+TEST(Mapper, InsertsVisibleRangeSamples) {
+  const gaussians::Gaussians world = gaussian_wall(60);
   Mapper mapper(quick_options());
   MapperInput input = input_of(world, 0.0, 0.0, 0);
   input.points = {};
@@ -134,8 +134,8 @@ TEST(Mapper, WhatWasRangedMakesGaussiansWhereTheViewSeesIt) {
                                  torch::tensor({0.2F, 0.1F, 2.5F}), 1e-5));
 }
 
-TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, GaussiansMoveWithTheirKeyframe) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.trainer.densify.kind = Densification::gradient;
   options.trainer.densify.gradient_threshold = 1e-6;
@@ -147,9 +147,9 @@ TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
     mapper.add(input);
     for (int k = 0; k < 25; ++k) mapper.step();
   }
-  const Tensor own = mapper.learner().anchors() == 2;
+  const Tensor own = mapper.optimizer().anchors() == 2;
   ASSERT_GT(own.sum().item<std::int64_t>(), 10);
-  const splat::Gaussians before = mapper.snapshot().gaussians;
+  const gaussians::Gaussians before = mapper.snapshot().gaussians;
   const Tensor old_pose = mapper.keyframes()[2].T_camera_world;
   Tensor turn = torch::eye(4, torch::kFloat64);
   turn.slice(0, 0, 2).slice(1, 0, 2).copy_(
@@ -159,38 +159,37 @@ TEST(Mapper, AKeyframesGaussiansMoveWithItAndNoOthers) {
   news.moved.push_back({mapper.keyframes()[2].stamp_ns, turn.mm(old_pose)});
   mapper.add(news);
 
-  const splat::Gaussians after = mapper.snapshot().gaussians;
+  const gaussians::Gaussians after = mapper.snapshot().gaussians;
   const Tensor others = own.logical_not();
   EXPECT_TRUE(torch::equal(after.means.index({others}), before.means.index({others})));
   EXPECT_TRUE(torch::equal(after.log_scales, before.log_scales));
-  const auto in_camera = [&](const splat::Gaussians& map, const Tensor& pose) {
+  const auto in_camera = [&](const gaussians::Gaussians& map, const Tensor& pose) {
     const Tensor points = map.means.index({own}).to(torch::kCPU, torch::kFloat64);
     return points.mm(pose.slice(0, 0, 3).slice(1, 0, 3).t()) + pose.slice(0, 0, 3).select(1, 3);
   };
   EXPECT_TRUE(test::tensors_near(in_camera(after, mapper.keyframes()[2].T_camera_world),
                                  in_camera(before, old_pose), 1e-5));
-  // What it alone shows looks as it did.
-  const auto picture = [&](const splat::Gaussians& map, const Tensor& pose) {
-    splat::Gaussians part;
+  // Its own part of the map looks the same.
+  const auto image = [&](const gaussians::Gaussians& map, const Tensor& pose) {
+    gaussians::Gaussians part;
     for (std::size_t k = 0; k < map.tensors().size(); ++k) {
       *part.tensors()[k] = map.tensors()[k]->index({own});
     }
-    splat::View view;
+    gaussians::View view;
     view.intrinsics = test::small_camera();
     view.T_camera_world = pose;
-    return splat::render(part, view, {}).color;
+    return gaussians::render(part, view, {}).color;
   };
-  EXPECT_TRUE(
-      test::tensors_near(picture(after, turn.mm(old_pose)), picture(before, old_pose), 1e-4));
+  EXPECT_TRUE(test::tensors_near(image(after, turn.mm(old_pose)), image(before, old_pose), 1e-4));
 }
 
-TEST(Mapper, HeldOutKeyframesFollowTheOneTheyBelongTo) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, HeldOutImagesMoveWithTheirLeadingKeyframe) {
+  const gaussians::Gaussians world = gaussian_wall();
   Mapper mapper(quick_options());
   mapper.add(input_of(world, 0.0, 0.0, 0));
   MapperInput held_out = input_of(world, 0.1, 0.0, 1, true);
   held_out.follows_ns = mapper.keyframes()[0].stamp_ns;
-  EXPECT_EQ(mapper.add(held_out), Intake::held_out);
+  EXPECT_EQ(mapper.add(held_out), KeyframeDecision::held_out);
   const Tensor between =
       mapper.keyframes()[1].T_camera_world.mm(rigid_inverse(mapper.keyframes()[0].T_camera_world));
   MapperInput news;
@@ -200,17 +199,17 @@ TEST(Mapper, HeldOutKeyframesFollowTheOneTheyBelongTo) {
       mapper.keyframes()[1].T_camera_world.mm(rigid_inverse(camera_at(0.5, -0.2))), between, 1e-9));
 }
 
-TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, RespectsBudgetsOverThousandsOfInsertions) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.trainer.densify.kind = Densification::random;
   options.trainer.densify.gradient_threshold = 1e-7;
   options.trainer.densify.random_per_round = 100;
   options.trainer.densify.max_gaussians = 300;
-  options.online.keyframe_share = 0.05;
+  options.online.keyframe_budget_fraction = 0.05;
   options.online.recent_keyframes = 3;
-  options.online.memory_mib = 20.0 * 48 * 32 * 3 / (1024.0 * 1024.0);
-  options.online.heldout_views = 8;
+  options.online.image_memory_mib = 20.0 * 48 * 32 * 3 / (1024.0 * 1024.0);
+  options.online.max_heldout_views = 8;
   Mapper mapper(options);
   for (int i = 0; i < 150; ++i) {
     MapperInput input = input_of(world, 0.01 * i - 0.7, 0.05 * (i % 3), i, i % 4 == 0);
@@ -225,23 +224,23 @@ TEST(Mapper, BudgetsAreKeptOverThousandsOfInsertions) {
   }
   EXPECT_GT(mapper.size(), 200);
   EXPECT_EQ(mapper.keyframes().training().back(), 149U);
-  // A full map still takes up what is new, little by little.
-  EXPECT_GT((mapper.learner().anchors() >= 110).sum().item<std::int64_t>(), 10);
+  // A full map still inserts new Gaussians.
+  EXPECT_GT((mapper.optimizer().anchors() >= 110).sum().item<std::int64_t>(), 10);
   const auto& held_out = mapper.keyframes().held_out();
   EXPECT_LT(held_out.front(), 40U);
   EXPECT_GT(held_out.back(), 110U);
 }
 
-TEST(Mapper, ThinnedHeldOutKeyframesAreTheSameWhicheverCameFirst) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, ThinningOfHeldOutImagesIsIndependentOfLostFrames) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
-  options.online.heldout_views = 4;
+  options.online.max_heldout_views = 4;
   for (const int first : {0, 1, 2, 3}) {
     Mapper mapper(options);
     for (int number = first; number < 12; ++number) {
       MapperInput input = input_of(world, 0.01 * number, 0.0, number, true);
       input.keyframe.number = number;
-      EXPECT_EQ(mapper.add(input), Intake::held_out);
+      EXPECT_EQ(mapper.add(input), KeyframeDecision::held_out);
     }
     const auto& kept = mapper.keyframes().held_out();
     EXPECT_GE(kept.size(), 2U);
@@ -249,8 +248,8 @@ TEST(Mapper, ThinnedHeldOutKeyframesAreTheSameWhicheverCameFirst) {
   }
 }
 
-TEST(Mapper, GrowthLeavesRoomForKeyframesToCome) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, DensificationLeavesRoomForLaterKeyframes) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.trainer.densify.kind = Densification::gradient;
   options.trainer.densify.gradient_threshold = 1e-9;
@@ -264,16 +263,16 @@ TEST(Mapper, GrowthLeavesRoomForKeyframesToCome) {
     inserted += mapper.size() - before;
     for (int k = 0; k < 60; ++k) mapper.step();
   }
-  const double share = options.online.growth_share * kKeyframes * 20000.0;
+  const double share = options.online.densify_budget_fraction * kKeyframes * 20000.0;
   EXPECT_GT(static_cast<double>(mapper.size() - inserted), 0.3 * share);
   EXPECT_LE(static_cast<double>(mapper.size() - inserted), share);
 }
 
-TEST(Mapper, AFullMapKeepsWhatItShowed) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, AFullMapKeepsItsQuality) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.trainer.densify.max_gaussians = 260;
-  options.online.keyframe_share = 0.1;
+  options.online.keyframe_budget_fraction = 0.1;
   options.online.recent_keyframes = 3;
   Mapper mapper(options);
   const auto pass = [&](int first, int last) {
@@ -289,17 +288,17 @@ TEST(Mapper, AFullMapKeepsWhatItShowed) {
   const std::vector<std::size_t> early = mapper.keyframes().held_out();
   const double before = *mean_psnr(mapper.snapshot(), mapper.keyframes(), early);
   pass(15, 40);
-  const std::int64_t newer = (mapper.learner().anchors() >= 15).sum().item<std::int64_t>();
+  const std::int64_t newer = (mapper.optimizer().anchors() >= 15).sum().item<std::int64_t>();
   EXPECT_GT(newer, 50);
-  // When the faintest went, 85 newer ones cost 4.8 dB.
+  // Pruning by opacity instead lost 4.8 dB.
   EXPECT_GT(*mean_psnr(mapper.snapshot(), mapper.keyframes(), early), before - 2.0);
 }
 
-/// Passes before the wall twice, the second time with poses and points that have drifted.
-Mapper seen_again(const splat::Gaussians& world, bool align, double drift_m) {
+/// Passes the wall twice, the second time with drifted poses and points.
+Mapper revisit(const gaussians::Gaussians& world, bool align, double drift_m) {
   MapperOptions options = quick_options();
   options.online.align = align;
-  options.online.drift_m = 0.02;
+  options.online.drift_m_s = 0.02;
   options.trainer.densify.max_gaussians = 1200;
   Mapper mapper(options);
   for (int i = 0; i < 52; ++i) {
@@ -317,14 +316,14 @@ Mapper seen_again(const splat::Gaussians& world, bool align, double drift_m) {
   return mapper;
 }
 
-TEST(Mapper, WhatIsMetAgainIsWhereItWasThoughOdometryHasDrifted) {
-  const splat::Gaussians world = wall_of_gaussians(1200);
+TEST(Mapper, AlignsRevisitedAreasInSpiteOfDrift) {
+  const gaussians::Gaussians world = gaussian_wall(1200);
   const double drift_m = 0.15;
   const auto psnr = [](const Mapper& mapper) {
     return *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
   };
-  const Mapper aligned = seen_again(world, true, drift_m);
-  const Mapper drifted = seen_again(world, false, drift_m);
+  const Mapper aligned = revisit(world, true, drift_m);
+  const Mapper drifted = revisit(world, false, drift_m);
   EXPECT_GT(psnr(aligned), psnr(drifted) + 1.0);
   for (const std::size_t i : {std::size_t{40}, std::size_t{51}}) {
     const Tensor center = camera_center(aligned.pose(i));
@@ -333,8 +332,8 @@ TEST(Mapper, WhatIsMetAgainIsWhereItWasThoughOdometryHasDrifted) {
   }
 }
 
-TEST(Mapper, HeldOutImagesAreNeverLearntFrom) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, NeverTrainsOnHeldOutImages) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.trainer.densify.kind = Densification::random;
   Mapper first(options);
@@ -350,14 +349,14 @@ TEST(Mapper, HeldOutImagesAreNeverLearntFrom) {
     }
   }
   EXPECT_EQ(first.keyframes().held_out().size(), 3U);
-  EXPECT_TRUE(same(first.snapshot().gaussians, second.snapshot().gaussians));
+  EXPECT_TRUE(bitwise_equal(first.snapshot().gaussians, second.snapshot().gaussians));
 }
 
-TEST(Mapper, GoesOnFromACheckpointAsIfItHadNeverStopped) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, ResumesBitIdentically) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.medium = true;
-  options.trainer.exposure.enabled = true;
+  options.trainer.exposure_correction.enabled = true;
   const test::TmpDir dir;
   Mapper whole(options);
   swim(whole, world, 6, 10);
@@ -370,28 +369,28 @@ TEST(Mapper, GoesOnFromACheckpointAsIfItHadNeverStopped) {
     mapper->begin_final();
     for (int k = 0; k < 20; ++k) mapper->step();
   }
-  EXPECT_TRUE(same(whole.snapshot().gaussians, resumed.snapshot().gaussians));
+  EXPECT_TRUE(bitwise_equal(whole.snapshot().gaussians, resumed.snapshot().gaussians));
   EXPECT_TRUE(torch::equal(whole.snapshot().medium->beta_d, resumed.snapshot().medium->beta_d));
   EXPECT_THROW(resumed.resume(dir.write("damaged.pt", "nonsense")), InputError);
 }
 
-TEST(Mapper, TheWaterLearnsTwiceAsFastWhileVisionFails) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, DoublesTheMediumRateWhileVioFails) {
+  const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.medium = true;
   Mapper mapper(options);
   swim(mapper, world, 5, 5);
-  const double usual = *mapper.learner().medium_rate();
+  const double usual = *mapper.optimizer().medium_rate();
   MapperInput news;
   news.vio_failing = true;
   mapper.add(news);
-  EXPECT_DOUBLE_EQ(*mapper.learner().medium_rate(), 2.0 * usual);
+  EXPECT_DOUBLE_EQ(*mapper.optimizer().medium_rate(), 2.0 * usual);
   mapper.add(MapperInput{});
-  EXPECT_DOUBLE_EQ(*mapper.learner().medium_rate(), usual);
+  EXPECT_DOUBLE_EQ(*mapper.optimizer().medium_rate(), usual);
 }
 
-TEST(Mapper, OneKeyframeInTheWrongPlaceSpoilsNoOthers) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, ToleratesAKeyframeWithAWrongPose) {
+  const gaussians::Gaussians world = gaussian_wall();
   const auto psnr_with = [&](bool wrong) {
     Mapper mapper(quick_options());
     for (int i = 0; i < 9; ++i) {
@@ -405,11 +404,11 @@ TEST(Mapper, OneKeyframeInTheWrongPlaceSpoilsNoOthers) {
   EXPECT_GT(psnr_with(true), psnr_with(false) - 3.0);
 }
 
-TEST(Mapper, AKeyframeThatIsExposedShorterShowsTheSameWorld) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, CompensatesExposureChanges) {
+  const gaussians::Gaussians world = gaussian_wall();
   const auto psnr_with = [&](bool auto_gain) {
     MapperOptions options = quick_options();
-    options.trainer.auto_gain = auto_gain;
+    options.trainer.gain_compensation = auto_gain;
     Mapper mapper(options);
     for (int i = 0; i < 12; ++i) {
       MapperInput input = input_of(world, 0.1 * i - 0.4, 0.0, i, i % 3 == 1);
@@ -424,8 +423,8 @@ TEST(Mapper, AKeyframeThatIsExposedShorterShowsTheSameWorld) {
   EXPECT_GT(psnr_with(true), psnr_with(false) + 1.0);
 }
 
-TEST(Mapper, SnapshotsStayAsTheyWere) {
-  const splat::Gaussians world = wall_of_gaussians();
+TEST(Mapper, SnapshotsAreIndependentCopies) {
+  const gaussians::Gaussians world = gaussian_wall();
   Mapper mapper(quick_options());
   EXPECT_EQ(mapper.snapshot().gaussians.size(), 0);
   swim(mapper, world, 2, 5);

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/mapping/surface_depth.hpp"
+#include "mapping/surface_depth.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <cmath>
 
-#include "apvi/splat/render.hpp"
+#include "gaussians/render/render.hpp"
 
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
 
-constexpr double kSpacing = 0.04;  // of the Gaussians on a surface [m]
-const splat::Intrinsics kCamera = {105.0, 105.0, 80.0, 60.0, 160, 120};
+constexpr double kSpacing = 0.04;  // [m] of the Gaussians on a surface
+const gaussians::Intrinsics kCamera = {105.0, 105.0, 80.0, 60.0, 160, 120};
 
-/// Round Gaussians at points [n,3].
+/// Isotropic Gaussians at points [n,3].
 Map map_of(const Tensor& points) {
   Map map;
-  splat::Gaussians& g = map.gaussians;
-  g = splat::Gaussians::empty(0, torch::kFloat32);
+  gaussians::Gaussians& g = map.gaussians;
+  g = gaussians::Gaussians::empty(0, torch::kFloat32);
   const std::int64_t n = points.size(0);
   g.means = points.to(torch::kFloat32).contiguous();
   g.log_scales = torch::full({n, 3}, static_cast<float>(std::log(1.2 * kSpacing)));
@@ -31,7 +31,7 @@ Map map_of(const Tensor& points) {
   return map;
 }
 
-/// All points of a lattice in x and y, at the depths that a function of both gives.
+/// Points of a grid in x and y, with depth as a function of both.
 template <typename Depth>
 Tensor lattice(double half_width, double top, double bottom, const Depth& depth) {
   const Tensor x = torch::arange(-half_width, half_width, kSpacing, torch::kFloat64);
@@ -46,19 +46,19 @@ struct Depths {
 };
 
 Depths depths_of(const Map& map) {
-  const splat::View view = {
+  const gaussians::View view = {
       .intrinsics = kCamera, .T_camera_world = torch::eye(4, torch::kFloat64), .pose_delta = {}};
-  const splat::RenderOutput out = splat::render(map.gaussians, view, {.background = {}});
+  const gaussians::RenderOutput out = gaussians::render(map.gaussians, view, {.background = {}});
   return {.drawn = out.depth, .surface = surface_depth(map, view, out.depth, out.alpha)};
 }
 
-/// Without the edges of the picture.
+/// Crops the image border.
 Tensor middle(const Tensor& image) {
   return image.slice(0, 15, -15).slice(1, 15, -15).to(torch::kFloat64);
 }
 
-TEST(SurfaceDepth, OfASlantedFloorIsThatOfTheFloorAndNotOfWhatLiesBeforeIt) {
-  // A floor that falls towards the camera: depth z = 2 - 1.3 y.
+TEST(SurfaceDepth, IsUnbiasedOnSlantedFloor) {
+  // A floor that slopes toward the camera: depth z = 2 - 1.3 y.
   const Map map =
       map_of(lattice(3.0, -2.0, 1.2, [](const Tensor&, const Tensor& y) { return 2.0 - 1.3 * y; }));
   const Depths depths = depths_of(map);
@@ -73,14 +73,14 @@ TEST(SurfaceDepth, OfASlantedFloorIsThatOfTheFloorAndNotOfWhatLiesBeforeIt) {
   EXPECT_LT(worst.item<double>(), 0.01);
 }
 
-TEST(SurfaceDepth, OfAWallSeenFromBeforeItIsWhatIsDrawn) {
+TEST(SurfaceDepth, EqualsRenderedDepthOnFrontoParallelWall) {
   const Map map =
       map_of(lattice(2.0, -1.5, 1.5, [](const Tensor& x, const Tensor&) { return 2.0 + 0.0 * x; }));
   const Depths depths = depths_of(map);
   EXPECT_LT((middle(depths.surface) - 2.0).abs().max().item<double>(), 1e-3);
 }
 
-TEST(SurfaceDepth, IsCarriedOnByATenthAtMostAtAnEdge) {
+TEST(SurfaceDepth, ExtrapolationIsLimitedAtDepthEdge) {
   const Map map = map_of(lattice(3.0, -2.0, 2.0, [](const Tensor& x, const Tensor&) {
     return torch::where(x < 0.0, torch::full_like(x, 1.5), torch::full_like(x, 3.0));
   }));
@@ -89,7 +89,7 @@ TEST(SurfaceDepth, IsCarriedOnByATenthAtMostAtAnEdge) {
   EXPECT_LT(surface.max().item<double>(), 1.1 * 3.0);
 }
 
-TEST(SurfaceDepth, IsZeroWhereNothingIs) {
+TEST(SurfaceDepth, IsZeroInEmptyPixels) {
   const Map map =
       map_of(lattice(0.3, -0.3, 0.3, [](const Tensor& x, const Tensor&) { return 2.0 + 0.0 * x; }));
   const Depths depths = depths_of(map);

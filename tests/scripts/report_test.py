@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests of scripts/report.py on a small run that is made here."""
+"""Tests of scripts/report.py and scripts/explain_run.py on a small synthetic run."""
 import base64
 import importlib.util
 import json
@@ -15,7 +15,7 @@ import unittest
 SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 NEEDED = ("jinja2", "matplotlib", "numpy")
 MISSING = [name for name in NEEDED if not importlib.util.find_spec(name)]
-SKIPPED = 77  # the status that ctest takes for "skipped"
+SKIPPED = 77  # exit status that ctest treats as "skipped"
 
 START_NS = 1_700_000_000_000_000_000
 CALIBRATION_HEADER = (
@@ -32,7 +32,7 @@ REFERENCE_HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z"
 
 
 def poses(count=60):
-    """(stamp [ns], x, y, z, yaw) on a spiral, in a world with z down."""
+    """(stamp [ns], x, y, z, yaw) on a spiral; z is down."""
     for i in range(count):
         angle = 0.1 * i
         yield (START_NS + i * 1_000_000_000, 5.0 * math.cos(angle), 8.0 * math.sin(angle),
@@ -59,7 +59,7 @@ def ping_lines():
 
 
 def reference_lines():
-    """The same path turned by 90 degrees about the vertical, and elsewhere."""
+    """The same path, rotated by 90 degrees about the vertical and shifted."""
     rows = []
     for ns, x, y, z, yaw in poses():
         half = yaw / 2 + math.pi / 4
@@ -69,7 +69,7 @@ def reference_lines():
 
 
 def gnss_lines():
-    """The same path as GNSS sees it: east is y, north is x."""
+    """The same path as GNSS fixes: east is y, north is x."""
     return "#timestamp [ns],east [m],north [m],up [m]\n" + "".join(
         f"{ns},{y + 10:.6f},{x + 20:.6f},0\n" for ns, x, y, *_ in poses())
 
@@ -81,7 +81,7 @@ FRAME_HEADER = (
 
 
 def frame_lines():
-    """Ten frames a second; vision fails in the third of the middle."""
+    """Ten frames per second; vision fails in the middle third."""
     rows = []
     for i in range(590):
         dark = 200 <= i < 400
@@ -98,7 +98,7 @@ def timing_lines():
                 for i in range(590))
 
 
-def write_picture(path, color, size=(80, 60)):
+def write_image(path, color, size=(80, 60)):
     from PIL import Image  # pylint: disable=import-outside-toplevel
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.stem.endswith("_depth"):
@@ -117,7 +117,7 @@ METRICS = {
 
 
 class RunFolder:
-    """A run and the recording it was made of, in a folder that goes away."""
+    """A run and its recording in a temporary folder."""
 
     def __init__(self):
         self.temporary = tempfile.TemporaryDirectory()
@@ -152,13 +152,13 @@ def report(*arguments):
                           text=True, check=False)
 
 
-def pictures_in(html):
+def plots_in(html):
     found = re.findall(r' src="data:image/svg\+xml;base64,([^"]+)"', html)
     return [base64.b64decode(data).decode() for data in found]
 
 
 def add_camera_and_map(folder):
-    """What a run with vision and a map has besides."""
+    """Adds the files of a run with vision and a map."""
     folder.write(folder.run / "health.csv", frame_lines())
     folder.write(folder.run / "timing.csv", timing_lines())
     water = ("beta_d_r [m^-1],beta_d_g [m^-1],beta_d_b [m^-1],beta_b_r [m^-1],beta_b_g [m^-1],"
@@ -170,11 +170,11 @@ def add_camera_and_map(folder):
         {"beta_d": [0.3, 0.1, 0.1], "beta_b": [0.2, 0.1, 0.1], "b_inf": [0.0, 0.1, 0.2]}))
     for i in range(9):
         for kind, color in (("truth", "teal"), ("render", "green"), ("restored", "olive"), ("depth", None)):
-            write_picture(folder.run / "renders" / f"{START_NS + i}_{kind}.png", color)
+            write_image(folder.run / "renders" / f"{START_NS + i}_{kind}.png", color)
     folder.write(folder.run / "renders" / "views.csv",
                  "#image,psnr_db,psnr_median_image_db,depth_rmse_m,restored_psnr_db\n" + "".join(
                      f"{START_NS + i * 10**9},{25 + i},20,{'' if i % 2 else 0.1},\n" for i in range(9)))
-    write_picture(folder.dataset / "truth" / "clear" / f"{START_NS}.png", "khaki")
+    write_image(folder.dataset / "truth" / "clear" / f"{START_NS}.png", "khaki")
 
 
 class Case(unittest.TestCase):
@@ -183,12 +183,12 @@ class Case(unittest.TestCase):
         self.addCleanup(self.folder.temporary.cleanup)
 
     def make(self):
-        """The text of the page of `folder`."""
+        """Returns the report page of `folder`."""
         from report import page, run_data  # pylint: disable=import-outside-toplevel
         return page.render(run_data.load(self.folder.run))
 
     def keep_only_poses(self):
-        """Fewer figures are faster."""
+        """Removes optional files, for speed."""
         for name in ("dipo.tum", "calibration.csv", "pings.csv", "metrics.json", "log.txt",
                      "resolved.yaml"):
             (self.folder.run / name).unlink()
@@ -197,12 +197,12 @@ class Case(unittest.TestCase):
         self.assertEqual(re.findall("<h2>(.*?)</h2>", html), list(titles))
 
     def assert_has(self, html, pattern):
-        """Like assertRegex, without a page of output."""
+        """Like assertRegex, without printing the page."""
         self.assertTrue(re.search(pattern, html), f"nothing matches {pattern}")
 
 
 class WholeRun(Case):
-    """A run with everything in it: one page for all tests."""
+    """A complete run without camera; all tests share one page."""
     html = None
 
     def make(self):
@@ -210,77 +210,77 @@ class WholeRun(Case):
             WholeRun.html = super().make()
         return WholeRun.html
 
-    def test_it_has_every_section(self):
+    def test_has_every_section(self):
         html = self.make()
         self.assert_sections(html, "Trajectory", "Error over time", "Consistency", "Calibration",
                              "Sensors", "Metrics", "Configuration")
-        self.assertEqual(len(pictures_in(html)), 7)
+        self.assertEqual(len(plots_in(html)), 7)
         self.assert_has(html, "a line of the log")
 
-    def test_the_page_loads_nothing(self):
+    def test_page_loads_no_external_resources(self):
         html = self.make()
-        for text in [html, *pictures_in(html)]:
+        for text in [html, *plots_in(html)]:
             text = re.sub(r'xmlns(:xlink)?="[^"]*"', "", text)
             found = re.findall(r'https?://\S*|@import|(?:href|src)="(?!#|data:)[^"]*', text)
             self.assertEqual(found, [])
 
-    def test_names_from_outside_are_escaped(self):
+    def test_escapes_names(self):
         self.assert_has(self.make(), "<h1>pool &lt;1&gt;</h1>")
 
-    def test_metrics_are_named_and_have_units(self):
+    def test_metrics_have_names_and_units(self):
         html = self.make()
         row = r'<td>{}</td><td class="n">{}</td><td class="u">{}</td>'
         for name, value, unit in (("Absolute position error, RMSE", "1.234", "m"),
-                                  ("Part of the reference that is covered", "50.0", "%"),
-                                  ("Gaps in the inertial data", "3", ""),
+                                  ("Coverage of the reference", "50.0", "%"),
+                                  ("Gaps in the IMU data", "3", ""),
                                   ("Revision", "0123456789ab", "")):
             self.assert_has(html, row.format(name, re.escape(value), unit))
         self.assert_has(html, r'DVL pings, accepted</td><td class="n">58</td>'
                               r'<td class="n">96\.7</td>')
         self.assert_has(html, r'Dropped before use, IMU</td><td class="n">4</td>')
 
-    def test_states_that_are_held_are_told_instead_of_drawn(self):
-        self.assert_has(self.make(), r"Held as given: DVL scale error 0 %; DVL mounting "
+    def test_lists_states_that_were_not_estimated(self):
+        self.assert_has(self.make(), r"Not estimated: DVL scale error 0 %; DVL mounting "
                         r"\(0, 0, 45\) °; DVL lever arm \(-184, -4, 11\) cm\.")
 
-    def test_shares_of_the_consistency_test_are_counted(self):
-        self.assert_has(self.make(), "98 % lie inside the band, 2 % above it, 0 % below")
+    def test_reports_fractions_of_nis_inside_the_band(self):
+        self.assert_has(self.make(), "98 % lie inside the 95 % band, 2 % above it, 0 % below")
 
 
-class PartOfARun(Case):
-    def test_a_metric_without_a_name_is_shown_by_its_key(self):
+class PartialRun(Case):
+    def test_unknown_metric_is_shown_by_its_key(self):
         self.keep_only_poses()
         self.folder.write(self.folder.run / "metrics.json", json.dumps({"vio": {"new_figure": 7}}))
         self.assert_has(self.make(), r'<td>vio\.new_figure</td><td class="n">7</td>')
 
-    def test_files_that_a_run_may_lack_are_not_needed(self):
+    def test_optional_files_may_be_missing(self):
         self.keep_only_poses()
         self.assert_sections(self.make(), "Trajectory", "Metrics", "Configuration")
 
-    def test_a_run_without_poses_says_so(self):
+    def test_run_without_poses_has_a_note(self):
         self.folder.write(self.folder.run / "trajectory.tum", "")
         html = self.make()
         self.assert_has(html, "fewer than two poses")
         self.assert_sections(html, "Trajectory", "Metrics", "Configuration")
 
-    def test_half_a_line_at_the_end_of_a_killed_run_is_no_error(self):
+    def test_ignores_incomplete_last_line_of_killed_run(self):
         for name in ("trajectory.tum", "pings.csv", "calibration.csv"):
             with open(self.folder.run / name, "a", encoding="utf-8") as file:
                 file.write("17000000")
-        self.assertEqual(len(pictures_in(self.make())), 7)
+        self.assertEqual(len(plots_in(self.make())), 7)
 
-    def test_a_recording_of_another_format_is_skipped_with_a_note(self):
+    def test_recording_of_another_format_has_a_note(self):
         text = self.folder.resolved().replace(str(self.folder.dataset), "/somewhere/else.bag")
         self.folder.write(self.folder.run / "resolved.yaml", text)
         html = self.make()
-        self.assert_has(html, "No reference is shown")
+        self.assert_has(html, "No reference: the recording was not found")
         self.assert_sections(html, "Trajectory", "Consistency", "Calibration", "Sensors", "Metrics",
                              "Configuration")
 
-    def test_renders_without_a_truth_are_shown_by_themselves(self):
+    def test_shows_renders_without_camera_images(self):
         self.keep_only_poses()
         for i in range(30):
-            write_picture(self.folder.run / "renders" / f"{i:06d}_render.png", "green")
+            write_image(self.folder.run / "renders" / f"{i:06d}_render.png", "green")
         html = self.make()
         self.assertEqual(html.count('src="data:image/jpeg;base64,'), 6)
         self.assert_has(html, "6 of 30 views")
@@ -296,34 +296,34 @@ class RunWithAMap(Case):
             RunWithAMap.html = super().make()
         return RunWithAMap.html
 
-    def test_it_has_what_the_camera_and_the_map_add(self):
+    def test_has_vision_and_map_sections(self):
         html = self.make()
         self.assert_sections(html, "Trajectory", "Map", "Error over time", "Vision", "Water",
                              "Consistency", "Calibration", "Sensors", "Computing time", "Metrics",
                              "Configuration")
-        self.assertEqual(len(pictures_in(html)), 13)
+        self.assertEqual(len(plots_in(html)), 13)
 
-    def test_every_figure_is_there_for_a_phone_too(self):
+    def test_every_plot_has_a_phone_version(self):
         html = self.make()
         self.assertEqual(len(re.findall(r'srcset="data:image/svg\+xml', html)), 13)
 
-    def test_every_held_out_view_has_its_figures(self):
+    def test_view_panels_contain_metrics_of_held_out_views(self):
         from report import map_figures, run_data  # pylint: disable=import-outside-toplevel
         add_camera_and_map(self.folder)
         shown = map_figures.view_panels(run_data.load(self.folder.run))
         third = {title: curves[0][0][2] for title, curves in shown}
         self.assertEqual(third, {"PSNR [dB]": 27.0, "depth, RMSE [m]": 0.1})
 
-    def test_views_can_be_slid_over(self):
+    def test_views_have_comparison_sliders(self):
         html = self.make()
         self.assertEqual(html.count('type="range"'), 12)
-        self.assertEqual(html.count("truth without water"), 2)  # alternative text and tag of one
+        self.assertEqual(html.count("truth without water"), 2)  # alt text and tag of one image
         self.assert_has(html, r"depth, 0\.5 to \d\.\d m")
 
-    def test_reasons_of_the_discriminator_are_counted(self):
+    def test_counts_reasons_of_the_discriminator(self):
         self.assert_has(self.make(), r'<td>too few features</td><td class="n">200 of 590</td>')
 
-    def test_the_page_loads_nothing(self):
+    def test_page_loads_no_external_resources(self):
         text = self.make()
         found = re.findall(r'https?://\S*|@import|(?:href|src|srcset)="(?!#|data:)[^"]*', text)
         self.assertEqual(found, [])
@@ -346,7 +346,7 @@ class SweepFolder(Case):
         self.assertEqual(result.returncode, 0, result.stderr)
         return (folder / "report.html").read_text(encoding="utf-8")
 
-    def test_a_table_has_cases_down_and_sequences_across(self):
+    def test_table_has_cases_as_rows_and_sequences_as_columns(self):
         html = self.make_sweep()
         self.assert_sections(html, r"Absolute position error, RMSE [m]", "Failures")
         self.assert_has(html, r'<tr><th>case</th><th class="n">a</th><th class="n">b</th></tr>')
@@ -354,15 +354,15 @@ class SweepFolder(Case):
                               r'<td class="n">0\.5 <small>1/2</small></td>')
         self.assert_has(html, r'<td>blind</td><td class="n">0\.5 ± 0\.14 <small>2/2</small></td>'
                               r'<td class="n">failed <small>0/2</small></td>')
-        self.assertEqual(len(pictures_in(html)), 1)
+        self.assertEqual(len(plots_in(html)), 1)
 
-    def test_failures_have_their_reasons(self):
+    def test_failures_have_reasons(self):
         html = self.make_sweep()
         self.assert_has(html, r'<td>blind_b</td><td class="n">1</td><td>exit status 2: a, &lt;b&gt;</td>')
         self.assert_has(html, r"<b>2<small></small></b><span>failed</span>")
-        self.assert_has(html, r"<b>1<small></small></b><span>not begun or interrupted</span>")
+        self.assert_has(html, r"<b>1<small></small></b><span>not started or interrupted</span>")
 
-    def test_a_folder_with_half_a_sweep_is_an_input_error(self):
+    def test_incomplete_sweep_folder_is_an_input_error(self):
         folder = self.folder.run.parent / "half"
         self.folder.write(folder / "summary.csv", self.SUMMARY)
         result = report(folder)
@@ -371,42 +371,42 @@ class SweepFolder(Case):
 
 
 class Program(Case):
-    def test_a_folder_without_a_run_is_an_input_error(self):
+    def test_folder_without_run_is_an_input_error(self):
         for folder in (self.folder.dataset, self.folder.run / "nowhere"):
             result = report(folder)
             self.assertEqual(result.returncode, 2)
             self.assertTrue(result.stderr.startswith(f"report.py: {folder}: no "), result.stderr)
             self.assertEqual(result.stderr.count("\n"), 1)
 
-    def test_a_damaged_file_is_named_with_its_line(self):
+    def test_error_names_file_and_line(self):
         path = self.folder.run / "pings.csv"
         lines = ping_lines().split("\n")
         lines[4] = "1,accepted"
         self.folder.write(path, "\n".join(lines))
         result = report(self.folder.run)
         self.assertEqual(result.returncode, 2)
-        self.assertIn("pings.csv:5: 2 columns, the header names 9", result.stderr)
+        self.assertIn("pings.csv:5: 2 columns, but the header has 9", result.stderr)
 
-    def test_the_page_can_be_put_elsewhere(self):
+    def test_output_option_sets_the_file(self):
         self.keep_only_poses()
         page = self.folder.dataset / "a.html"
         self.assertEqual(report(self.folder.run, "-o", page).returncode, 0)
         self.assertTrue(page.is_file())
         self.assertFalse((self.folder.run / "report.html").exists())
 
-    def test_a_page_that_cannot_be_written_fails(self):
+    def test_fails_when_the_page_cannot_be_written(self):
         self.keep_only_poses()
         result = report(self.folder.run, "-o", self.folder.run / "none" / "a.html")
         self.assertEqual(result.returncode, 1)
-        self.assertIn("cannot be written", result.stderr)
+        self.assertIn("cannot write this file", result.stderr)
 
 
-class Explained(Case):
+class ExplainRun(Case):
     def explain(self, folder):
         return subprocess.run([sys.executable, SCRIPTS / "explain_run.py", folder], capture_output=True,
                               text=True, check=False)
 
-    def test_figures_are_said_with_what_they_mean(self):
+    def test_prints_metrics_with_explanations(self):
         metrics = {"trajectory": {"ate_rmse_m": 0.0123, "path_length_m": 40.0, "coverage": 0.5,
                                   "ate_percent_of_path": 0.03075},
                    "vio": {"failures": 2, "reinit_times_s": [0.2, 0.7]},
@@ -415,12 +415,12 @@ class Explained(Case):
         self.folder.write(self.folder.run / "metrics.json", json.dumps(metrics))
         result = self.explain(self.folder.run)
         self.assertEqual(result.returncode, 0, result.stderr)
-        for words in ("0.012 m  position error", "40.0 m of path", "50 %  of the reference",
-                      "2  failures of vision, believed again at most 0.7 s", "28.0 dB  PSNR of 9 views",
-                      "reaches 20.0 dB", "25,000  Gaussians"):
-            self.assertIn(words, result.stdout)
+        for text in ("0.012 m  position error", "40.0 m of path", "50 %  of the reference",
+                     "2  vision failures, recovered at most 0.7 s", "28.0 dB  PSNR of 9 held-out views",
+                     "baseline: 20.0 dB", "25,000  Gaussians"):
+            self.assertIn(text, result.stdout)
 
-    def test_a_folder_without_metrics_is_an_input_error(self):
+    def test_folder_without_metrics_is_an_input_error(self):
         result = self.explain(self.folder.dataset)
         self.assertEqual(result.returncode, 2)
         self.assertIn("metrics.json", result.stderr)
@@ -431,13 +431,13 @@ class Alignment(Case):
         from report import alignment, run_data  # pylint: disable=import-outside-toplevel
         return alignment.compare(run_data.load(self.folder.run))
 
-    def test_a_reference_that_is_the_estimate_moved_leaves_no_error(self):
+    def test_transformed_reference_gives_zero_error(self):
         comparison = self.compare()
         self.assertEqual(len(comparison.t), 60)
         self.assertLess(comparison.rmse, 1e-5)
         self.assertLess(comparison.rotation.max(), 1e-4)
 
-    def test_gnss_is_met_by_a_north_east_down_estimate(self):
+    def test_gnss_matches_a_north_east_down_estimate(self):
         self.folder.sensor("state_groundtruth_estimate0").unlink()
         self.folder.write(self.folder.sensor("gnss0"), gnss_lines())
         comparison = self.compare()
@@ -445,7 +445,7 @@ class Alignment(Case):
         self.assertIsNone(comparison.rotation)
         self.assertLess(comparison.rmse, 1e-5)
 
-    def test_heights_are_part_of_the_error_unless_the_reference_is_planar(self):
+    def test_error_includes_heights_unless_reference_is_planar(self):
         rows = reference_lines().split("\n")
         for i in range(1, 61, 2):
             cells = rows[i].split(",")
@@ -454,14 +454,14 @@ class Alignment(Case):
         self.folder.write(self.folder.sensor("state_groundtruth_estimate0"), "\n".join(rows))
         self.assertAlmostEqual(self.compare().rmse, 0.5, delta=0.01)
 
-    def test_spans_that_do_not_meet_are_not_compared(self):
+    def test_disjoint_time_spans_are_not_compared(self):
         rows = [f"{int(row.split(',')[0]) + 10**12},{row.split(',', 1)[1]}"
                 for row in reference_lines().split("\n")[1:-1]]
         self.folder.write(self.folder.sensor("state_groundtruth_estimate0"),
                           "\n".join([REFERENCE_HEADER, *rows, ""]))
         self.assertIsNone(self.compare())
 
-    def test_rotations_between_two_turn_steadily(self):
+    def test_slerp_interpolates_at_constant_rate(self):
         import numpy as np  # pylint: disable=import-outside-toplevel
         from report import alignment  # pylint: disable=import-outside-toplevel
         axis = np.array([[2.0, -1.0, 2.0]]) / 3.0
@@ -474,7 +474,7 @@ class Alignment(Case):
 
 
 class ChiSquare(unittest.TestCase):
-    def test_quantiles_are_those_of_tables(self):
+    def test_quantiles_match_tables(self):
         from report import sensor_figures  # pylint: disable=import-outside-toplevel
         table = {1: (0.000982, 5.0239), 2: (0.050636, 7.3778), 3: (0.215795, 9.3484),
                  4: (0.484419, 11.1433), 30: (16.7908, 46.9792)}
@@ -485,7 +485,7 @@ class ChiSquare(unittest.TestCase):
 
 
 class Packages(unittest.TestCase):
-    def test_an_interpreter_without_them_is_told_what_to_install(self):
+    def test_missing_packages_are_named(self):
         result = subprocess.run([sys.executable, "-S", "-I", SCRIPTS / "report.py", "run"],
                                 capture_output=True, text=True, check=False)
         self.assertEqual(result.returncode, 1)

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 #include "support/matchers.hpp"
 #include "support/numeric_jacobian.hpp"
 
@@ -32,11 +32,11 @@ CameraModel::Parameters base(Distortion distortion, std::array<double, 4> coeffi
 CameraModel plain() {
   return CameraModel(base(Distortion::none, {}));
 }
-CameraModel radtan() {  // the left camera of EuRoC
+CameraModel radtan() {  // left camera of EuRoC
   return CameraModel(
       base(Distortion::radtan, {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}));
 }
-CameraModel folding() {  // a barrel whose profile turns back at tan(angle) = 0.91
+CameraModel folding() {  // barrel distortion that folds at tan(angle) = 0.91
   return CameraModel(base(Distortion::radtan, {-0.4, 0.0, 0.001, -0.002}));
 }
 CameraModel fisheye() {
@@ -78,7 +78,7 @@ Vector2d opencv_projection(const CameraModel& camera, const Vector3d& p) {
   return {pixels[0].x, pixels[0].y};
 }
 
-TEST(CameraModel, ProjectsAsOpenCvDoes) {
+TEST(CameraModel, ProjectionMatchesOpenCv) {
   for (const CameraModel& camera : {plain(), radtan(), fisheye()}) {
     for (const Vector3d& p : points_in_front(0.9)) {
       const auto pixel = camera.project(p);
@@ -88,7 +88,7 @@ TEST(CameraModel, ProjectsAsOpenCvDoes) {
   }
 }
 
-TEST(CameraModel, TheJacobianIsTheDerivativeOfTheProjection) {
+TEST(CameraModel, JacobianIsDerivativeOfProjection) {
   for (const CameraModel& camera : {plain(), radtan(), folding(), fisheye()}) {
     for (const Vector3d& p : points_in_front(0.5)) {
       CameraModel::Jacobian23 jacobian;
@@ -101,7 +101,7 @@ TEST(CameraModel, TheJacobianIsTheDerivativeOfTheProjection) {
   }
 }
 
-TEST(CameraModel, UnprojectReturnsTheDirectionOfTheProjectedPoint) {
+TEST(CameraModel, UnprojectInvertsProject) {
   for (const CameraModel& camera : {plain(), radtan(), folding(), fisheye()}) {
     for (const Vector3d& p : points_in_front(0.55)) {
       const auto ray = camera.unproject(*camera.project(p));
@@ -111,7 +111,7 @@ TEST(CameraModel, UnprojectReturnsTheDirectionOfTheProjectedPoint) {
   }
 }
 
-TEST(CameraModel, EveryPixelOfAnOrdinaryLensHasARayThatProjectsBackToIt) {
+TEST(CameraModel, ProjectInvertsUnprojectOverImage) {
   for (const CameraModel& camera : {plain(), radtan(), fisheye()}) {
     for (double u = 0.0; u < 752.0; u += 37.55) {
       for (double v = 0.0; v < 480.0; v += 23.95) {
@@ -124,7 +124,7 @@ TEST(CameraModel, EveryPixelOfAnOrdinaryLensHasARayThatProjectsBackToIt) {
   }
 }
 
-TEST(CameraModel, NothingBehindAPinholeIsSeen) {
+TEST(CameraModel, DoesNotProjectPointsBehindCamera) {
   for (const CameraModel& camera : {plain(), radtan()}) {
     EXPECT_FALSE(camera.project({0, 0, -1}));
     EXPECT_FALSE(camera.project({0.3, 0.2, 0}));
@@ -134,37 +134,37 @@ TEST(CameraModel, NothingBehindAPinholeIsSeen) {
   EXPECT_FALSE(fisheye().project({0, 0, 0}));
 }
 
-TEST(CameraModel, AFisheyeSeesBeyondNinetyDegrees) {
+TEST(CameraModel, FisheyeProjectsBeyondNinetyDegrees) {
   const auto pixel = fisheye().project(Vector3d(1.0, 0.0, -0.1));
   ASSERT_TRUE(pixel.has_value());
   EXPECT_GT(pixel->x(), 367.0 + 458.0 * std::numbers::pi / 2.0);
 }
 
-TEST(CameraModel, RaysBeyondTheFoldOfTheProfileAreRefusedNotMappedIntoTheImage) {
+TEST(CameraModel, RejectsRaysBeyondRadtanFold) {
   const double fold = std::sqrt(1.0 / (3.0 * 0.4));
   const CameraModel camera = folding();
   EXPECT_TRUE(camera.project({0.98 * fold, 0, 1}));
   EXPECT_FALSE(camera.project({1.02 * fold, 0, 1}));
   const Vector3d far(1.5, 0.0, 1.0);
-  EXPECT_TRUE(camera.in_image(opencv_projection(camera, far)));  // what would have happened
+  EXPECT_TRUE(camera.in_image(opencv_projection(camera, far)));  // without the check
   EXPECT_FALSE(camera.project(far));
 }
 
-TEST(CameraModel, AFisheyeThatFoldsIsRefusedBeyondItsFoldToo) {
+TEST(CameraModel, RejectsRaysBeyondFisheyeFold) {
   const CameraModel camera(base(Distortion::equidistant, {-0.2, 0.0, 0.0, 0.0}));
   const double fold = std::sqrt(1.0 / 0.6);  // of the angle
   EXPECT_TRUE(camera.project({std::sin(0.98 * fold), 0, std::cos(0.98 * fold)}));
   EXPECT_FALSE(camera.project({std::sin(1.02 * fold), 0, std::cos(1.02 * fold)}));
 }
 
-TEST(CameraModel, PixelsThatNoRayReachesHaveNoDirection) {
+TEST(CameraModel, UnprojectRejectsUnreachablePixels) {
   EXPECT_FALSE(folding().unproject({367.0 + 458.0, 248.0}));
   const CameraModel fish(base(Distortion::equidistant, {-0.2, 0.0, 0.0, 0.0}));
   EXPECT_FALSE(fish.unproject({367.0 + 458.0 * 1.2, 248.0}));
   EXPECT_FALSE(radtan().unproject({std::nan(""), 0.0}));
 }
 
-TEST(CameraModel, TheImageEndsAtTheCentresOfItsOuterPixels) {
+TEST(CameraModel, ImageBoundsAreOuterPixelCenters) {
   const CameraModel camera = plain();
   EXPECT_TRUE(camera.in_image({0, 0}));
   EXPECT_TRUE(camera.in_image({751, 479}));
@@ -174,7 +174,7 @@ TEST(CameraModel, TheImageEndsAtTheCentresOfItsOuterPixels) {
   EXPECT_FALSE(camera.in_image({std::nan(""), 100}));
 }
 
-TEST(CameraModel, NeedsAFocalLength) {
+TEST(CameraModel, RequiresFocalLength) {
   EXPECT_THROW(CameraModel(CameraModel::Parameters{}), std::logic_error);
 }
 

@@ -15,7 +15,7 @@
 #include "apvi/geometry/so3.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/sim/simulate.hpp"
+#include "sim/simulate.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi::sim {
@@ -24,11 +24,11 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-// Small and quick: a coarse piece of seabed, thumbnails.
+// A small, fast scene: coarse seabed, thumbnail images.
 constexpr const char* kScene = R"(
 seed: 5
 duration_s: 2
-world: {kind: seabed, depth_m: 6, size_m: 12, resolution_m: 0.3, rocks: 0, life: 0, debris: 0}
+world: {kind: seabed, depth_m: 6, size_m: 12, resolution_m: 0.3, rocks: 0, marine_life: 0, debris: 0}
 water: {snow: {density_per_m3: 20}}
 motion: {origin: [-2, 0, -4], length_m: 3, lines: 2, rest_s: 0}
 truth: {image_every: 10}
@@ -44,12 +44,12 @@ Scene scene(const std::vector<std::string>& overrides = {}) {
   return make_scene(node);
 }
 
-Scene blind(std::vector<std::string> overrides = {}) {
+Scene scene_without_camera(std::vector<std::string> overrides = {}) {
   overrides.emplace_back("camera.enabled=false");
   return scene(overrides);
 }
 
-std::string bytes_of(const fs::path& path) {
+std::string read_bytes(const fs::path& path) {
   std::ostringstream text;
   text << std::ifstream(path, std::ios::binary).rdbuf();
   return text.str();
@@ -59,7 +59,7 @@ std::map<std::string, std::string> tree_of(const fs::path& root) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(root)) {
     if (!entry.is_regular_file()) continue;
-    files[fs::relative(entry.path(), root).string()] = bytes_of(entry.path());
+    files[fs::relative(entry.path(), root).string()] = read_bytes(entry.path());
   }
   return files;
 }
@@ -108,10 +108,10 @@ Counts read_back(const fs::path& path) {
   return counts;
 }
 
-TEST(Dataset, FolderReadsBackInFull) {
+TEST(Dataset, FolderRoundTripKeepsAllSamples) {
   const test::TmpDir dir;
   const fs::path out = dir.path() / "set";
-  EXPECT_EQ(simulate(scene(), out, {}), Outcome::written);
+  EXPECT_EQ(simulate(scene(), out, {}), SimulateResult::written);
   const Counts counts = read_back(out);
   EXPECT_EQ(counts.imu, 401U);
   EXPECT_EQ(counts.pressure, 41U);
@@ -119,23 +119,23 @@ TEST(Dataset, FolderReadsBackInFull) {
   EXPECT_GT(counts.dvl, 9U);
   EXPECT_EQ(counts.dropped, 0U);
   EXPECT_FALSE(fs::exists(dir.path() / "set.partial"));
-  EXPECT_EQ(simulate(scene(), out, {}), Outcome::was_complete);
+  EXPECT_EQ(simulate(scene(), out, {}), SimulateResult::already_complete);
 }
 
-TEST(Dataset, TruthIsBesideTheData) {
+TEST(Dataset, WritesGroundTruth) {
   const test::TmpDir dir;
   const fs::path out = dir.path() / "set";
   simulate(scene(), out, {});
   const fs::path truth = out / "truth";
-  EXPECT_EQ(bytes_of(truth / "events.csv"), "start_s,end_s,kind\n0.5,0.8,blackout\n");
-  const auto medium = nlohmann::json::parse(bytes_of(truth / "medium.json"));
+  EXPECT_EQ(read_bytes(truth / "events.csv"), "start_s,end_s,kind\n0.5,0.8,blackout\n");
+  const auto medium = nlohmann::json::parse(read_bytes(truth / "medium.json"));
   for (const char* key : {"beta_d", "beta_b", "b_inf"}) EXPECT_EQ(medium[key].size(), 3U) << key;
-  const std::string stamp = "1700000000500000000";  // frame 10, in the dark
+  const std::string stamp = "1700000000500000000";  // frame 10, during the blackout
   EXPECT_TRUE(fs::exists(truth / "clear" / (stamp + ".png")));
-  const std::string pfm = bytes_of(truth / "depth" / (stamp + ".pfm"));
+  const std::string pfm = read_bytes(truth / "depth" / (stamp + ".pfm"));
   EXPECT_EQ(pfm.substr(0, 14), "Pf\n64 48\n-1.0\n");
   ASSERT_EQ(pfm.size(), 14 + sizeof(float) * 64 * 48);
-  float depth = 0.0F;  // the bottom right pixel sees the ground 2 m below, 25 degrees down and more
+  float depth = 0.0F;  // the bottom right pixel shows the ground 2 m below
   std::memcpy(&depth, pfm.data() + 14 + sizeof(float) * 63, sizeof(float));
   EXPECT_GT(depth, 1.5F);
   EXPECT_LT(depth, 5.0F);
@@ -145,28 +145,28 @@ TEST(Dataset, TruthIsBesideTheData) {
   EXPECT_GT(fs::file_size(truth / "mesh.ply"), 10000U);
 }
 
-TEST(Dataset, BytesDoNotDependOnThreads) {
+TEST(Dataset, OutputIsIndependentOfThreadCount) {
   const test::TmpDir dir;
   simulate(scene(), dir.path() / "one", {.threads = 1});
   simulate(scene(), dir.path() / "three", {.threads = 3});
   expect_same_tree(dir.path() / "one", dir.path() / "three");
 }
 
-TEST(Dataset, OtherSeedsGiveOtherBytes) {
+TEST(Dataset, DifferentSeedsGiveDifferentOutput) {
   const test::TmpDir dir;
-  simulate(blind(), dir.path() / "a", {});
-  simulate(blind({"seed=6"}), dir.path() / "b", {});
+  simulate(scene_without_camera(), dir.path() / "a", {});
+  simulate(scene_without_camera({"seed=6"}), dir.path() / "b", {});
   const fs::path csv = fs::path("mav0") / "imu0" / "data.csv";
-  EXPECT_NE(bytes_of(dir.path() / "a" / csv), bytes_of(dir.path() / "b" / csv));
+  EXPECT_NE(read_bytes(dir.path() / "a" / csv), read_bytes(dir.path() / "b" / csv));
 }
 
-TEST(Dataset, ASeedForTheSensorsLeavesTheMotionAsItIs) {
+TEST(Dataset, SensorSeedDoesNotChangeTheMotion) {
   const test::TmpDir dir;
-  simulate(blind(), dir.path() / "a", {});
-  simulate(blind({"sensor_seed=6"}), dir.path() / "b", {});
+  simulate(scene_without_camera(), dir.path() / "a", {});
+  simulate(scene_without_camera({"sensor_seed=6"}), dir.path() / "b", {});
   const auto same = [&](const char* sensor) {
     const fs::path csv = fs::path("mav0") / sensor / "data.csv";
-    return bytes_of(dir.path() / "a" / csv) == bytes_of(dir.path() / "b" / csv);
+    return read_bytes(dir.path() / "a" / csv) == read_bytes(dir.path() / "b" / csv);
   };
   const auto trajectory = [&](const char* name) {
     io::DatasetConfig config;
@@ -181,7 +181,7 @@ TEST(Dataset, ASeedForTheSensorsLeavesTheMotionAsItIs) {
   EXPECT_FALSE(same("dvl0"));
 }
 
-TEST(Dataset, StoppedSimulationGoesOnToTheSameBytes) {
+TEST(Dataset, ResumedSimulationGivesIdenticalOutput) {
   const test::TmpDir dir;
   const fs::path whole = dir.path() / "whole";
   const fs::path stopped = dir.path() / "stopped";
@@ -203,7 +203,7 @@ TEST(Dataset, StoppedSimulationGoesOnToTheSameBytes) {
   expect_same_tree(whole, stopped);
 }
 
-TEST(Dataset, PublishedEurocAndTankLayoutsReadBack) {
+TEST(Dataset, EurocAndTankLayoutsRoundTrip) {
   const test::TmpDir dir;
   simulate(scene(), dir.path() / "euroc", {.format = OutputFormat::euroc});
   simulate(scene(), dir.path() / "tank", {.format = OutputFormat::tank});
@@ -218,8 +218,8 @@ TEST(Dataset, PublishedEurocAndTankLayoutsReadBack) {
   EXPECT_GT(tank.dvl, 5U);
 }
 
-TEST(Dataset, BagReadsBackInFullAndIsTheSameTwice) {
-  if (!APVI_WITH_ROSBAG) GTEST_SKIP() << "built without bags";
+TEST(Dataset, BagRoundTripsAndIsDeterministic) {
+  if (!APVI_WITH_ROSBAG) GTEST_SKIP() << "built without rosbag support";
   const test::TmpDir dir;
   simulate(scene(), dir.path() / "a", {.format = OutputFormat::rosbag, .threads = 1});
   simulate(scene(), dir.path() / "b", {.format = OutputFormat::rosbag, .threads = 2});
@@ -232,13 +232,13 @@ TEST(Dataset, BagReadsBackInFullAndIsTheSameTwice) {
   expect_same_tree(dir.path() / "a", dir.path() / "b");
 }
 
-TEST(Dataset, ColmapModelHasTheTruePoses) {
+TEST(Dataset, ColmapModelHasGroundTruthPoses) {
   const test::TmpDir dir;
   const Scene small = scene();
   const fs::path out = dir.path() / "colmap";
   simulate(small, out, {.format = OutputFormat::colmap});
   const Trajectory truth = io::read_trajectory(out / "truth" / "trajectory.tum");
-  std::istringstream lines(bytes_of(out / "sparse" / "0" / "images.txt"));
+  std::istringstream lines(read_bytes(out / "sparse" / "0" / "images.txt"));
   std::string line;
   std::size_t images = 0;
   while (std::getline(lines, line)) {
@@ -262,10 +262,10 @@ TEST(Dataset, ColmapModelHasTheTruePoses) {
   EXPECT_EQ(images, 41U);
 }
 
-TEST(Dataset, CalibrationCanBeWrongWhileTheTruthIsKept) {
+TEST(Dataset, RigErrorsPerturbOnlyTheGivenCalibration) {
   const test::TmpDir dir;
-  simulate(blind({"rig_error.rotation_deg=1", "rig_error.hide_dvl_scale=true"}), dir.path() / "a",
-           {});
+  simulate(scene_without_camera({"rig_error.rotation_deg=1", "rig_error.hide_dvl_scale=true"}),
+           dir.path() / "a", {});
   const Rig given = make_rig(config::load_file(dir.path() / "a" / "rig.yaml"));
   const Rig truth = make_rig(config::load_file(dir.path() / "a" / "truth" / "rig.yaml"));
   const double angle =
@@ -276,10 +276,10 @@ TEST(Dataset, CalibrationCanBeWrongWhileTheTruthIsKept) {
   EXPECT_NEAR(truth.dvl->scale, 1.0 / 1.003, 1e-6);
 }
 
-TEST(Dataset, TheRigHasTheLampThatLightsTheScene) {
+TEST(Dataset, RigContainsTheLampOfTheScene) {
   const test::TmpDir dir;
-  simulate(blind({"light.lamp={position_m: [0.2, -0.1, 0.05], beam_deg: 50}"}), dir.path() / "a",
-           {});
+  simulate(scene_without_camera({"light.lamp={position_m: [0.2, -0.1, 0.05], half_beam_deg: 50}"}),
+           dir.path() / "a", {});
   const Rig rig = make_rig(config::load_file(dir.path() / "a" / "rig.yaml"));
   ASSERT_TRUE(rig.lamp);
   EXPECT_NEAR(rig.lamp->half_beam_rad, 50.0 * std::numbers::pi / 180.0, 1e-9);
@@ -287,11 +287,11 @@ TEST(Dataset, TheRigHasTheLampThatLightsTheScene) {
   const SE3 T_camera_lamp = T_body_camera.inverse() * rig.lamp->T_body_lamp;
   EXPECT_LT((T_camera_lamp.translation - Eigen::Vector3d(0.2, -0.1, 0.05)).norm(), 1e-6);
   EXPECT_LT(so3::angle_between(T_camera_lamp.rotation, Eigen::Quaterniond::Identity()), 1e-6);
-  simulate(blind({}), dir.path() / "b", {});
+  simulate(scene_without_camera({}), dir.path() / "b", {});
   EXPECT_FALSE(make_rig(config::load_file(dir.path() / "b" / "rig.yaml")).lamp);
 }
 
-TEST(Dataset, DroppedFramesAreMissing) {
+TEST(Dataset, DroppedFramesAreOmitted) {
   const test::TmpDir dir;
   const std::string events = "events=[{kind: dropped_frames, start_s: 0.5, end_s: 1.0}]";
   simulate(scene({events}), dir.path() / "a", {});
@@ -300,11 +300,11 @@ TEST(Dataset, DroppedFramesAreMissing) {
   EXPECT_EQ(counts.dropped, 0U);
 }
 
-TEST(Dataset, BadScenesAreRefusedInOneLine) {
+TEST(Dataset, RejectsInvalidScenes) {
   const auto refused = [](const std::string& assignment) {
     return error_of([&] {
       const test::TmpDir dir;
-      simulate(blind({assignment}), dir.path() / "set", {});
+      simulate(scene_without_camera({assignment}), dir.path() / "set", {});
     });
   };
   EXPECT_THAT(refused("world.kind=moon"), HasSubstr("world.kind"));
@@ -318,30 +318,32 @@ TEST(Dataset, BadScenesAreRefusedInOneLine) {
   EXPECT_THAT(refused("rig.world=ned"), HasSubstr("z up"));
 }
 
-TEST(Dataset, PathThroughTheGroundSaysWhereAndLeavesNothing) {
+TEST(Dataset, PathThroughTerrainReportsPositionAndWritesNothing) {
   const test::TmpDir dir;
   const std::string message = error_of([&] {
-    simulate(blind({"motion.path=waypoints", "motion.waypoints=[[0, 0, -4], [0, 0, -8]]",
-                    "motion.clearance_m=0", "duration_s=20"}),
-             dir.path() / "set", {});
+    simulate(
+        scene_without_camera({"motion.path=waypoints", "motion.waypoints=[[0, 0, -4], [0, 0, -8]]",
+                              "motion.clearance_m=0", "duration_s=20"}),
+        dir.path() / "set", {});
   });
   EXPECT_THAT(message, HasSubstr("goes through the terrain at"));
   EXPECT_TRUE(fs::is_empty(dir.path()));
 }
 
-TEST(Dataset, NeverOverwritesSomethingElse) {
+TEST(Dataset, NeverOverwritesOtherData) {
   const test::TmpDir dir;
-  simulate(blind(), dir.path() / "set", {});
-  EXPECT_THAT(error_of([&] { simulate(blind({"seed=9"}), dir.path() / "set", {}); }),
-              HasSubstr("not the data set of this scene"));
+  simulate(scene_without_camera(), dir.path() / "set", {});
+  EXPECT_THAT(error_of([&] { simulate(scene_without_camera({"seed=9"}), dir.path() / "set", {}); }),
+              HasSubstr("not the dataset of this scene"));
   dir.write("mine/notes.txt", "precious");
-  EXPECT_THAT(error_of([&] { simulate(blind(), dir.path() / "mine", {}); }), HasSubstr("mine"));
+  EXPECT_THAT(error_of([&] { simulate(scene_without_camera(), dir.path() / "mine", {}); }),
+              HasSubstr("mine"));
   dir.write("file", "");
-  EXPECT_THAT(error_of([&] { simulate(blind(), dir.path() / "file" / "set", {}); }),
-              HasSubstr("cannot make this folder"));
+  EXPECT_THAT(error_of([&] { simulate(scene_without_camera(), dir.path() / "file" / "set", {}); }),
+              HasSubstr("cannot create this folder"));
   dir.write("begun.partial/truth/scene.yaml", "another scene");
-  EXPECT_THAT(error_of([&] { simulate(blind(), dir.path() / "begun", {}); }),
-              HasSubstr("begun with another scene"));
+  EXPECT_THAT(error_of([&] { simulate(scene_without_camera(), dir.path() / "begun", {}); }),
+              HasSubstr("belongs to another scene"));
 }
 
 }  // namespace

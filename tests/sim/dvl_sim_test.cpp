@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/dvl_sim.hpp"
+#include "sim/dvl_sim.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -68,7 +68,7 @@ double rate(const std::vector<DvlSample>& samples) {
          seconds_between(samples.front().stamp, samples.back().stamp);
 }
 
-TEST(DvlSim, BeamsEqualTheProjectedVelocityOfTheSensor) {
+TEST(DvlSim, BeamVelocitiesAreProjectionsOfTheSensorVelocity) {
   const Se3Spline spline = survey(-6.0, 40.0);
   const DvlCalibration dvl = mounted();
   const auto samples = pings(spline, ideal(), 40.0);
@@ -77,7 +77,7 @@ TEST(DvlSim, BeamsEqualTheProjectedVelocityOfTheSensor) {
     const Motion motion = spline.at(sample.stamp);
     const Eigen::Matrix3d R_world_dvl =
         (motion.T_world_body * dvl.T_body_dvl).rotation.toRotationMatrix();
-    // The sensor's own position, differentiated, independent of the lever-arm formula.
+    // Finite differences of the sensor position, independent of the lever-arm formula.
     const Duration h = Duration::from_seconds(1e-3);
     const Vector3d before = (spline.at(sample.stamp - h).T_world_body * dvl.T_body_dvl).translation;
     const Vector3d after = (spline.at(sample.stamp + h).T_world_body * dvl.T_body_dvl).translation;
@@ -90,16 +90,16 @@ TEST(DvlSim, BeamsEqualTheProjectedVelocityOfTheSensor) {
   }
 }
 
-TEST(DvlSim, RangesAndAltitudeAreThoseOfThePlane) {
+TEST(DvlSim, RangesAndAltitudeMatchAPlane) {
   const Se3Spline spline = survey(-6.0, 10.0, 0.5, true);
   for (const DvlSample& sample : pings(spline, ideal(), 10.0)) {
     const double height = 10.0 - 6.0 - 0.2;
-    EXPECT_NEAR(*sample.altitude, height, 0.01);  // the mean over a footprint is a little more
+    EXPECT_NEAR(*sample.altitude, height, 0.01);  // the footprint mean is slightly larger
     EXPECT_NEAR(*sample.beams[0]->range, height / std::cos(22.5 * std::numbers::pi / 180.0), 0.01);
   }
 }
 
-TEST(DvlSim, StampsAreLateByTheTimeOffset) {
+TEST(DvlSim, StampsAreDelayedByTheTimeOffset) {
   DvlCalibration dvl = mounted();
   dvl.time_offset_s = 0.15;
   const Se3Spline spline = survey(-6.0, 20.0);
@@ -111,7 +111,7 @@ TEST(DvlSim, StampsAreLateByTheTimeOffset) {
   }
 }
 
-TEST(DvlSim, BeamNoiseIsWithinFivePercentOfTheSetting) {
+TEST(DvlSim, BeamNoiseMatchesTheConfiguration) {
   DvlSimConfig config = ideal();
   config.noise_floor = 0.003;
   config.noise_per_speed = 0.01;
@@ -134,7 +134,7 @@ TEST(DvlSim, BeamNoiseIsWithinFivePercentOfTheSetting) {
   EXPECT_NEAR(std::sqrt(squares / count) / std::hypot(0.003, 0.008), 1.0, 0.05);
 }
 
-TEST(DvlSim, PingsAtTheRateOfItsRangeMode) {
+TEST(DvlSim, PingRateFollowsTheRangeMode) {
   const auto at_altitude = [](double altitude) {
     return rate(pings(survey(-60.0 + altitude + 0.2, 30.0, 0.3, true), ideal(), 30.0, -60.0F));
   };
@@ -144,32 +144,32 @@ TEST(DvlSim, PingsAtTheRateOfItsRangeMode) {
   EXPECT_NEAR(at_altitude(30.0), 4.0, 0.2);
 }
 
-TEST(DvlSim, LosesTheBottomBeyondItsRangeAndOnSteepGround) {
+TEST(DvlSim, LosesBottomLockBeyondMaxRangeAndMaxIncidence) {
   EXPECT_EQ(valid_share(pings(survey(-6.0, 10.0), ideal(), 10.0, -80.0F)), 0.0);
   DvlSimConfig narrow = ideal();
-  narrow.max_incidence_deg = 20.0;  // the beams meet level ground at 22.5 degrees
+  narrow.max_incidence_deg = 20.0;  // the incidence on level ground is 22.5 degrees
   const auto samples = pings(survey(-6.0, 10.0, 0.5, true), narrow, 10.0);
   EXPECT_EQ(valid_share(samples), 0.0);
   EXPECT_EQ(samples.front().beams[0]->range, -1.0);
   EXPECT_EQ(samples.front().altitude, -1.0);
 }
 
-TEST(DvlSim, TwoBeamsGiveNoVelocityAndThreeDo) {
+TEST(DvlSim, VelocityNeedsThreeBeams) {
   const auto directions = default_dvl_beams();
   const Vector3d truth(0.4, -0.1, 0.05);
   std::array<std::optional<DvlBeam>, kDvlBeams> beams;
   for (std::size_t i = 0; i < kDvlBeams; ++i) {
     beams[i] = DvlBeam{.velocity = directions[i].dot(truth), .range = 1.0, .valid = i != 2};
   }
-  ASSERT_TRUE(velocity_of_beams(beams, directions));
-  EXPECT_LT((*velocity_of_beams(beams, directions) - truth).norm(), 1e-12);
+  ASSERT_TRUE(solve_beam_velocity(beams, directions));
+  EXPECT_LT((*solve_beam_velocity(beams, directions) - truth).norm(), 1e-12);
   beams[1]->valid = false;
-  EXPECT_FALSE(velocity_of_beams(beams, directions));
+  EXPECT_FALSE(solve_beam_velocity(beams, directions));
 }
 
-TEST(DvlSim, SearchesForTheBottomEveryTenSeconds) {
+TEST(DvlSim, PeriodicBottomSearchLosesPings) {
   DvlSimConfig config = ideal();
-  config.relock_share = 1.0;
+  config.relock_probability = 1.0;
   const auto samples = pings(survey(-6.0, 100.0), config, 100.0);
   int gaps = 0;
   for (std::size_t i = 1; i < samples.size(); ++i) {
@@ -181,7 +181,7 @@ TEST(DvlSim, SearchesForTheBottomEveryTenSeconds) {
   EXPECT_LE(gaps, 10);
 }
 
-TEST(DvlSim, EventsTakeTheBottomLockAndAddOutliers) {
+TEST(DvlSim, EventsCauseLossOfLockAndOutliers) {
   const EventSchedule events(
       {{EventKind::dvl_loss, 5.0, 10.0, 0.0, 0.0}, {EventKind::dvl_outliers, 15.0, 25.0, 0.4, 0.0}},
       30.0, 5.0);
@@ -204,9 +204,9 @@ TEST(DvlSim, EventsTakeTheBottomLockAndAddOutliers) {
   EXPECT_GT(outliers, 5);
 }
 
-// What the logs of a real A50 show at 9 m: 5.25 pings a second, parity noise of 4 to 5 mm/s a beam
-// at 0.5 m/s and under 1 mm/s at rest, nearly every ping with four beams.
-TEST(DvlSim, ResemblesTheLogsOfARealA50) {
+// Logs of a real A50 at 9 m: 5.25 pings per second, parity noise of 4 to 5 mm/s per beam at 0.5 m/s
+// and below 1 mm/s at rest, four valid beams in nearly every ping.
+TEST(DvlSim, DefaultsMatchLogsOfARealA50) {
   DvlSimConfig config;
   const auto samples = pings(survey(-2.0, 240.0, 0.55), config, 240.0, -11.0F);
   double squares = 0.0;

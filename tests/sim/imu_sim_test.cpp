@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/imu_sim.hpp"
+#include "sim/imu_sim.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "apvi/config/fields.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -49,7 +49,7 @@ double allan_deviation(const std::vector<double>& rate, double rate_hz, std::siz
   return std::sqrt(squares / (2.0 * tau * tau * static_cast<double>(count)));
 }
 
-// Mean over the axes of both triads' Allan deviations.
+// RMS over the axes of the Allan deviations of gyroscope and accelerometer.
 std::pair<double, double> allan(const ImuRecord& record, double rate_hz, std::size_t m) {
   double gyro = 0.0;
   double accel = 0.0;
@@ -75,7 +75,7 @@ TEST(ImuSim, StaticRigReadsGravity) {
   }
 }
 
-TEST(ImuSim, StampsAreExactToTheNanosecond) {
+TEST(ImuSim, StampsAreExact) {
   ImuSimConfig config = only(ImuPreset::ideal);
   config.rate_hz = 300.0;
   const ImuRecord record = simulate(motion(PathKind::hover, 2.0), config, 2.0);
@@ -83,7 +83,7 @@ TEST(ImuSim, StampsAreExactToTheNanosecond) {
   EXPECT_EQ(record.samples[300].stamp.ns, kStart.ns + 1'000'000'000);
 }
 
-TEST(ImuSim, IntegratedReadingsReturnToTheCurve) {
+TEST(ImuSim, IntegratedReadingsReproduceTheTrajectory) {
   constexpr double kDuration = 60.0;
   const Se3Spline spline = motion(PathKind::lawnmower, kDuration);
   const ImuRecord record = simulate(spline, only(ImuPreset::ideal), kDuration);
@@ -106,7 +106,7 @@ TEST(ImuSim, IntegratedReadingsReturnToTheCurve) {
   EXPECT_LT(so3::angle_between(pose.rotation, truth.rotation), 1e-5);
 }
 
-TEST(ImuSim, WhiteNoiseHasTheConfiguredAllanDeviation) {
+TEST(ImuSim, WhiteNoiseMatchesConfiguredAllanDeviation) {
   constexpr double kDuration = 1800.0;
   ImuSimConfig config = only(ImuPreset::mems);
   config.gyro_random_walk = config.accel_random_walk = 0.0;
@@ -119,7 +119,7 @@ TEST(ImuSim, WhiteNoiseHasTheConfiguredAllanDeviation) {
   }
 }
 
-TEST(ImuSim, BiasWalkHasTheConfiguredAllanDeviation) {
+TEST(ImuSim, BiasRandomWalkMatchesConfiguredAllanDeviation) {
   constexpr double kDuration = 3600.0;
   ImuSimConfig config = only(ImuPreset::ideal);
   config.rate_hz = 50.0;
@@ -132,7 +132,7 @@ TEST(ImuSim, BiasWalkHasTheConfiguredAllanDeviation) {
   EXPECT_NEAR(accel / (config.accel_random_walk * std::sqrt(5.0 / 3.0)), 1.0, 0.05);
 }
 
-TEST(ImuSim, TruthHasTheBiasThatIsInTheReadings) {
+TEST(ImuSim, GroundTruthContainsTheBiases) {
   ImuSimConfig config = only(ImuPreset::consumer);
   config.scale_error = config.misalignment_deg = 0.0;
   constexpr double kDuration = 100.0;
@@ -150,7 +150,7 @@ TEST(ImuSim, TruthHasTheBiasThatIsInTheReadings) {
   EXPECT_GT(record.accel_bias.front().norm(), 0.01);
 }
 
-TEST(ImuSim, ScaleErrorGrowsWithTheSignal) {
+TEST(ImuSim, ScaleErrorIsProportionalToTheSignal) {
   ImuSimConfig config = only(ImuPreset::ideal);
   config.scale_error = 0.01;
   const ImuRecord record = simulate(motion(PathKind::hover, 1.0), config, 1.0);
@@ -159,25 +159,25 @@ TEST(ImuSim, ScaleErrorGrowsWithTheSignal) {
   EXPECT_LT(error, 0.04);
 }
 
-TEST(ImuSim, SaturationClipsWhileItLasts) {
+TEST(ImuSim, ReadingsSaturateDuringSaturationEvent) {
   ImuSimConfig config = only(ImuPreset::mems);
   const EventSchedule events({{EventKind::imu_saturation, 0.5, 1.0, 0.0, 0.0}}, 2.0, 5.0);
   const ImuRecord record = simulate(motion(PathKind::hover, 2.0), config, 2.0, events);
   int clipped = 0;
   for (std::size_t i = 0; i < record.samples.size(); ++i) {
-    const double most = record.samples[i].accel.cwiseAbs().maxCoeff();
-    EXPECT_LE(most, config.accel_range);
+    const double largest = record.samples[i].accel.cwiseAbs().maxCoeff();
+    EXPECT_LE(largest, config.accel_range);
     EXPECT_LT(record.samples[i].gyro.norm(), 0.1 * config.gyro_range);
     const bool inside = i >= 100 && i < 200;
     if (!inside) {
-      EXPECT_LT(most, 11.0) << i;
+      EXPECT_LT(largest, 11.0) << i;
     }
-    if (inside && most == config.accel_range) ++clipped;
+    if (inside && largest == config.accel_range) ++clipped;
   }
   EXPECT_GT(clipped, 50);
 }
 
-TEST(ImuSim, FeelsTheEarthTurnWhenAsked) {
+TEST(ImuSim, MeasuresEarthRotationWhenEnabled) {
   ImuSimConfig config = only(ImuPreset::ideal);
   config.earth_rotation = true;
   config.latitude_deg = 90.0;
@@ -185,11 +185,11 @@ TEST(ImuSim, FeelsTheEarthTurnWhenAsked) {
   EXPECT_NEAR(record.samples.front().gyro.z(), 7.292115e-5, 1e-10);
 }
 
-TEST(ImuSim, KeysBesideAPresetReplaceSingleNumbers) {
+TEST(ImuSim, KeysOverrideValuesOfAPreset) {
   ImuSimConfig config;
-  config::read(config::parse_yaml("preset: tactical\ngyro_bias: 0.1\n", "test"), config);
+  config::read(config::parse_yaml("preset: tactical\ngyro_bias_sigma: 0.1\n", "test"), config);
   ImuSimConfig tactical = only(ImuPreset::tactical);
-  EXPECT_EQ(config.gyro_bias, 0.1);
+  EXPECT_EQ(config.gyro_bias_sigma, 0.1);
   EXPECT_EQ(config.gyro_noise_density, tactical.gyro_noise_density);
   EXPECT_NE(config.gyro_noise_density, ImuSimConfig{}.gyro_noise_density);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/material.hpp"
+#include "sim/material.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 #include <tuple>
 
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -19,17 +19,17 @@ namespace {
 using Eigen::Vector3f;
 
 constexpr int kBatches = 400;
-constexpr float kFine = 0.0005F;  // [m] footprint at which nothing is left out
+constexpr float kFine = 0.0005F;  // [m] footprint at which nothing is filtered out
 
 struct Wall {
   Vector3f normal, light;
 };
 const Wall kBed{Vector3f(0.15F, 0.1F, 0.95F).normalized(), Vector3f(0.4F, 0.1F, 0.9F).normalized()};
-const Wall kUpright{Vector3f(0.15F, -0.95F, 0.1F).normalized(),
-                    Vector3f(0.4F, -0.8F, 0.45F).normalized()};
+const Wall kVertical{Vector3f(0.15F, -0.95F, 0.1F).normalized(),
+                     Vector3f(0.4F, -0.8F, 0.45F).normalized()};
 
-/// Mean colour of a matt surface of 12 m by 12 m, seen with pixels of a size [m].
-Vector3f mean_colour(Material material, const Wall& wall, float footprint) {
+/// Mean color of a matte surface of 12 m by 12 m for pixels with a footprint [m].
+Vector3f mean_color(Material material, const Wall& wall, float footprint) {
   const bool level = wall.normal.z() > 0.5F;
   Random random(7);
   const auto uniform = [&random] { return static_cast<float>(random.uniform()); };
@@ -41,7 +41,7 @@ Vector3f mean_colour(Material material, const Wall& wall, float footprint) {
       const float a = 12.0F * uniform() - 6.0F;
       const float b = 12.0F * uniform() - 6.0F;
       s->p.x[i] = a;
-      const float wave = 0.3F * std::sin(a) + 0.1F * b;  // through cells at every height
+      const float wave = 0.3F * std::sin(a) + 0.1F * b;  // crosses cells at every height
       s->p.y[i] = level ? b : wave;
       s->p.z[i] = level ? wave : b;
       s->p.footprint[i] = footprint;
@@ -62,14 +62,13 @@ Vector3f mean_colour(Material material, const Wall& wall, float footprint) {
 
 class EveryMaterial : public testing::TestWithParam<std::tuple<int, bool>> {};
 
-// A map cannot give a surface two colours, and a survey of the water would take the difference for
-// the water's: seen from two metres or from four, or by more pixels, it must be as bright.
-TEST_P(EveryMaterial, IsAsBrightFromFarAsFromNear) {
+// A color that depends on distance or resolution would bias the estimate of the medium.
+TEST_P(EveryMaterial, BrightnessIsIndependentOfFootprint) {
   const auto material = static_cast<Material>(std::get<0>(GetParam()));
-  const Wall& wall = std::get<1>(GetParam()) ? kUpright : kBed;
-  const Vector3f near = mean_colour(material, wall, kFine);
+  const Wall& wall = std::get<1>(GetParam()) ? kVertical : kBed;
+  const Vector3f near = mean_color(material, wall, kFine);
   for (const float footprint : {0.004F, 0.008F, 0.012F, 0.016F}) {
-    const Vector3f far = mean_colour(material, wall, footprint);
+    const Vector3f far = mean_color(material, wall, footprint);
     for (int c = 0; c < 3; ++c) {
       EXPECT_NEAR(far[c] / near[c], 1.0F, 0.025F) << "channel " << c << ", pixels of " << footprint;
     }
@@ -88,8 +87,8 @@ INSTANTIATE_TEST_SUITE_P(Materials, EveryMaterial,
                          testing::Combine(testing::Range(0, kMaterialCount), testing::Bool()),
                          name_of);
 
-// What is too fine to be seen shortens the normal to the mean of those it stands for.
-TEST(Material, FarNormalsAreTheMeanOfNearOnes) {
+// Filtered-out bumps shorten the normal to the mean normal.
+TEST(Material, FilteredNormalsAreTheMeanOfUnfilteredNormals) {
   auto s = std::make_unique<SurfaceBatch>();
   const auto mean_normal = [&s](float footprint) {
     Random random(3);

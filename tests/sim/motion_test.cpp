@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 #include <gtest/gtest.h>
 
@@ -53,7 +53,7 @@ double path_length(const Se3Spline& spline, double duration_s) {
   return length;
 }
 
-TEST(Motion, HoveringVehicleStaysWhereItIs) {
+TEST(Motion, HoveringVehicleKeepsItsPose) {
   MotionConfig config = steady();
   config.path = PathKind::hover;
   config.heading_deg = 30.0;
@@ -66,13 +66,13 @@ TEST(Motion, HoveringVehicleStaysWhereItIs) {
   }
 }
 
-TEST(Motion, CoversItsDurationWithAMarginOnBothSides) {
+TEST(Motion, CoversDurationWithMarginOnBothSides) {
   const Se3Spline spline = plan_motion(steady(), context(30.0));
-  EXPECT_LE(spline.start(), Stamp{1'000'000'000} - Duration::from_seconds(kMotionMargin));
-  EXPECT_GE(spline.end(), Stamp{1'000'000'000} + Duration::from_seconds(30.0 + kMotionMargin));
+  EXPECT_LE(spline.start(), Stamp{1'000'000'000} - Duration::from_seconds(kMotionMargin_s));
+  EXPECT_GE(spline.end(), Stamp{1'000'000'000} + Duration::from_seconds(30.0 + kMotionMargin_s));
 }
 
-TEST(Motion, CruisesAtTheConfiguredSpeedWithTheBowAlongThePath) {
+TEST(Motion, CruisesAtConfiguredSpeedHeadingAlongThePath) {
   MotionConfig config = steady();
   config.length_m = 50.0;
   config.heading_deg = 90.0;
@@ -82,7 +82,7 @@ TEST(Motion, CruisesAtTheConfiguredSpeedWithTheBowAlongThePath) {
   EXPECT_NEAR(so3::yaw(motion.T_world_body.rotation), 90.0 * kDegree, 1e-3);
 }
 
-TEST(Motion, StandsStillFirstAndNeverTurnsFasterThanAllowed) {
+TEST(Motion, RestsAtStartAndRespectsMaxTurnRate) {
   MotionConfig config = steady();
   config.max_turn_deg_s = 20.0;
   const Se3Spline spline = plan_motion(config, context(90.0));
@@ -96,7 +96,7 @@ TEST(Motion, StandsStillFirstAndNeverTurnsFasterThanAllowed) {
   EXPECT_LT(fastest, 26.0 * kDegree);
 }
 
-TEST(Motion, LawnmowerComesBackToItsFirstLine) {
+TEST(Motion, LawnmowerRevisitsItsFirstLine) {
   MotionConfig config = steady();
   config.lines = 2;
   config.length_m = 4.0;
@@ -109,7 +109,7 @@ TEST(Motion, LawnmowerComesBackToItsFirstLine) {
   EXPECT_LT(nearest, 0.2);
 }
 
-TEST(Motion, FollowsTheTerrainAtItsAltitude) {
+TEST(Motion, FollowsTerrainAtConfiguredAltitude) {
   MotionConfig config = steady();
   config.altitude_m = 2.0;
   config.length_m = 8.0;
@@ -118,11 +118,11 @@ TEST(Motion, FollowsTheTerrainAtItsAltitude) {
   EXPECT_NEAR(p.z(), -10.0 + 0.1 * p.x() + 2.0, 0.02);
 }
 
-TEST(Motion, OrbitKeepsItsDistanceAndLooksInward) {
+TEST(Motion, OrbitKeepsRadiusAndHeadsInward) {
   MotionConfig config = steady();
   config.path = PathKind::orbit;
   config.radius_m = 5.0;
-  config.look = Look::left;
+  config.look = HeadingMode::left;
   config.corner_m = 0.3;
   const Se3Spline spline = plan_motion(config, context(60.0));
   for (double t = 10.0; t < 60.0; t += 5.0) {
@@ -133,7 +133,7 @@ TEST(Motion, OrbitKeepsItsDistanceAndLooksInward) {
   }
 }
 
-TEST(Motion, BanksIntoTurnsAndWobblesByTheConfiguredAngle) {
+TEST(Motion, BanksIntoTurnsAndOscillatesByConfiguredAngle) {
   MotionConfig config = steady();
   config.path = PathKind::hover;
   config.attitude.oscillation_deg = 2.0;
@@ -153,7 +153,7 @@ TEST(Motion, BanksIntoTurnsAndWobblesByTheConfiguredAngle) {
   EXPECT_LT((pose.rotation * Vector3d::UnitY()).z(), -1e-4);
 }
 
-TEST(Motion, SurgesAlongTheBowInTimeWithTheStart) {
+TEST(Motion, SurgesAlongHeadingInPhaseWithStart) {
   MotionConfig config = steady();
   config.path = PathKind::hover;
   config.surge_m = 0.5;
@@ -163,18 +163,18 @@ TEST(Motion, SurgesAlongTheBowInTimeWithTheStart) {
   EXPECT_NEAR(at(spline, 2.0).T_world_body.translation.x(), 0.5, 2e-3);
 }
 
-TEST(Motion, WavesRockTheVehicleLessTheDeeperItIs) {
+TEST(Motion, WaveMotionDecaysWithDepth) {
   MotionConfig config = steady();
   config.path = PathKind::hover;
   config.waves.height_m = 1.0;
   const auto heave = [&](double z) {
     config.origin[2] = z;
     const Se3Spline spline = plan_motion(config, context(60.0));
-    double most = 0.0;
+    double largest = 0.0;
     for (double t = 0.0; t < 60.0; t += 0.1) {
-      most = std::max(most, std::abs(at(spline, t).T_world_body.translation.z() - z));
+      largest = std::max(largest, std::abs(at(spline, t).T_world_body.translation.z() - z));
     }
-    return most;
+    return largest;
   };
   const double shallow = heave(-2.0);
   EXPECT_GT(shallow, 0.1);
@@ -182,7 +182,7 @@ TEST(Motion, WavesRockTheVehicleLessTheDeeperItIs) {
   EXPECT_NEAR(heave(-10.0) / shallow, std::exp(-0.112 * 8.0), 0.08);
 }
 
-TEST(Motion, FliesATrajectoryFile) {
+TEST(Motion, FollowsATrajectoryFile) {
   const test::TmpDir dir;
   Trajectory trajectory;
   for (int i = 0; i <= 100; ++i) {
@@ -203,7 +203,7 @@ TEST(Motion, FliesATrajectoryFile) {
   EXPECT_NEAR(motion.angular_velocity_body.z(), 0.1, 0.005);
 }
 
-TEST(Motion, NamesWhatIsWrongWithAPath) {
+TEST(Motion, RejectsInvalidPaths) {
   const test::TmpDir dir;
   const auto message = [](const MotionConfig& config, double duration_s) -> std::string {
     try {
@@ -217,7 +217,7 @@ TEST(Motion, NamesWhatIsWrongWithAPath) {
   config.path = PathKind::file;
   config.file =
       dir.write("short.tum", "0 0 0 -3 0 0 0 1\n1 1 0 -3 0 0 0 1\n2 2 0 -3 0 0 0 1\n").string();
-  EXPECT_NE(message(config, 60.0).find("too short: 1.5 s can be flown"), std::string::npos);
+  EXPECT_NE(message(config, 60.0).find("too short: it covers 1.5 s"), std::string::npos);
   config = {};
   config.path = PathKind::waypoints;
   EXPECT_NE(message(config, 60.0).find("motion.waypoints"), std::string::npos);
@@ -225,7 +225,7 @@ TEST(Motion, NamesWhatIsWrongWithAPath) {
   EXPECT_NE(message(config, 60.0).find("0.00 m long"), std::string::npos);
 }
 
-TEST(Motion, DiffersWithTheSeedAlone) {
+TEST(Motion, IsDeterministicForASeed) {
   MotionContext other = context(10.0);
   const SE3 once = at(plan_motion({}, context(10.0)), 5.0).T_world_body;
   const SE3 again = at(plan_motion({}, other), 5.0).T_world_body;

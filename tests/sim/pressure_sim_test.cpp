@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/pressure_sim.hpp"
+#include "sim/pressure_sim.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "apvi/core/error.hpp"
-#include "apvi/sim/motion.hpp"
+#include "sim/motion.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -51,7 +51,7 @@ TEST(PressureSim, IsHydrostaticAtThePort) {
   }
 }
 
-TEST(PressureSim, NoiseIsWithinFivePercentOfTheSetting) {
+TEST(PressureSim, NoiseMatchesTheConfiguration) {
   PressureSimConfig config = ideal();
   config.noise_m = 0.004;
   config.rate_hz = 50.0;
@@ -61,7 +61,7 @@ TEST(PressureSim, NoiseIsWithinFivePercentOfTheSetting) {
   EXPECT_NEAR(std::sqrt(squares / static_cast<double>(samples.size())) / 0.004, 1.0, 0.05);
 }
 
-TEST(PressureSim, BiasWalksAsConfigured) {
+TEST(PressureSim, BiasRandomWalkMatchesTheConfiguration) {
   PressureSimConfig config = ideal();
   config.bias_walk = 0.002;
   const auto samples = simulate(motion(PathKind::hover, -4.0, 2000.0), config, 2000.0);
@@ -79,20 +79,20 @@ TEST(PressureSim, ReadingsAreMultiplesOfTheResolution) {
   for (const auto& s : samples) EXPECT_NEAR(std::remainder(s.pressure_pa, 20.0), 0.0, 1e-6);
 }
 
-TEST(PressureSim, WavesPressLessTheDeeperThePortIs) {
+TEST(PressureSim, WavePressureDecaysWithDepth) {
   const auto swing = [](double z) {
-    double most = 0.0;
+    double largest = 0.0;
     for (const auto& s : simulate(motion(PathKind::hover, z, 60.0), ideal(), 60.0, {},
                                   WaveConfig{.height_m = 1.0})) {
-      most = std::max(most, std::abs(port().depth(s.pressure_pa) + z + 0.3));
+      largest = std::max(largest, std::abs(port().depth(s.pressure_pa) + z + 0.3));
     }
-    return most;
+    return largest;
   };
   EXPECT_GT(swing(-1.0), 0.2);
   EXPECT_LT(swing(-20.0), 0.2 * swing(-1.0));
 }
 
-TEST(PressureSim, SpikesStayInsideTheirEvent) {
+TEST(PressureSim, SpikesOccurOnlyDuringTheEvent) {
   const EventSchedule events({{EventKind::pressure_spikes, 5.0, 10.0, 3.0, 0.0}}, 20.0, 5.0);
   int spikes = 0;
   for (const auto& s : simulate(motion(PathKind::hover, -8.0, 20.0), ideal(), 20.0, events)) {
@@ -106,14 +106,14 @@ TEST(PressureSim, SpikesStayInsideTheirEvent) {
   EXPECT_GT(spikes, 3);
 }
 
-TEST(PressureSim, StampsAreLateByTheTimeOffset) {
+TEST(PressureSim, StampsAreDelayedByTheTimeOffset) {
   PressureSimConfig config = ideal();
   config.time_offset_s = 0.02;
   const auto samples = simulate(motion(PathKind::hover, -4.0, 1.0), config, 1.0);
   EXPECT_EQ((samples.front().stamp - kStart).ns, 20'000'000);
 }
 
-TEST(PressureSim, ComplainsAboutAPortInTheAir) {
+TEST(PressureSim, ThrowsWhenPortIsAboveWater) {
   EXPECT_THROW(simulate(motion(PathKind::hover, -0.1, 1.0), ideal(), 1.0), InputError);
 }
 

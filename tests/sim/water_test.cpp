@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/water.hpp"
+#include "sim/water.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "apvi/config/fields.hpp"
 #include "apvi/core/error.hpp"
-#include "apvi/sim/light.hpp"
+#include "sim/light.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -19,7 +19,7 @@ constexpr JerlovType kTypes[] = {JerlovType::I,   JerlovType::IA, JerlovType::IB
                                  JerlovType::III, JerlovType::C1, JerlovType::C3, JerlovType::C5,
                                  JerlovType::C7,  JerlovType::C9};
 
-TEST(Medium, FollowsTheImageFormationModelByHand) {
+TEST(Medium, MatchesImageFormationModel) {
   Medium medium;
   medium.beta_d = Vector3d(0.5, 0.2, 0.1);
   medium.beta_b = Vector3d(0.4, 0.3, 0.2);
@@ -30,14 +30,14 @@ TEST(Medium, FollowsTheImageFormationModelByHand) {
   EXPECT_NEAR(seen.z(), 0.4 * std::exp(-0.2) + 0.5 * (1 - std::exp(-0.4)), 1e-15);
 }
 
-TEST(Medium, ShowsTheSceneAtNoDistanceAndTheVeilAtALongOne) {
+TEST(Medium, LimitsAreClearSceneAndVeilingLight) {
   const Medium medium = make_medium({});
   const Vector3d clear(0.3, 0.2, 0.1);
   EXPECT_TRUE(apply_medium(medium, clear, 0.0).isApprox(clear));
   EXPECT_TRUE(apply_medium(medium, clear, 1e4).isApprox(medium.b_inf));
 }
 
-TEST(Medium, HasTheAttenuationLengthAskedForInEveryWaterType) {
+TEST(Medium, HasRequestedAttenuationLengthForEveryWaterType) {
   for (const JerlovType type : kTypes) {
     for (const double length : {0.5, 3.0, 15.0}) {
       const Medium medium = make_medium({.type = type, .attenuation_length_m = length});
@@ -47,26 +47,26 @@ TEST(Medium, HasTheAttenuationLengthAskedForInEveryWaterType) {
   }
 }
 
-TEST(Medium, OfAnEventOverridesTheConfiguredLengthAndKeepsTheDaylight) {
+TEST(Medium, EventOverridesAttenuationLengthAndKeepsDaylight) {
   const WaterConfig config{.type = JerlovType::II, .attenuation_length_m = 8.0};
-  const Medium calm = make_medium(config);
-  const Medium murky = make_medium(config, 0.5);
-  EXPECT_NEAR(murky.beta_d.y(), 2.0, 1e-12);
-  EXPECT_EQ(murky.k_d, calm.k_d);
+  const Medium nominal = make_medium(config);
+  const Medium turbid = make_medium(config, 0.5);
+  EXPECT_NEAR(turbid.beta_d.y(), 2.0, 1e-12);
+  EXPECT_EQ(turbid.k_d, nominal.k_d);
 }
 
-TEST(Medium, KeepsTheColourOfExplicitCoefficientsInAnEvent) {
+TEST(Medium, EventKeepsChannelRatiosOfExplicitCoefficients) {
   WaterConfig config;
   config.beta_d = {0.6, 0.2, 0.1};
   config.beta_b = {0.3, 0.1, 0.05};
-  const Medium calm = make_medium(config);
-  EXPECT_EQ(calm.beta_d, Vector3d(0.6, 0.2, 0.1));
-  const Medium murky = make_medium(config, 1.0);
-  EXPECT_TRUE(murky.beta_d.isApprox(Vector3d(3.0, 1.0, 0.5)));
-  EXPECT_TRUE(murky.beta_b.isApprox(Vector3d(1.5, 0.5, 0.25)));
+  const Medium nominal = make_medium(config);
+  EXPECT_EQ(nominal.beta_d, Vector3d(0.6, 0.2, 0.1));
+  const Medium turbid = make_medium(config, 1.0);
+  EXPECT_TRUE(turbid.beta_d.isApprox(Vector3d(3.0, 1.0, 0.5)));
+  EXPECT_TRUE(turbid.beta_b.isApprox(Vector3d(1.5, 0.5, 0.25)));
 }
 
-TEST(Medium, OfClearOceanWaterIsBluestAndOfTurbidCoastsGreenest) {
+TEST(Medium, OceanTransmitsBlueAndTurbidCoastGreen) {
   const Medium ocean = make_medium({.type = JerlovType::I, .attenuation_length_m = std::nullopt});
   EXPECT_LT(ocean.k_d.z(), ocean.k_d.y());
   EXPECT_LT(ocean.k_d.y(), ocean.k_d.x());
@@ -75,35 +75,35 @@ TEST(Medium, OfClearOceanWaterIsBluestAndOfTurbidCoastsGreenest) {
   EXPECT_GT(coast.beta_d.y(), 20.0 * ocean.beta_d.y());
 }
 
-TEST(WaterConfig, RefusesATypeThatJerlovDoesNotHave) {
+TEST(WaterConfig, RejectsUnknownJerlovType) {
   WaterConfig config;
   EXPECT_THROW(config::read(config::parse_yaml("type: IV", "water.yaml"), config), InputError);
   EXPECT_THROW(config::read(config::parse_yaml("attenuation_length_m: 0", "w.yaml"), config),
                InputError);
 }
 
-TEST(Daylight, FadesExponentiallyWithDepth) {
+TEST(Daylight, AttenuatesExponentiallyWithDepth) {
   const Medium medium = make_medium({.type = JerlovType::III});
   const Vector3d ratio = daylight_at({}, medium, 12.0).cwiseQuotient(daylight_at({}, medium, 5.0));
   EXPECT_TRUE(ratio.isApprox(Vector3d((-7.0 * medium.k_d).array().exp())));
   EXPECT_TRUE(daylight_at({.daylight = 2.5}, medium, 0.0).isApprox(Vector3d::Constant(2.5)));
 }
 
-TEST(Lamp, FallsWithTheSquareOfDistanceAndIsLostInTheWater) {
+TEST(Lamp, FollowsInverseSquareLawAndAttenuation) {
   LampConfig lamp;
   lamp.position_m = {0.0, 0.0, 0.0};
-  lamp.colour = {1.0, 1.0, 1.0};
+  lamp.color = {1.0, 1.0, 1.0};
   const Medium medium = make_medium({});
-  const Vector3d towards(0.0, 0.0, -1.0);
-  const Vector3d at1 = lamp_irradiance(lamp, medium, Vector3d(0, 0, 1), towards);
-  const Vector3d at3 = lamp_irradiance(lamp, medium, Vector3d(0, 0, 3), towards);
+  const Vector3d toward(0.0, 0.0, -1.0);
+  const Vector3d at1 = lamp_irradiance(lamp, medium, Vector3d(0, 0, 1), toward);
+  const Vector3d at3 = lamp_irradiance(lamp, medium, Vector3d(0, 0, 3), toward);
   EXPECT_TRUE(at1.isApprox(lamp.intensity * Vector3d((-medium.beta_d).array().exp())));
   const Vector3d expected = (-2.0 * medium.beta_d).array().exp() / 9.0;
   EXPECT_TRUE(at3.cwiseQuotient(at1).isApprox(expected));
 }
 
-TEST(Lamp, HasHalfItsLightAtTheBeamAngleAndNoneBehind) {
-  const LampConfig lamp{.beam_deg = 40.0};
+TEST(Lamp, HasHalfIntensityAtBeamAngleAndNoneBehind) {
+  const LampConfig lamp{.half_beam_deg = 40.0};
   EXPECT_DOUBLE_EQ(lamp_beam(lamp, 1.0), 1.0);
   EXPECT_NEAR(lamp_beam(lamp, std::cos(40.0 * M_PI / 180.0)), 0.5, 1e-12);
   EXPECT_EQ(lamp_beam(lamp, -0.1), 0.0);

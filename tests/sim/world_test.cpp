@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/sim/world.hpp"
+#include "sim/world.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ WorldConfig small_world(WorldKind kind) {
 
 class EveryWorld : public testing::TestWithParam<WorldKind> {};
 
-TEST_P(EveryWorld, IsAWholeMesh) {
+TEST_P(EveryWorld, MeshIsConsistent) {
   const TriangleMesh mesh = make_world(small_world(GetParam()), 5);
   ASSERT_EQ(mesh.detail.size(), mesh.vertices.size());
   ASSERT_EQ(mesh.materials.size(), mesh.triangles.size());
@@ -37,7 +37,7 @@ TEST_P(EveryWorld, IsAWholeMesh) {
   EXPECT_LT(mesh.bounds().min().z(), -8.0F);
 }
 
-TEST_P(EveryWorld, IsTheSameForTheSameSeedAndAnotherForAnother) {
+TEST_P(EveryWorld, IsDeterminedByTheSeed) {
   const TriangleMesh a = make_world(small_world(GetParam()), 5);
   const TriangleMesh b = make_world(small_world(GetParam()), 5);
   const TriangleMesh c = make_world(small_world(GetParam()), 6);
@@ -50,7 +50,7 @@ TEST_P(EveryWorld, IsTheSameForTheSameSeedAndAnotherForAnother) {
 INSTANTIATE_TEST_SUITE_P(Worlds, EveryWorld,
                          testing::Values(WorldKind::seabed, WorldKind::ship, WorldKind::dam));
 
-// Standard deviation of the heights of sand vertices around a plane-free mean, in a disc.
+// Standard deviation of the vertex heights in a disc.
 double roughness(const TriangleMesh& mesh, double x, double y, double radius) {
   std::vector<double> heights;
   for (const Eigen::Vector3f& v : mesh.vertices) {
@@ -63,16 +63,16 @@ double roughness(const TriangleMesh& mesh, double x, double y, double radius) {
   return std::sqrt(square / static_cast<double>(heights.size()));
 }
 
-TEST(Seabed, IsSmoothInABarePatch) {
+TEST(Seabed, BarePatchIsSmooth) {
   WorldConfig config = small_world(WorldKind::seabed);
   config.relief_m = 0.0;
   const double usual = roughness(make_world(config, 5), 0.0, 0.0, 2.5);
-  config.bare = {{.x_m = 0.0, .y_m = 0.0, .radius_m = 3.0}};
+  config.bare_patches = {{.x_m = 0.0, .y_m = 0.0, .radius_m = 3.0}};
   EXPECT_LT(roughness(make_world(config, 5), 0.0, 0.0, 2.5), 1e-3);
   EXPECT_GT(usual, 0.03);
 }
 
-TEST(Dam, HasAWallThatFacesTheWaterAndAGateInIt) {
+TEST(Dam, HasWallWithRecessedGate) {
   const TriangleMesh mesh = make_world(small_world(WorldKind::dam), 5);
   const auto near_wall = [&](double x, double z) {
     return std::any_of(mesh.vertices.begin(), mesh.vertices.end(), [&](const auto& v) {
@@ -80,10 +80,10 @@ TEST(Dam, HasAWallThatFacesTheWaterAndAGateInIt) {
     });
   };
   EXPECT_TRUE(near_wall(-2.0, -5.0));
-  EXPECT_FALSE(near_wall(-7.0, -6.0)) << "the gate lies back in its recess";
+  EXPECT_FALSE(near_wall(-7.0, -6.0)) << "the gate is recessed";
 }
 
-TEST(Ply, HoldsEveryVertexAndTriangle) {
+TEST(Ply, ContainsAllVerticesAndTriangles) {
   TriangleMesh mesh;
   for (int i = 0; i < 4; ++i) mesh.add_vertex({static_cast<float>(i), 1.0F, -2.0F});
   mesh.add_quad(0, 1, 2, 3, Material::rock);
@@ -99,11 +99,11 @@ TEST(Ply, HoldsEveryVertexAndTriangle) {
   EXPECT_EQ(bytes.size() - body, 4U * 12U + 2U * 14U);
 }
 
-TEST(Ply, ComplainsWhenTheFolderIsNotThere) {
+TEST(Ply, ThrowsWhenFolderDoesNotExist) {
   EXPECT_THROW(write_ply({}, "/nowhere/at/all/mesh.ply"), RunError);
 }
 
-TEST(WorldConfig, RefusesAnUnknownKindAndImpossibleSizes) {
+TEST(WorldConfig, RejectsUnknownKindAndInvalidSize) {
   WorldConfig config;
   EXPECT_THROW(config::read(config::parse_yaml("kind: moon", "w.yaml"), config), InputError);
   EXPECT_THROW(config::read(config::parse_yaml("size_m: 1e6", "w.yaml"), config), InputError);

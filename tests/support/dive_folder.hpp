@@ -10,10 +10,10 @@
 
 namespace apvi::test {
 
-struct DiveFolder {
+struct DiveFolderOptions {
   double duration_s = 60.0;
   bool dvl_valid = true;
-  bool broken_samples = false;  ///< NaN, text, a stamp an hour ahead, one an hour back
+  bool broken_samples = false;  ///< NaN, text, stamps an hour ahead and behind
 };
 
 namespace internal {
@@ -43,9 +43,9 @@ inline std::string broken_imu_line(int k, std::int64_t ns) {
 
 }  // namespace internal
 
-/// Writes a data set folder with IMU, DVL, depth and ground truth along a smooth dive, sensor noise
-/// included. The DVL looks along the body's axes from its origin.
-inline void write_dive(const TmpDir& tmp, const std::string& name, const DiveFolder& dive) {
+/// Writes a data set folder with noisy IMU, DVL and depth data and ground truth along a smooth
+/// dive. The DVL frame is the body frame.
+inline void write_dive(const TmpDir& tmp, const std::string& name, const DiveFolderOptions& dive) {
   const Se3Spline spline = wavy_spline(51, dive.duration_s);
   const Eigen::Vector3d gravity(0.0, 0.0, -9.80665);
   Random random(52);

@@ -6,15 +6,14 @@
 #include <cstdint>
 #include <string>
 
-#include "apvi/mapping/keyframe_store.hpp"
-#include "apvi/splat/gaussians.hpp"
-#include "apvi/splat/render.hpp"
+#include "gaussians/model/gaussians.hpp"
+#include "gaussians/render/render.hpp"
+#include "mapping/keyframes/keyframe_store.hpp"
 
-/// A small world that is known exactly: coloured Gaussians on a curved wall, and cameras that pass
-/// in front of it.
+/// A small known scene: colored Gaussians on a curved wall, and cameras in front of it.
 namespace apvi::test {
 
-inline splat::Gaussians wall_of_gaussians(std::int64_t count = 400) {
+inline gaussians::Gaussians gaussian_wall(std::int64_t count = 400) {
   torch::manual_seed(11);
   const torch::Tensor xy = torch::rand({count, 2}) * 4.0 - 2.0;
   const torch::Tensor z = 3.0 + 0.3 * (2.0 * xy.select(1, 0)).sin();
@@ -35,22 +34,23 @@ inline torch::Tensor camera_at(double x, double y) {
   return pose;
 }
 
-/// Whether two maps are the same to the bit, wherever they lie.
-inline bool same(const splat::Gaussians& a, const splat::Gaussians& b) {
+/// Whether two maps are bitwise equal, on any device.
+inline bool bitwise_equal(const gaussians::Gaussians& a, const gaussians::Gaussians& b) {
   for (std::size_t i = 0; i < a.tensors().size(); ++i) {
     if (!torch::equal(a.tensors()[i]->cpu(), b.tensors()[i]->cpu())) return false;
   }
   return true;
 }
 
-inline splat::Intrinsics small_camera() {
+inline gaussians::Intrinsics small_camera() {
   return {.fx = 40.0, .fy = 40.0, .cx = 24.0, .cy = 16.0, .width = 48, .height = 32};
 }
 
-inline mapping::Keyframe photograph(const splat::Gaussians& world, const torch::Tensor& pose,
-                                    std::int64_t number, bool held_out = false) {
+inline mapping::Keyframe render_keyframe(const gaussians::Gaussians& world,
+                                         const torch::Tensor& pose, std::int64_t number,
+                                         bool held_out = false) {
   const torch::NoGradGuard no_grad;
-  splat::View view;
+  gaussians::View view;
   view.intrinsics = small_camera();
   view.T_camera_world = pose;
   mapping::Keyframe keyframe;
@@ -59,19 +59,19 @@ inline mapping::Keyframe photograph(const splat::Gaussians& world, const torch::
   keyframe.intrinsics = view.intrinsics;
   keyframe.T_camera_world = pose;
   keyframe.image =
-      (splat::render(world, view, {}).color.clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
+      (gaussians::render(world, view, {}).color.clamp(0.0, 1.0) * 255.0 + 0.5).to(torch::kUInt8);
   keyframe.held_out = held_out;
   return keyframe;
 }
 
-/// Nine cameras in three rows; the one in the middle is held out.
-inline mapping::KeyframeStore photographs(const splat::Gaussians& world) {
+/// Nine cameras in three rows; the middle one is held out.
+inline mapping::KeyframeStore render_keyframes(const gaussians::Gaussians& world) {
   mapping::KeyframeStore store;
   for (std::int64_t i = 0; i < 9; ++i) {
     const double x = 0.4 * static_cast<double>(i % 3 - 1);
     const std::int64_t row = i / 3;
     const double y = 0.3 * static_cast<double>(row - 1);
-    store.add(photograph(world, camera_at(x, y), i, i == 4));
+    store.add(render_keyframe(world, camera_at(x, y), i, i == 4));
   }
   return store;
 }

@@ -16,7 +16,7 @@
 namespace apvi::test {
 
 struct ProgramResult {
-  int status = -1;  ///< exit status; -1 when a signal ended the program
+  int status = -1;  ///< exit status; -1 if terminated by a signal
   std::string out;
   std::string err;
 };
@@ -28,7 +28,7 @@ inline std::string read_file(const std::filesystem::path& path) {
   return text.str();
 }
 
-/// Runs a program to its end; arguments must be free of single quotes.
+/// Runs a program to completion; arguments must not contain single quotes.
 inline ProgramResult run_program(const std::filesystem::path& program,
                                  const std::vector<std::string>& arguments) {
   const TmpDir dir;

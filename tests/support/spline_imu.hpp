@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "apvi/geometry/spline.hpp"
-#include "apvi/imu/propagation.hpp"
 #include "apvi/sensors/samples.hpp"
+#include "core/random.hpp"
+#include "geometry/spline.hpp"
+#include "imu/propagation.hpp"
 
-/// Perfect inertial data along a smooth curve: the oracle for everything that integrates.
+/// Noise-free IMU data along a smooth spline, as ground truth for integration tests.
 namespace apvi::test {
 
 inline Eigen::Vector3d random_vector(Random& random, double size) {
@@ -21,20 +21,20 @@ inline Eigen::Vector3d normal_vector(Random& random, double sigma) {
   return {random.normal(0.0, sigma), random.normal(0.0, sigma), random.normal(0.0, sigma)};
 }
 
-/// A vehicle that swims on at about half a metre per second and turns, rolls and pitches at will,
-/// the less the smaller `unrest` is.
-inline Se3Spline wavy_spline(std::uint64_t seed, double duration_s, double unrest = 1.0) {
+/// A vehicle moving at about 0.5 m/s with random yaw, roll and pitch, scaled by `motion_scale`.
+inline Se3Spline wavy_spline(std::uint64_t seed, double duration_s, double motion_scale = 1.0) {
   Random random(seed);
   std::vector<SE3> control;
   SE3 pose;
   double yaw = 0.0;
   for (double t = 0.0; t < duration_s + 6.0; t += 1.0) {
-    yaw += unrest * random.uniform(-0.35, 0.35);
+    yaw += motion_scale * random.uniform(-0.35, 0.35);
     const Eigen::Quaterniond heading(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
     pose.translation +=
-        heading * Eigen::Vector3d(0.5, 0.0, 0.0) + random_vector(random, unrest * 0.15);
-    pose.rotation = heading * so3::exp(unrest * Eigen::Vector3d(random.uniform(-0.2, 0.2),
-                                                                random.uniform(-0.2, 0.2), 0.0));
+        heading * Eigen::Vector3d(0.5, 0.0, 0.0) + random_vector(random, motion_scale * 0.15);
+    pose.rotation =
+        heading * so3::exp(motion_scale * Eigen::Vector3d(random.uniform(-0.2, 0.2),
+                                                          random.uniform(-0.2, 0.2), 0.0));
     control.push_back(pose);
   }
   return Se3Spline(Stamp{1'000'000'000}, Duration::from_seconds(1.0), std::move(control));

@@ -10,9 +10,9 @@
 
 namespace apvi::test {
 
-/// A folder of the real recordings, which are not part of the project: below $APVI_TEST_DATA, or
-/// below `../shared/data` beside the source tree. Nothing when it is not there; the test skips
-/// then.
+/// Folder of a real recording, which is not part of the repository: below $APVI_TEST_DATA, else
+/// below `../shared/data`, relative to the source tree. nullopt if absent; the test is then
+/// skipped.
 inline std::optional<std::filesystem::path> real_data(const std::string& name) {
   const char* root = std::getenv("APVI_TEST_DATA");
   const std::filesystem::path base = root != nullptr
@@ -24,7 +24,7 @@ inline std::optional<std::filesystem::path> real_data(const std::string& name) {
 
 }  // namespace apvi::test
 
-/// Skips the test unless the recording is there; else defines the path `variable`.
+/// Defines the path `variable` of a recording, or skips the test if it is absent.
 #define APVI_NEEDS_DATA(variable, name)                                                \
   const auto variable##_found = ::apvi::test::real_data(name);                         \
   if (!variable##_found)                                                               \

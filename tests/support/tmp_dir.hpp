@@ -11,12 +11,12 @@
 
 namespace apvi::test {
 
-/// A folder of its own for one test, removed at the end.
+/// Temporary folder for one test, removed by the destructor.
 class TmpDir {
  public:
   TmpDir() {
     std::string name = (std::filesystem::temp_directory_path() / "apvi_test_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
+    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot create " + name);
     path_ = name;
   }
   ~TmpDir() {
@@ -27,7 +27,7 @@ class TmpDir {
   TmpDir& operator=(const TmpDir&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  /// Writes a file, making its folders, and returns its path.
+  /// Writes a file, creating its folders, and returns its path.
   std::filesystem::path write(const std::string& name, const std::string& content) const {
     std::filesystem::path file = path_ / name;
     std::filesystem::create_directories(file.parent_path());

@@ -6,10 +6,10 @@
 #include <limits>
 #include <vector>
 
-#include "apvi/splat/render.hpp"
+#include "gaussians/render/render.hpp"
 
-/// The rasterizer as a plain LibTorch expression over all pixels and all Gaussians at once, which
-/// autograd differentiates: slow, and written without a look at the fast one.
+/// Independent reference rasterizer: a plain LibTorch expression over all pixels and Gaussians,
+/// differentiated by autograd. Slow.
 namespace apvi::test {
 
 /// Spherical harmonics to degree 3 of unit directions [N,3], as [N,16].
@@ -32,7 +32,7 @@ inline torch::Tensor reference_sh(const torch::Tensor& d) {
       1);
 }
 
-/// Rotation matrices [N,3,3] of quaternions w x y z of any length.
+/// Rotation matrices [N,3,3] of unnormalized quaternions w x y z.
 inline torch::Tensor reference_rotations(const torch::Tensor& quaternions) {
   const auto q = (quaternions / quaternions.norm(2, 1, true)).unbind(1);
   const auto &w = q[0], &x = q[1], &y = q[2], &z = q[3];
@@ -44,7 +44,7 @@ inline torch::Tensor reference_rotations(const torch::Tensor& quaternions) {
 }
 
 /// The pose that is rendered, differentiable in `pose_delta`.
-inline torch::Tensor reference_pose(const splat::View& view) {
+inline torch::Tensor reference_pose(const gaussians::View& view) {
   if (!view.pose_delta.defined()) return view.T_camera_world;
   const auto d = view.pose_delta.unbind(0);
   const auto zero = torch::zeros_like(d[0]);
@@ -54,20 +54,20 @@ inline torch::Tensor reference_pose(const splat::View& view) {
   return torch::matrix_exp(twist).matmul(view.T_camera_world);
 }
 
-/// x/z within what the projection is linearised over.
+/// x/z clamped to the range over which the projection is linearized.
 inline torch::Tensor reference_ray(const torch::Tensor& ray, double f, double c, int size) {
   const double margin = 0.15 * size;
   return ray.clamp(-(c + margin) / f, (size - c + margin) / f);
 }
 
-/// One row a Gaussian, sorted by depth.
+/// One row per Gaussian, sorted by depth.
 struct ReferenceSplats {
   torch::Tensor u, v, z, covariance, opacity, color;
 };
 
-inline ReferenceSplats reference_project(const splat::Gaussians& g, const splat::View& view,
-                                         const splat::RenderOptions& options) {
-  const splat::Intrinsics& k = view.intrinsics;
+inline ReferenceSplats reference_project(const gaussians::Gaussians& g, const gaussians::View& view,
+                                         const gaussians::RenderOptions& options) {
+  const gaussians::Intrinsics& k = view.intrinsics;
   const torch::Tensor T = reference_pose(view);
   const torch::Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
   const torch::Tensor t = T.slice(0, 0, 3).select(1, 3);
@@ -90,7 +90,7 @@ inline ReferenceSplats reference_project(const splat::Gaussians& g, const splat:
     opacity = opacity * torch::sqrt(torch::det(sharp) / torch::det(covariance));
   torch::Tensor direction = g.means + R.t().matmul(t);
   direction = direction / direction.norm(2, 1, true);
-  const std::int64_t used = splat::sh_rest_count(std::min(options.sh_degree, g.sh_degree()));
+  const std::int64_t used = gaussians::sh_rest_count(std::min(options.sh_degree, g.sh_degree()));
   const torch::Tensor basis = reference_sh(direction);
   const torch::Tensor color =
       torch::relu(basis.slice(1, 0, 1) * g.sh_dc + 0.5 +
@@ -108,8 +108,8 @@ struct ReferenceImage {
   torch::Tensor max_weight;  ///< [kept Gaussians] by depth
 };
 
-inline ReferenceImage reference_render(const splat::Gaussians& g, const splat::View& view,
-                                       const splat::RenderOptions& options) {
+inline ReferenceImage reference_render(const gaussians::Gaussians& g, const gaussians::View& view,
+                                       const gaussians::RenderOptions& options) {
   const ReferenceSplats s = reference_project(g, view, options);
   const auto f64 = s.u.options().requires_grad(false);
   const torch::Tensor dx =

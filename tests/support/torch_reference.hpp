@@ -6,10 +6,10 @@
 
 #include <functional>
 
-/// Slow, plain LibTorch expressions that the backends are compared with, and how to compare.
+/// Reference implementations in plain LibTorch, and comparison helpers.
 namespace apvi::test {
 
-/// The paper's Eq. (8) with alpha, differentiated by autograd itself.
+/// Eq. (8) of the paper with alpha, differentiable by autograd.
 inline torch::Tensor reference_medium(const torch::Tensor& color, const torch::Tensor& range,
                                       const torch::Tensor& alpha, const torch::Tensor& beta_d,
                                       const torch::Tensor& beta_b, const torch::Tensor& b_inf) {

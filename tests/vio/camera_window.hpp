@@ -5,12 +5,12 @@
 #include <memory>
 #include <vector>
 
-#include "apvi/vio/factors.hpp"
-#include "apvi/vio/marginalization.hpp"
 #include "support/spline_imu.hpp"
+#include "vio/factors/factors.hpp"
+#include "vio/marginalization/marginalization.hpp"
 
-/// A window of frames along a smooth curve with inertial terms between them and landmarks seen by
-/// those that follow: the problem that an estimator linearises.
+/// A window of frames along a smooth curve, with inertial terms between them and landmarks observed
+/// by later frames: a typical problem of the estimator.
 namespace apvi::vio::test {
 
 struct CameraWindow {
@@ -62,7 +62,7 @@ struct CameraWindow {
     return (b.inverse() * (a * (landmark.ray / landmark.inverse_depth))).hnormalized();
   }
 
-  /// What frame `frame` sees of a landmark, as a term with everything where it is.
+  /// The observation of a landmark by `frame`, as a term at the current values.
   std::unique_ptr<ReprojectionFactor> view_of(const Landmark& landmark, std::size_t frame,
                                               bool use_first) const {
     const Eigen::Vector2d none = Eigen::Vector2d::Zero();
@@ -89,8 +89,8 @@ struct CameraWindow {
             {frames[from + 1].motion.data(), 9}};
   }
 
-  /// All that touches `frame`, the oldest, and the points anchored there; and what is dropped with
-  /// it.
+  /// All terms of `frame`, the oldest, and of landmarks anchored there; and the blocks that are
+  /// dropped with it.
   std::vector<double*> add_oldest(std::size_t frame, bool use_first, Linearizer& to) {
     to.hold_constant(camera.data());
     to.hold_constant(&offset_s);

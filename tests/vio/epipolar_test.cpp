@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which pairs of points agree with one motion of the camera.
+// Tests of the epipolar check: which point pairs agree with one camera motion.
 #include <gtest/gtest.h>
 
-#include "apvi/core/random.hpp"
+#include "core/random.hpp"
 #include "support/matchers.hpp"
 #include "support/spline_imu.hpp"
-#include "vio/epipolar_check.hpp"
-#include "vio/rigidity_check.hpp"
+#include "vio/frontend/epipolar_check.hpp"
+#include "vio/frontend/rigidity_check.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -21,7 +21,7 @@ struct Scene {
   Quaterniond R_now_before = so3::exp(Vector3d(0.02, -0.05, 0.03));
   Vector3d t_now_before = Vector3d(0.3, -0.1, 0.2);
   std::vector<PointPair> pairs;
-  std::size_t good = 0;  // the first ones; the rest are outliers
+  std::size_t good = 0;  // inliers come first; the rest are outliers
 };
 
 Scene make_scene(std::size_t good, std::size_t bad, double noise) {
@@ -53,7 +53,7 @@ void expect_good_kept(const Scene& scene, const CameraMotion& motion) {
   EXPECT_LT(wrong, 0.15 * static_cast<double>(scene.pairs.size() - scene.good));
 }
 
-TEST(Epipolar, APointOfTheSceneHasNoDistance) {
+TEST(Epipolar, ScenePointHasZeroDistance) {
   const Scene scene = make_scene(50, 0, 0.0);
   const auto essential = essential_matrix(scene.R_now_before, scene.t_now_before);
   for (const PointPair& pair : scene.pairs) {
@@ -61,19 +61,19 @@ TEST(Epipolar, APointOfTheSceneHasNoDistance) {
   }
 }
 
-TEST(Epipolar, TheDistanceIsHowFarBothPointsMustMove) {
+TEST(Epipolar, DistanceIsTheCorrectionOfBothPoints) {
   Scene scene = make_scene(50, 0, 0.0);
   const auto essential = essential_matrix(scene.R_now_before, scene.t_now_before);
   for (PointPair pair : scene.pairs) {
     const Vector2d line = (essential * pair.before.homogeneous()).head<2>().normalized();
     pair.now += 2e-3 * line;
     const double distance = epipolar_distance(essential, pair);
-    EXPECT_GT(distance, 1.0e-3);  // shared by two points: between half and all of it
+    EXPECT_GT(distance, 1.0e-3);  // distributed over two points: between half and all of it
     EXPECT_LT(distance, 2.0e-3);
   }
 }
 
-TEST(Epipolar, TheMotionIsFoundAmongFortyPercentOutliers) {
+TEST(Epipolar, FindsTheMotionWithFortyPercentOutliers) {
   const Scene scene = make_scene(90, 60, 3e-4);
   const auto motion = best_motion(scene.pairs, scene.R_now_before, kThreshold);
   ASSERT_TRUE(motion);
@@ -83,7 +83,7 @@ TEST(Epipolar, TheMotionIsFoundAmongFortyPercentOutliers) {
   expect_good_kept(scene, *motion);
 }
 
-TEST(Epipolar, AGyroThatIsOffByAThirdOfADegreeIsCorrected) {
+TEST(Epipolar, CorrectsAGyroRotationErrorOfAThirdOfADegree) {
   const Scene scene = make_scene(120, 30, 3e-4);
   const Quaterniond off = so3::exp(Vector3d(0.004, -0.003, 0.003)) * scene.R_now_before;
   const auto motion = best_motion(scene.pairs, off, kThreshold);
@@ -92,7 +92,7 @@ TEST(Epipolar, AGyroThatIsOffByAThirdOfADegreeIsCorrected) {
   expect_good_kept(scene, *motion);
 }
 
-TEST(Epipolar, TheMotionIsFoundWithoutAGyro) {
+TEST(Epipolar, FindsTheMotionWithoutGyro) {
   const Scene scene = make_scene(110, 40, 3e-4);
   const auto motion = best_motion(scene.pairs, std::nullopt, kThreshold);
   ASSERT_TRUE(motion);
@@ -100,7 +100,7 @@ TEST(Epipolar, TheMotionIsFoundWithoutAGyro) {
   expect_good_kept(scene, *motion);
 }
 
-TEST(Epipolar, NoTranslationIsNoReasonToDropAnything) {
+TEST(Epipolar, PureRotationRejectsNothing) {
   Scene scene = make_scene(0, 0, 0.0);
   scene.t_now_before.setZero();
   Random random(22);
@@ -119,13 +119,13 @@ TEST(Epipolar, NoTranslationIsNoReasonToDropAnything) {
   }
 }
 
-TEST(Epipolar, TooFewPairsTellNothing) {
+TEST(Epipolar, ReturnsNulloptWithTooFewPairs) {
   const Scene scene = make_scene(7, 0, 0.0);
   EXPECT_FALSE(best_motion(scene.pairs, scene.R_now_before, kThreshold));
   EXPECT_FALSE(best_motion({}, std::nullopt, kThreshold));
 }
 
-// The last of 60 points creeps across its epipolar line by a fifth of the threshold a frame.
+// The last of 60 points drifts across its epipolar line by a fifth of the threshold per frame.
 std::vector<TrackPoint> creeping(int frame) {
   Random random(23);
   const SE3 T_now_world{Quaterniond::Identity(), Vector3d(0.02 * frame, 0.0, 0.0)};
@@ -139,7 +139,7 @@ std::vector<TrackPoint> creeping(int frame) {
   return points;
 }
 
-TEST(Rigidity, WhatCreepsAcrossTheSceneIsSeenAfterSomeFrames) {
+TEST(Rigidity, RejectsASlowlyDriftingPointAfterSomeFrames) {
   RigidityCheck check(0.5 * kThreshold);
   std::vector<char> stays;
   for (int frame = 0; frame < 12; ++frame) {
@@ -153,7 +153,7 @@ TEST(Rigidity, WhatCreepsAcrossTheSceneIsSeenAfterSomeFrames) {
   EXPECT_GE(std::count(stays.begin(), stays.end(), 1), 58);
 }
 
-TEST(Rigidity, TracksThatCameAndWentAreMatchedById) {
+TEST(Rigidity, MatchesTracksById) {
   RigidityCheck check(kThreshold);
   for (int frame = 0; frame < 12; ++frame) {
     auto points = creeping(frame);

@@ -6,12 +6,12 @@
 
 #include <vector>
 
-#include "apvi/core/random.hpp"
-#include "apvi/vio/factors.hpp"
+#include "core/random.hpp"
 #include "support/numeric_jacobian.hpp"
 #include "support/spline_imu.hpp"
+#include "vio/factors/factors.hpp"
 
-/// Analytic against numeric Jacobians of cost functions, by the tangent.
+/// Compares analytic with numeric Jacobians of cost functions, by the tangent.
 namespace apvi::vio::test {
 
 using Values = std::vector<std::vector<double>>;  ///< one entry per parameter block
@@ -51,12 +51,12 @@ inline std::vector<double> plus(const std::vector<double>& x, const Eigen::Vecto
   return result;
 }
 
-/// Asks for the Jacobian of one block alone: all others are null, as if constant.
+/// Requests the Jacobian of one block only; all others are null, as if constant.
 inline Eigen::MatrixXd analytic_jacobian(const ceres::CostFunction& cost, const Values& values,
                                          std::size_t block) {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const auto size = static_cast<Eigen::Index>(values[block].size());
-  // What is not written shows as a number that no derivative has.
+  // Entries that are not written are detected by an impossible value.
   RowMajor J = RowMajor::Constant(cost.num_residuals(), size, 1e77);
   std::vector<double*> jacobians(values.size(), nullptr);
   if (size == 1) {
@@ -71,7 +71,7 @@ inline Eigen::MatrixXd analytic_jacobian(const ceres::CostFunction& cost, const 
   EXPECT_TRUE(cost.Evaluate(pointers(values).data(), r.data(), jacobians.data()));
   EXPECT_TRUE(r.isApprox(residual(cost, values), 1e-14));
   if (size == 7) {
-    EXPECT_TRUE(J.col(6).isZero(0.0)) << "the seventh column is no derivative";
+    EXPECT_TRUE(J.col(6).isZero(0.0)) << "the seventh column must be zero";
   }
   return J.leftCols(tangent_of(values[block]));
 }
@@ -86,7 +86,7 @@ inline Eigen::MatrixXd numeric_jacobian_of(const ceres::CostFunction& cost, cons
   return apvi::test::numeric_jacobian(f, tangent_of(values[block]), 3e-6);
 }
 
-/// Row by row: a whitened residual has rows of very different size.
+/// Compares row by row, as rows of a whitened residual differ in scale.
 inline void expect_near_by_row(const Eigen::MatrixXd& actual, const Eigen::MatrixXd& expected,
                                const Eigen::VectorXd& row_scale, double tolerance) {
   ASSERT_EQ(actual.rows(), expected.rows());
@@ -98,8 +98,8 @@ inline void expect_near_by_row(const Eigen::MatrixXd& actual, const Eigen::Matri
   }
 }
 
-/// Derivatives of `cost` (with first estimates, perhaps) at `values` equal numeric ones of `plain`
-/// at `expected_at`.
+/// Expects the Jacobians of `cost` (possibly with first estimates) at `values` to match numeric
+/// ones of `plain` at `expected_at`.
 inline void expect_jacobians(const ceres::CostFunction& cost, const Values& values,
                              const ceres::CostFunction& plain, const Values& expected_at,
                              double tolerance = 1e-7) {
@@ -135,7 +135,7 @@ inline MotionBlock random_motion(Random& random) {
   return motion;
 }
 
-/// A state near another.
+/// A perturbed state.
 inline std::vector<double> nudged(const std::vector<double>& x, Random& random, double size) {
   Eigen::VectorXd delta(tangent_of(x));
   for (double& d : delta) d = random.uniform(-size, size);

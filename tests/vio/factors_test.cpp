@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/vio/factors.hpp"
+#include "vio/factors/factors.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <memory>
 
-#include "factor_check.hpp"
+#include "vio/factor_check.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -28,7 +28,7 @@ const Vector3d kGravity(0.0, 0.0, -9.80665);
 const SE3 kBodyCamera{so3::exp({-1.2, 1.1, -1.3}), {0.1, -0.05, 0.2}};
 const SE3 kBodyOther{so3::exp({-1.22, 1.13, -1.25}), {0.12, 0.1, 0.18}};
 
-/// Two poses, and a point at known depth in the first camera.
+/// Two poses and a point of known depth in the first camera.
 struct Scene {
   Random random;
   SE3 pose_i, pose_j;
@@ -48,7 +48,7 @@ struct Scene {
   Vector2d velocity() { return {random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)}; }
 };
 
-TEST(ReprojectionFactor, IsZeroForAPointSeenWhereItIs) {
+TEST(ReprojectionFactor, IsZeroForAnExactObservation) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Scene s(seed);
     const ReprojectionFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyCamera), {3.0, 4.0}},
@@ -62,7 +62,7 @@ TEST(ReprojectionFactor, IsZeroForAPointSeenWhereItIs) {
   }
 }
 
-// Values of a term with everything somewhat off.
+// Perturbed parameter values of a term.
 Values visual_values(Scene& s, bool two_cameras) {
   Values x{as_vector(to_block(s.pose_i)), as_vector(to_block(s.pose_j)),
            as_vector(to_block(kBodyCamera))};
@@ -73,7 +73,7 @@ Values visual_values(Scene& s, bool two_cameras) {
   return x;
 }
 
-TEST(ReprojectionFactor, JacobiansEqualNumericDifferences) {
+TEST(ReprojectionFactor, JacobiansMatchNumericDifferences) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Scene s(seed);
     const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
@@ -82,7 +82,7 @@ TEST(ReprojectionFactor, JacobiansEqualNumericDifferences) {
   }
 }
 
-TEST(ReprojectionFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheState) {
+TEST(ReprojectionFactor, EvaluatesJacobiansAtFirstEstimatesAndResidualsAtTheState) {
   Scene s(31);
   const View i{s.point_i, s.velocity()};
   const View j{s.seen(kBodyCamera), s.velocity()};
@@ -101,9 +101,9 @@ TEST(ReprojectionFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheS
   expect_jacobians(one, x, plain, first_values);
 }
 
-TEST(ReprojectionFactor, MovesPointsByTheTimeOffsetThatIsNotTakenOffYet) {
-  // A camera stamp 0.03 s late where 0.01 s were taken off: the picture is 0.02 s older than the
-  // frame's pose, and the point has moved on since.
+TEST(ReprojectionFactor, AppliesTheUncompensatedTimeOffset) {
+  // A camera stamp 0.03 s late with 0.01 s compensated: the image is 0.02 s older than the frame
+  // pose.
   Scene s(5);
   const Vector2d flow(0.4, -0.2);
   const double late = 0.02;
@@ -117,7 +117,7 @@ TEST(ReprojectionFactor, MovesPointsByTheTimeOffsetThatIsNotTakenOffYet) {
   EXPECT_LT(residual(factor, x).norm(), 1e-9);
 }
 
-TEST(ReprojectionFactor, IsFiniteForPointsAtInfinityAndBehindTheCamera) {
+TEST(ReprojectionFactor, IsFiniteAtInfinityAndBehindTheCamera) {
   Scene s(8);
   const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
                                   300.0, 0.0, nullptr, nullptr);
@@ -132,11 +132,11 @@ TEST(ReprojectionFactor, IsFiniteForPointsAtInfinityAndBehindTheCamera) {
   x[1] = as_vector(to_block(s.pose_i * kBodyCamera * SE3{so3::exp({0.0, 3.1, 0.0}), {0, 0, 9.0}} *
                             kBodyCamera.inverse()));
   EXPECT_TRUE(residual(factor, x).allFinite());
-  EXPECT_GT(residual(factor, x).norm(), 100.0) << "a point behind the camera fits badly";
+  EXPECT_GT(residual(factor, x).norm(), 100.0) << "large residual behind the camera";
   expect_jacobians(factor, x);
 }
 
-TEST(CrossCameraFactor, IsZeroForAPointSeenWhereItIsByTheOtherCamera) {
+TEST(CrossCameraFactor, IsZeroForAnExactObservation) {
   const Scene s(3);
   const CrossCameraFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyOther), {3.0, 4.0}}, 400.0,
                                  0.0, nullptr, nullptr);
@@ -149,7 +149,7 @@ TEST(CrossCameraFactor, IsZeroForAPointSeenWhereItIsByTheOtherCamera) {
   EXPECT_LT(residual(factor, x).norm(), 1e-9);
 }
 
-TEST(CrossCameraFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+TEST(CrossCameraFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
   for (std::uint64_t seed = 40; seed < 50; ++seed) {
     Scene s(seed);
     const View i{s.point_i, s.velocity()};
@@ -166,7 +166,7 @@ TEST(CrossCameraFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
   }
 }
 
-TEST(StereoFactor, IsZeroForAPointSeenByBothAndItsJacobiansEqualNumericDifferences) {
+TEST(StereoFactor, IsZeroForExactObservationsAndJacobiansMatch) {
   Random random(6);
   for (int n = 0; n < 10; ++n) {
     const Vector2d a(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5));
@@ -181,8 +181,7 @@ TEST(StereoFactor, IsZeroForAPointSeenByBothAndItsJacobiansEqualNumericDifferenc
   }
 }
 
-/// Inertial samples along a curve and what they sum up to, with biases the integration does not
-/// know of exactly.
+/// Inertial samples along a curve and their preintegration, with slightly wrong biases.
 struct Inertial {
   Se3Spline spline = apvi::test::wavy_spline(11, 4.0);
   std::vector<ImuSample> samples = apvi::test::imu_along(spline, kGravity, 200.0);
@@ -225,18 +224,18 @@ Values all_nudged(const Values& x, Random& random, double size) {
 TEST(ImuFactor, IsSmallAlongTheTrueMotion) {
   const Inertial inertial;
   const ImuFactor factor(inertial.sum(50, 130), kGravity, nullptr, nullptr);
-  // In standard deviations: only the error of the midpoint rule is left.
+  // In standard deviations: only the error of the midpoint rule remains.
   EXPECT_LT(residual(factor, inertial.values(50, 130)).norm(), 0.2);
 }
 
-TEST(ImuFactor, WeighsByTheCovarianceOfThePreintegration) {
+TEST(ImuFactor, IsWhitenedByThePreintegrationCovariance) {
   const Inertial inertial;
   const auto sum = inertial.sum(50, 70);
   const ImuFactor factor(sum, kGravity, nullptr, nullptr);
   Random random(4);
   Values x = inertial.values(50, 70);
   const Eigen::VectorXd at_truth = residual(factor, x);
-  // A motion that differs by a known error of the preintegration.
+  // A motion that differs by a given error of the preintegration.
   Eigen::Matrix<double, 15, 1> error;
   for (double& e : error) e = random.uniform(-1e-6, 1e-6);
   const SE3 i = to_se3(x[0].data());
@@ -250,7 +249,7 @@ TEST(ImuFactor, WeighsByTheCovarianceOfThePreintegration) {
   EXPECT_NEAR(change.squaredNorm() / expected, 1.0, 1e-3);
 }
 
-TEST(ImuFactor, JacobiansEqualNumericDifferences) {
+TEST(ImuFactor, JacobiansMatchNumericDifferences) {
   const Inertial inertial;
   Random random(7);
   for (const std::size_t to : {60U, 90U, 250U}) {
@@ -260,7 +259,7 @@ TEST(ImuFactor, JacobiansEqualNumericDifferences) {
   }
 }
 
-TEST(ImuFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheState) {
+TEST(ImuFactor, EvaluatesJacobiansAtFirstEstimatesAndResidualsAtTheState) {
   const Inertial inertial;
   Random random(8);
   const auto sum = inertial.sum(50, 70);
@@ -277,7 +276,7 @@ TEST(ImuFactor, TakesDerivativesAtTheFirstEstimatesAndTheResidualAtTheState) {
   EXPECT_EQ(residual(fixed, x), residual(plain, x));
 }
 
-TEST(ImuFactor, IsFiniteForASingleStepWhoseCovarianceIsSingular) {
+TEST(ImuFactor, IsFiniteForASingularCovariance) {
   const Inertial inertial;
   const ImuFactor factor(inertial.sum(50, 51), kGravity, nullptr, nullptr);
   Random random(9);
@@ -286,7 +285,7 @@ TEST(ImuFactor, IsFiniteForASingleStepWhoseCovarianceIsSingular) {
   expect_jacobians(factor, x, 1e-6);
 }
 
-TEST(ImuFactor, IsRefusedWithoutASpan) {
+TEST(ImuFactor, RejectsAnEmptyPreintegration) {
   const auto empty =
       std::make_shared<const imu::Preintegration>(imu::Noise{}, Vector3d::Zero(), Vector3d::Zero());
   EXPECT_THROW(ImuFactor(empty, kGravity, nullptr, nullptr), std::logic_error);
@@ -315,7 +314,7 @@ TEST(DvlVelocityFactor, IsSmallAlongTheTrueMotion) {
   EXPECT_LT(residual(factor, {as_vector(state.pose), as_vector(state.motion)}).norm(), 0.02);
 }
 
-TEST(DvlVelocityFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+TEST(DvlVelocityFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
   const Inertial inertial;
   Random random(12);
   for (const std::size_t at : {50U, 52U, 90U}) {
@@ -333,24 +332,24 @@ TEST(DvlVelocityFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
   }
 }
 
-TEST(DvlVelocityFactor, SeesNeitherYawNorPosition) {
+TEST(DvlVelocityFactor, IsInvariantToYawAndPosition) {
   const Inertial inertial;
   const DvlVelocityFactor factor(ping_at(inertial, 50, 73, kBodyDvl), kBodyDvl, kGravity, nullptr);
   const FrameState state = inertial.state(50);
   const Values x{as_vector(state.pose), as_vector(state.motion)};
   const Eigen::MatrixXd by_pose = test::analytic_jacobian(factor, x, 0);
   const Eigen::MatrixXd by_motion = test::analytic_jacobian(factor, x, 1);
-  // The whole vehicle with its velocity turns about the vertical.
+  // Rotates the vehicle and its velocity about the vertical.
   const Vector3d up = Vector3d::UnitZ();
   const Vector3d velocity(state.motion.data());
   const Vector3d yaw = by_pose.leftCols<3>() * (to_se3(x[0].data()).rotation.conjugate() * up) +
                        by_motion.leftCols<3>() * up.cross(velocity);
   EXPECT_LT(yaw.norm(), 1e-10 * by_pose.norm());
   EXPECT_TRUE(by_pose.rightCols<3>().isZero(0.0));
-  EXPECT_GT(by_pose.leftCols<3>().norm(), 1.0) << "tilt is seen";
+  EXPECT_GT(by_pose.leftCols<3>().norm(), 1.0) << "tilt is observable";
 }
 
-TEST(DvlDisplacementFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates) {
+TEST(DvlDisplacementFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
   Random random(13);
   const SE3 pose_i = test::random_pose(random, 2.0, 10.0);
   const SE3 pose_j = pose_i * test::random_pose(random, 0.3, 1.0);
@@ -375,7 +374,7 @@ TEST(DvlDisplacementFactor, JacobiansEqualNumericDifferencesAlsoAtFirstEstimates
   EXPECT_EQ(residual(fixed, x), residual(plain, x));
 }
 
-TEST(DvlDisplacementFactor, WeighsByTheCovariance) {
+TEST(DvlDisplacementFactor, IsWhitenedByTheCovariance) {
   DvlDisplacement measured;
   measured.covariance << 4e-4, 1e-4, 0.0, 1e-4, 9e-4, 2e-4, 0.0, 2e-4, 1e-4;
   const DvlDisplacementFactor factor(measured, nullptr, nullptr);
@@ -386,31 +385,31 @@ TEST(DvlDisplacementFactor, WeighsByTheCovariance) {
               1.0, 1e-6);
 }
 
-TEST(DepthFactor, CountsTheLeverArmAndItsJacobianEqualsNumericDifferences) {
+TEST(PressureDepthFactor, AppliesTheLeverArmAndJacobianMatches) {
   Random random(14);
   const Vector3d lever(0.2, -0.3, 0.4);
   for (const double sign : {1.0, -1.0}) {
     const SE3 pose = test::random_pose(random, 1.0, 5.0);
     const double zero = random.uniform(-2.0, 2.0);
     const double depth = sign * (pose * lever).z() + zero;
-    const DepthFactor plain(depth, 0.02, lever, sign, nullptr);
+    const PressureDepthFactor plain(depth, 0.02, lever, sign, nullptr);
     Values x{as_vector(to_block(pose)), {zero}};
     EXPECT_LT(residual(plain, x).norm(), 1e-10);
     x = all_nudged(x, random, 0.2);
     expect_jacobians(plain, x);
     const Values first_values = all_nudged(x, random, 0.1);
     const FirstEstimate first{.pose = as_pose(first_values[0]), .motion = {}};
-    expect_jacobians(DepthFactor(depth, 0.02, lever, sign, &first), x, plain, first_values);
+    expect_jacobians(PressureDepthFactor(depth, 0.02, lever, sign, &first), x, plain, first_values);
   }
 }
 
-TEST(DepthFactor, IsOneStandardDeviationOffWhereTheDepthIs) {
-  const DepthFactor factor(5.0, 0.02, Vector3d::Zero(), -1.0, nullptr);
+TEST(PressureDepthFactor, ResidualIsInSigmas) {
+  const PressureDepthFactor factor(5.0, 0.02, Vector3d::Zero(), -1.0, nullptr);
   const Values x{as_vector(to_block({Eigen::Quaterniond::Identity(), {1.0, 2.0, -4.02}})), {1.0}};
   EXPECT_NEAR(residual(factor, x)(0), 1.0, 1e-9);
 }
 
-TEST(PosePriorFactor, IsTheWeightedTangentAndItsJacobianEqualsNumericDifferences) {
+TEST(PosePriorFactor, IsTheWhitenedTangentAndJacobianMatches) {
   Random random(15);
   Eigen::Matrix<double, 6, 6> S = Eigen::Matrix<double, 6, 6>::Identity() * 30.0;
   S(0, 4) = 5.0;
@@ -424,7 +423,7 @@ TEST(PosePriorFactor, IsTheWeightedTangentAndItsJacobianEqualsNumericDifferences
   expect_jacobians(factor, x);
 }
 
-TEST(MotionPriorFactor, IsTheWeightedDifferenceAndItsJacobianEqualsNumericDifferences) {
+TEST(MotionPriorFactor, IsTheWhitenedDifferenceAndJacobianMatches) {
   Random random(16);
   Eigen::Matrix<double, 9, 9> S = Eigen::Matrix<double, 9, 9>::Identity() * 30.0;
   S(0, 4) = 5.0;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A camera and an IMU never see where the vehicle started nor its heading there. Whatever is
-// integrated out, at whatever states, the prior must not claim to know them.
+// Position and heading are unobservable with camera and IMU. A marginalization prior must not
+// contain information about them, at any linearization point.
 #include <gtest/gtest.h>
 
-#include "camera_window.hpp"
-#include "factor_check.hpp"
+#include "vio/camera_window.hpp"
+#include "vio/factor_check.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -20,7 +20,8 @@ void nudge(FrameState& state, Random& random, double size) {
   state.motion = test::as_motion(test::nudged(test::as_vector(state.motion), random, size));
 }
 
-/// The prior after two frames left one after the other, the estimate moving in between.
+/// The prior after marginalizing two frames one after the other, with the estimate changing in
+/// between.
 Prior prior_after_two_frames(CameraWindow& window, bool use_first, Method method) {
   Random random(23);
   for (FrameState& state : window.frames) nudge(state, random, 0.01);
@@ -41,7 +42,8 @@ Prior prior_after_two_frames(CameraWindow& window, bool use_first, Method method
   return next.marginalize(drop_next, method);
 }
 
-/// The shift along each axis and the turn about the vertical of the whole window.
+/// Basis of the gauge: translation along each axis and rotation about the vertical of the whole
+/// window.
 MatrixXd gauge(const CameraWindow& window, const Prior& prior) {
   MatrixXd N = MatrixXd::Zero(prior.tangent_size(), 4);
   const Vector3d up = Vector3d::UnitZ();
@@ -63,7 +65,7 @@ MatrixXd gauge(const CameraWindow& window, const Prior& prior) {
   return N;
 }
 
-/// What the prior claims to know of each shift [1/m²] and of the heading [1/rad²].
+/// Information of the prior about the translations [1/m²] and the heading [1/rad²].
 Eigen::Vector4d information_on_gauge(const CameraWindow& window, const Prior& prior) {
   const MatrixXd claimed = prior.J * gauge(window, prior);
   return claimed.colwise().squaredNorm().transpose();
@@ -75,22 +77,22 @@ INSTANTIATE_TEST_SUITE_P(BothWays, Gauge, testing::Values(Method::schur, Method:
                            return param.param == Method::schur ? "Schur" : "SquareRoot";
                          });
 
-TEST_P(Gauge, StaysFreeWithFirstEstimates) {
+TEST_P(Gauge, IsPreservedWithFirstEstimates) {
   CameraWindow window(6, 24, 0.25, 2);
   const Prior prior = prior_after_two_frames(window, true, GetParam());
   ASSERT_EQ(prior.kept.size(), 5U) << "four poses and one motion";
   const Eigen::Vector4d claimed = information_on_gauge(window, prior);
-  // Squaring leaves rounding of 1e-14 of the largest entry; QR none to speak of.
+  // The normal equations leave rounding of 1e-14 of the largest entry; QR almost none.
   EXPECT_LT(claimed.maxCoeff(), GetParam() == Method::schur ? 1e-4 : 1e-15);
-  EXPECT_GT(prior.J.squaredNorm(), 1e6) << "it knows a lot of everything else";
+  EXPECT_GT(prior.J.squaredNorm(), 1e6) << "the prior is informative otherwise";
 }
 
-TEST_P(Gauge, IsLostInHeadingWithoutThem) {
+TEST_P(Gauge, GetsSpuriousHeadingInformationWithoutFirstEstimates) {
   CameraWindow window(6, 24, 0.25, 2);
   const Prior prior = prior_after_two_frames(window, false, GetParam());
   const Eigen::Vector4d claimed = information_on_gauge(window, prior);
   EXPECT_LT(claimed.head<3>().maxCoeff(), 1e-4);
-  EXPECT_GT(claimed(3), 1000.0) << "a heading that nobody saw, claimed to two degrees";
+  EXPECT_GT(claimed(3), 1000.0) << "spurious heading information of two degrees";
 }
 
 }  // namespace

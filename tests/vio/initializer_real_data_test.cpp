@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The start on real images and IMU, from many instants of a recording that moves from the first
-// frame on, against its ground truth.
+// Initialization on real images and IMU, from many start times of a recording in motion, against
+// ground truth.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,11 +8,11 @@
 #include <variant>
 
 #include "apvi/geometry/so3.hpp"
-#include "apvi/imu/sample_buffer.hpp"
 #include "apvi/io/sequence.hpp"
-#include "apvi/vio/initializer.hpp"
-#include "apvi/vio/tracker.hpp"
+#include "imu/sample_buffer.hpp"
 #include "support/test_data.hpp"
+#include "vio/frontend/tracker.hpp"
+#include "vio/initialization/initializer.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -20,7 +20,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kSpan_s = 3.0;  // of frames that a start looks back at
+constexpr double kSpan_s = 3.0;  // span of frames used for initialization [s]
 
 struct Recording {
   Rig rig;
@@ -58,7 +58,7 @@ struct Attempt {
   InitResult result;
 };
 
-// Frames come until there is a start.
+// Adds frames until initialization succeeds.
 Attempt start_from(const Recording& recording, double from_s) {
   const ImuCalibration& imu = *recording.rig.imu;
   const imu::Noise noise{imu.gyro_noise_density, imu.accel_noise_density, imu.gyro_random_walk,
@@ -90,7 +90,7 @@ Attempt start_from(const Recording& recording, double from_s) {
 }
 
 struct Errors {
-  double scale = 0.0;  ///< of the path, minus one
+  double scale = 0.0;  ///< scale of the path, minus one
   double tilt_deg = 0.0;
 };
 
@@ -109,17 +109,17 @@ Errors compare(const Attempt& attempt, const Trajectory& reference) {
     errors.tilt_deg = std::max(errors.tilt_deg, tilt * 180.0 / 3.14159265358979);
   }
   const auto size = [](const std::vector<Vector3d>& points) {
-    Vector3d centre = Vector3d::Zero();
-    for (const Vector3d& p : points) centre += p / static_cast<double>(points.size());
+    Vector3d center = Vector3d::Zero();
+    for (const Vector3d& p : points) center += p / static_cast<double>(points.size());
     double sum = 0.0;
-    for (const Vector3d& p : points) sum += (p - centre).squaredNorm();
+    for (const Vector3d& p : points) sum += (p - center).squaredNorm();
     return std::sqrt(sum);
   };
   errors.scale = size(estimate) / size(truth) - 1.0;
   return errors;
 }
 
-TEST(InitializerOnRealData, EveryAcceptedStartIsGoodFromTwentyOneInstants) {
+TEST(InitializerOnRealData, AcceptedStartsAreAccurateFromTwentyOneStartTimes) {
   APVI_NEEDS_DATA(folder, "euroc_mh01_apvi");
   const Recording recording = read(folder);
   for (int n = 0; n <= 20; ++n) {

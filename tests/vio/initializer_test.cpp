@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/vio/initializer.hpp"
+#include "vio/initialization/initializer.hpp"
 
 #include <gtest/gtest.h>
 
 #include <set>
 #include <string>
 
-#include "start_scene.hpp"
-#include "vio/closed_form_start.hpp"
-#include "vio/gyro_bias_from_rays.hpp"
+#include "vio/initialization/closed_form_start.hpp"
+#include "vio/initialization/gyro_bias_from_rays.hpp"
+#include "vio/start_scene.hpp"
 
 namespace apvi {
 namespace {
@@ -30,7 +30,7 @@ InitConfig calibrated() {
   return config;
 }
 
-TEST(Initializer, FindsMotionGravityAndALargeGyroBiasOfAShakenCamera) {
+TEST(Initializer, EstimatesMotionGravityAndGyroBiasOfAHandheldCamera) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const StartScene scene{.seed = seed};
     const StartRecording recording = shaken(scene);
@@ -47,14 +47,14 @@ TEST(Initializer, FindsMotionGravityAndALargeGyroBiasOfAShakenCamera) {
   }
 }
 
-TEST(Initializer, TheWorldIsUprightAndStartsWithoutYawAtZero) {
+TEST(Initializer, WorldIsGravityAlignedAndStartsAtTheOrigin) {
   const vio::InitResult start = shaken({.seed = 3}).start(calibrated());
   ASSERT_EQ(start.status, InitStatus::success) << start.detail;
   EXPECT_NEAR(so3::yaw(start.states[0].R_world_body), 0.0, 1e-9);
   EXPECT_LT(start.states[0].p_world.norm(), 1e-9);
 }
 
-TEST(Initializer, TheScaleIsAsUncertainAsItSays) {
+TEST(Initializer, ScaleIsConsistent) {
   double nees = 0.0;
   const int seeds = 40;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
@@ -67,13 +67,13 @@ TEST(Initializer, TheScaleIsAsUncertainAsItSays) {
     const double error = (test::scale_of(start, recording) - 1.0) / start.scale_sigma;
     nees += error * error / seeds;
   }
-  // Chi square with 40 degrees of freedom lies in 40 * [0.41, 1.92] with 99.9 %; sightings with
-  // Huber's weight and a path whose length is not just its scale leave some slack.
+  // Chi-square with 40 degrees of freedom lies in 40 * [0.41, 1.92] with 99.9 % probability; robust
+  // weights and the approximate scale need some slack.
   EXPECT_GT(nees, 0.3);
   EXPECT_LT(nees, 2.0);
 }
 
-TEST(Initializer, AThirdOfTheTracksMayMoveOnTheirOwn) {
+TEST(Initializer, RobustToAThirdOfMovingTracks) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const StartRecording recording = shaken({.seed = seed, .points = 200, .outliers = 0.3});
     const vio::InitResult start = recording.start(calibrated());
@@ -83,7 +83,7 @@ TEST(Initializer, AThirdOfTheTracksMayMoveOnTheirOwn) {
   }
 }
 
-TEST(Initializer, ConstantVelocityIsNeverBelieved) {
+TEST(Initializer, RejectsConstantVelocity) {
   int uncertain = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const StartRecording recording({.seed = seed},
@@ -92,27 +92,27 @@ TEST(Initializer, ConstantVelocityIsNeverBelieved) {
     EXPECT_NE(status, InitStatus::success) << seed;
     if (status == InitStatus::scale_uncertain) ++uncertain;
   }
-  // The rest shrank to nothing on the way, where nothing fits.
+  // The other attempts converged to zero scale, where nothing fits.
   EXPECT_GE(uncertain, 6);
 }
 
-// A survey at constant speed, unsteady by centimetres: noise in the corners passes for acceleration
-// that the IMU has not felt, and pulls the scale towards zero.
-TEST(Initializer, ASteadySwimIsBelievedAtItsOwnScaleOrNotAtAll) {
-  int believed = 0;
+// A survey at nearly constant speed, with variations of centimeters: corner noise is mistaken for
+// acceleration and biases the scale toward zero.
+TEST(Initializer, NearlyConstantVelocityGivesTheTrueScaleOrIsRejected) {
+  int accepted = 0;
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     const int frames = 12 + 2 * static_cast<int>(seed);  // 0.65 to 3.6 s
     const StartRecording recording({.seed = seed, .frames = frames, .points = 300},
                                    test::shaken_spline(seed, 0.01, 0.02, Vector3d(0.4, 0.2, 0.0)));
     const vio::InitResult start = recording.start({});
     if (start.status != InitStatus::success) continue;
-    ++believed;
+    ++accepted;
     EXPECT_NEAR(test::scale_of(start, recording), 1.0, 0.3) << seed << ": " << start.detail;
   }
-  EXPECT_GE(believed, 3);
+  EXPECT_GE(accepted, 3);
 }
 
-TEST(Initializer, RotationAloneIsNoParallax) {
+TEST(Initializer, RejectsPureRotation) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     StartScene scene{.seed = seed};
     const StartRecording recording(scene, test::shaken_spline(seed, 0.0, 0.2, Vector3d::Zero()));
@@ -121,21 +121,21 @@ TEST(Initializer, RotationAloneIsNoParallax) {
   }
 }
 
-TEST(Initializer, StandingStillIsNoParallax) {
+TEST(Initializer, RejectsAStationaryCamera) {
   const StartRecording recording({}, test::shaken_spline(1, 0.0, 0.0, Vector3d::Zero()));
   EXPECT_EQ(recording.start({}).status, InitStatus::too_little_parallax);
 }
 
-TEST(Initializer, AFewTracksAreTooFew) {
+TEST(Initializer, RejectsTooFewTracks) {
   EXPECT_EQ(shaken({.points = 20}).start({}).status, InitStatus::too_few_tracks);
 }
 
-TEST(Initializer, AFewFramesAreTooFew) {
+TEST(Initializer, RejectsTooFewFrames) {
   EXPECT_EQ(shaken({.frames = 5}).start({}).status, InitStatus::too_few_frames);
   EXPECT_EQ(vio::initialize({}, SE3::identity(), {}, 9.81, {}).status, InitStatus::too_few_frames);
 }
 
-TEST(Initializer, InertialSamplesThatAreMissingAreSaid) {
+TEST(Initializer, ReportsMissingInertialSamples) {
   const StartRecording recording = shaken({});
   std::vector<vio::InitFrame> frames = recording.frames();
   frames[10].imu.clear();
@@ -145,7 +145,7 @@ TEST(Initializer, InertialSamplesThatAreMissingAreSaid) {
   EXPECT_NE(start.detail.find("inertial"), std::string::npos);
 }
 
-TEST(Initializer, AWrongLengthOfGravityIsNotBelieved) {
+TEST(Initializer, RejectsAWrongGravityMagnitude) {
   const StartRecording recording = shaken({.seed = 2});
   const vio::InitResult start =
       vio::initialize(recording.frames(), test::start_T_body_camera(),
@@ -153,7 +153,7 @@ TEST(Initializer, AWrongLengthOfGravityIsNotBelieved) {
   EXPECT_NE(start.status, InitStatus::success);
 }
 
-TEST(Initializer, FramesBeforeTheSpanThatIsUsedGetInertialStates) {
+TEST(Initializer, FramesBeforeTheSpanGetPropagatedStates) {
   const StartRecording recording = shaken({.seed = 4, .frames = 50});
   InitConfig config = calibrated();
   config.max_window_s = 1.22;
@@ -164,7 +164,7 @@ TEST(Initializer, FramesBeforeTheSpanThatIsUsedGetInertialStates) {
   EXPECT_LT((start.states[0].v_body - recording.truth(0).v_body).norm(), 0.2);
 }
 
-TEST(Initializer, EveryStatusHasItsOwnName) {
+TEST(Initializer, StatusNamesAreUnique) {
   std::set<std::string_view> names;
   for (int s = 0; s <= static_cast<int>(InitStatus::scale_uncertain); ++s) {
     names.insert(to_string(static_cast<InitStatus>(s)));
@@ -178,10 +178,10 @@ TEST(GyroBiasFromRays, NeedsNeitherDepthNorTranslation) {
   vio::StartProblem problem = vio::make_start_problem(recording.frames(), 0, 10);
   problem.T_body_camera = test::start_T_body_camera();
   const vio::GyroBias found = vio::find_gyro_bias(problem, {});
-  EXPECT_LT((found.bias - scene.gyro_bias).norm(), 1e-4);  // the samples' midpoint rule
+  EXPECT_LT((found.bias - scene.gyro_bias).norm(), 1e-4);  // error of the midpoint rule
 }
 
-TEST(MinimizeOnSphere, IsNoWorseThanAnyOtherPoint) {
+TEST(MinimizeOnSphere, FindsTheGlobalMinimum) {
   Random random(8);
   for (int n = 0; n < 50; ++n) {
     Eigen::Matrix3d A;

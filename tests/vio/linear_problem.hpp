@@ -5,12 +5,12 @@
 #include <set>
 #include <vector>
 
-#include "apvi/core/random.hpp"
-#include "apvi/vio/factors.hpp"
-#include "apvi/vio/marginalization.hpp"
+#include "core/random.hpp"
+#include "vio/factors/factors.hpp"
+#include "vio/marginalization/marginalization.hpp"
 
-/// Least squares problems that are linear in the tangent, solved with dense matrices: the oracle
-/// for everything that takes states out of a problem.
+/// Least-squares problems that are linear in the tangent, solved with dense matrices: the reference
+/// for marginalization.
 namespace apvi::vio::test {
 
 inline Eigen::MatrixXd random_matrix(Random& random, Eigen::Index rows, Eigen::Index cols) {
@@ -52,13 +52,13 @@ class LinearProblem {
     term.cost = std::make_shared<PriorFactor>(prior);
     terms.push_back(std::move(term));
   }
-  /// A term with Jacobians of normal random numbers.
+  /// A term with Gaussian random Jacobians.
   void add_random_term(const std::vector<double*>& data, int rows) {
     Eigen::Index n = 0;
     for (const double* d : data) n += blocks_[index(d)].tangent();
     add_term(data, random_matrix(random, rows, n));
   }
-  /// The same with whatever `term` of another kind says.
+  /// A term linearized from `term`.
   void add_prior(const Prior& prior) {
     auto content = std::make_shared<Prior>(prior);
     Term term{.content = content, .cost = std::make_shared<PriorFactor>(content), .blocks = {}};
@@ -72,7 +72,7 @@ class LinearProblem {
   Eigen::Index column(const double* data) const { return first_column_[index(data)]; }
   const Block& block(const double* data) const { return blocks_[index(data)]; }
 
-  /// [H b] of the terms, by all blocks.
+  /// [H b] of all terms, by all blocks.
   Eigen::MatrixXd normal_equations() const {
     const Eigen::Index n = columns();
     Eigen::MatrixXd Hb = Eigen::MatrixXd::Zero(n, n + 1);
@@ -88,14 +88,14 @@ class LinearProblem {
     }
     return Hb;
   }
-  /// The step to the minimum; zero for blocks that no term touches.
+  /// The step to the minimum; zero for blocks without terms.
   Eigen::VectorXd solution() const {
     const Eigen::MatrixXd Hb = normal_equations();
     const Eigen::Index n = columns();
     return -Hb.leftCols(n).completeOrthogonalDecomposition().solve(Hb.col(n));
   }
 
-  /// Terms that touch one of the blocks leave for the linearizer.
+  /// Moves the terms of the given blocks to the linearizer.
   void move_terms(const std::vector<double*>& touching, Linearizer& to) {
     const std::set<double*> wanted(touching.begin(), touching.end());
     std::vector<Term> left;
@@ -126,7 +126,7 @@ class LinearProblem {
   std::vector<Eigen::Index> first_column_;
 };
 
-/// A window of frames that follow each other, with landmarks seen by all: what an estimator has.
+/// A window of consecutive frames with landmarks observed by all.
 struct LinearWindow {
   LinearProblem problem;
   std::vector<double*> poses, motions, landmarks;

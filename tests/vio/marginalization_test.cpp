@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apvi/vio/marginalization.hpp"
+#include "vio/marginalization/marginalization.hpp"
 
 #include <ceres/crs_matrix.h>
 #include <ceres/loss_function.h>
@@ -11,8 +11,8 @@
 #include <limits>
 #include <memory>
 
-#include "factor_check.hpp"
-#include "linear_problem.hpp"
+#include "vio/factor_check.hpp"
+#include "vio/linear_problem.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -31,7 +31,7 @@ INSTANTIATE_TEST_SUITE_P(BothWays, Marginalization,
                            return param.param == Method::schur ? "Schur" : "SquareRoot";
                          });
 
-/// JᵀJ and Jᵀr of a prior in the columns that a problem gives to its blocks.
+/// JᵀJ and Jᵀr of a prior, in the columns of its blocks in the problem.
 MatrixXd normal_equations_in(const LinearProblem& problem, const Prior& prior) {
   const Index n = problem.columns();
   MatrixXd J = MatrixXd::Zero(prior.r.size(), n);
@@ -46,7 +46,7 @@ MatrixXd normal_equations_in(const LinearProblem& problem, const Prior& prior) {
   return Hb;
 }
 
-/// The Schur complement by the textbook: [H b] without the given blocks, zero in their places.
+/// Dense Schur complement: [H b] without the given blocks, whose entries are zero.
 MatrixXd without(const LinearProblem& problem, const MatrixXd& Hb,
                  const std::vector<double*>& drop) {
   std::vector<Index> gone;
@@ -67,7 +67,7 @@ MatrixXd without(const LinearProblem& problem, const MatrixXd& Hb,
   return result;
 }
 
-TEST_P(Marginalization, OfAWindowThenSolvingEqualsSolvingJointly) {
+TEST_P(Marginalization, ThenSolvingEqualsJointSolution) {
   LinearWindow window(1, 5, 30);
   LinearProblem& problem = window.problem;
   const VectorXd expected = problem.solution();
@@ -84,13 +84,13 @@ TEST_P(Marginalization, OfAWindowThenSolvingEqualsSolvingJointly) {
     EXPECT_LT((actual - expected).segment(c, kept.block.tangent()).norm(), 1e-9);
     ++compared;
   }
-  EXPECT_EQ(compared, 29) << "four poses, one motion, and landmarks that frame 0 saw in passing";
+  EXPECT_EQ(compared, 29) << "four poses, one motion and the landmarks of frame 0";
   for (const double* motion : {window.motions[2], window.motions[4]}) {
     EXPECT_LT((actual - expected).segment<9>(problem.column(motion)).norm(), 1e-9);
   }
 }
 
-TEST_P(Marginalization, FrameByFrameEqualsSolvingJointly) {
+TEST_P(Marginalization, FrameByFrameEqualsJointSolution) {
   LinearWindow window(2, 6, 24);
   LinearProblem& problem = window.problem;
   const VectorXd expected = problem.solution();
@@ -110,7 +110,7 @@ TEST_P(Marginalization, FrameByFrameEqualsSolvingJointly) {
   EXPECT_LT((actual - expected).segment<9>(motion).norm(), 1e-9);
 }
 
-TEST_P(Marginalization, EqualsTheDenseSchurComplementForBlocksOfAnySize) {
+TEST_P(Marginalization, EqualsDenseSchurComplement) {
   LinearProblem problem(3);
   std::vector<double*> blocks;
   for (const int size : {7, 6, 1, 4, 9, 1, 7, 13, 1}) blocks.push_back(problem.add_block(size));
@@ -130,7 +130,7 @@ TEST_P(Marginalization, EqualsTheDenseSchurComplementForBlocksOfAnySize) {
   EXPECT_LT((actual - without(problem, Hb, drop)).norm(), 1e-9 * Hb.norm());
 }
 
-TEST_P(Marginalization, TakesAPointsDepthOutFirstAndTheTimeOffsetOfAllPointsLater) {
+TEST_P(Marginalization, EliminatesPointDepthsBeforeTheTimeOffset) {
   LinearWindow window(4, 4, 12);
   LinearProblem& problem = window.problem;
   double* const offset = problem.add_block(1);
@@ -148,7 +148,7 @@ TEST_P(Marginalization, TakesAPointsDepthOutFirstAndTheTimeOffsetOfAllPointsLate
   EXPECT_LT((actual - without(problem, Hb, drop)).norm(), 1e-9 * Hb.norm());
 }
 
-// Differences of neighbours only: the common shift of all is not known.
+// Differences of neighbors only: the common offset is unobservable.
 LinearProblem chain_of_differences(std::vector<double*>& blocks) {
   LinearProblem problem(5);
   for (int k = 0; k < 6; ++k) blocks.push_back(problem.add_block(6));
@@ -163,7 +163,7 @@ LinearProblem chain_of_differences(std::vector<double*>& blocks) {
   return problem;
 }
 
-TEST_P(Marginalization, LeavesWithoutInformationWhatHadNone) {
+TEST_P(Marginalization, AddsNoInformationToUnobservableDirections) {
   std::vector<double*> blocks;
   LinearProblem problem = chain_of_differences(blocks);
   const std::vector<double*> drop{blocks[0], blocks[3]};
@@ -177,15 +177,15 @@ TEST_P(Marginalization, LeavesWithoutInformationWhatHadNone) {
   const VectorXd values = eigen.eigenvalues() / eigen.eigenvalues().maxCoeff();
   EXPECT_GE(values.minCoeff(), -1e-14);
   EXPECT_LT(values(5), 1e-12);
-  EXPECT_GT(values(6), 1e-4) << "and what had some keeps it";
+  EXPECT_GT(values(6), 1e-4) << "observable directions keep their information";
 }
 
-TEST_P(Marginalization, OfABlockThatIsNotFullyKnownEqualsTheGeneralizedSchurComplement) {
+TEST_P(Marginalization, OfASingularBlockEqualsGeneralizedSchurComplement) {
   LinearProblem problem(6);
   double* const a = problem.add_block(7);
   double* const b = problem.add_block(9);
   double* const depth = problem.add_block(1);
-  // Two of the six directions of a, and the depth, are seen by nothing.
+  // Two of the six directions of a, and the depth, are unobserved.
   MatrixXd J = test::random_matrix(problem.random, 10, 16);
   J.col(1) = 2.0 * J.col(0);
   J.col(4).setZero();
@@ -201,7 +201,7 @@ TEST_P(Marginalization, OfABlockThatIsNotFullyKnownEqualsTheGeneralizedSchurComp
             1e-10 * Hb.norm());
 }
 
-TEST_P(Marginalization, LeavesNothingWhenNothingStays) {
+TEST_P(Marginalization, OfAllBlocksGivesAnEmptyPrior) {
   LinearWindow window(7, 2, 3);
   std::vector<double*> drop = window.poses;
   drop.insert(drop.end(), window.motions.begin(), window.motions.end());
@@ -212,7 +212,7 @@ TEST_P(Marginalization, LeavesNothingWhenNothingStays) {
   EXPECT_TRUE(Linearizer().marginalize({}, GetParam()).kept.empty());
 }
 
-TEST_P(Marginalization, KeepsConstantBlocksOutWheneverTheyAreNamed) {
+TEST_P(Marginalization, ExcludesConstantBlocksInAnyCallOrder) {
   LinearWindow window(8, 3, 6);
   const auto prior_with = [&](bool early) {
     LinearWindow copy(8, 3, 6);
@@ -231,7 +231,7 @@ TEST_P(Marginalization, KeepsConstantBlocksOutWheneverTheyAreNamed) {
   EXPECT_TRUE((early.J.transpose() * early.J).isApprox(late.J.transpose() * late.J, 1e-12));
 }
 
-TEST(Linearizer, TellsTheInformationOfOnePoseWithEverythingElseUnknown) {
+TEST(Linearizer, MarginalInformationOfOnePose) {
   LinearWindow window(9, 5, 20);
   LinearProblem& problem = window.problem;
   const Index n = problem.columns();
@@ -249,7 +249,7 @@ TEST(Linearizer, TellsTheInformationOfOnePoseWithEverythingElseUnknown) {
   }
 }
 
-TEST(Linearizer, KnowsNothingOfAPoseThatNoTermTouches) {
+TEST(Linearizer, PoseWithoutTermsHasZeroInformation) {
   LinearWindow window(10, 2, 2);
   Linearizer linearizer;
   window.problem.move_terms(window.poses, linearizer);
@@ -257,7 +257,7 @@ TEST(Linearizer, KnowsNothingOfAPoseThatNoTermTouches) {
   EXPECT_TRUE(linearizer.marginal_information(other).isZero(0.0));
 }
 
-TEST(Linearizer, RefusesTermsThatAreNotFinite) {
+TEST(Linearizer, RejectsNonFiniteTerms) {
   LinearProblem problem(11);
   double* const pose = problem.add_block(7);
   problem.add_random_term({pose}, 6);
@@ -271,7 +271,7 @@ TEST(Linearizer, RefusesTermsThatAreNotFinite) {
   EXPECT_GT(linearizer.marginal_information(pose).trace(), 0.0);
 }
 
-// JᵀJ and Jᵀr as Ceres has them with this loss.
+// JᵀJ and Jᵀr from Ceres with this loss.
 MatrixXd normal_equations_of_ceres(LinearProblem& problem, ceres::LossFunction& loss,
                                    std::vector<double*>& blocks) {
   ceres::Problem::Options options;
@@ -302,7 +302,7 @@ MatrixXd normal_equations_of_ceres(LinearProblem& problem, ceres::LossFunction& 
   return Hb;
 }
 
-TEST(Linearizer, WeighsTermsByALossAsCeresDoes) {
+TEST(Linearizer, AppliesRobustLossesLikeCeres) {
   ceres::HuberLoss huber(0.8);
   ceres::CauchyLoss cauchy(1.3);
   ceres::TolerantLoss tolerant(2.0, 0.7);  // convex in the squared norm
@@ -319,7 +319,7 @@ TEST(Linearizer, WeighsTermsByALossAsCeresDoes) {
   }
 }
 
-TEST(PriorFactor, JacobianAtItsOwnStateEqualsNumericDifferences) {
+TEST(PriorFactor, JacobianMatchesNumericDifferencesAtItsState) {
   LinearProblem problem(13);
   const std::vector<double*> blocks{problem.add_block(7), problem.add_block(9),
                                     problem.add_block(1)};
@@ -329,7 +329,7 @@ TEST(PriorFactor, JacobianAtItsOwnStateEqualsNumericDifferences) {
   test::expect_jacobians(*problem.terms[0].cost, values, 1e-8);
 }
 
-TEST(PriorFactor, KeepsItsJacobianAndMovesItsResidualByTheTangent) {
+TEST(PriorFactor, KeepsItsJacobianAndUpdatesItsResidual) {
   LinearProblem problem(14);
   double* const pose = problem.add_block(7);
   problem.add_random_term({pose}, 6);
@@ -341,7 +341,7 @@ TEST(PriorFactor, KeepsItsJacobianAndMovesItsResidualByTheTangent) {
   EXPECT_EQ(test::analytic_jacobian(*problem.terms[0].cost, moved, 0), prior.J);
 }
 
-TEST(Prior, FollowsABlockThatMovesHouse) {
+TEST(Prior, RelocateUpdatesBlockAddresses) {
   LinearProblem problem(15);
   double* const a = problem.add_block(7);
   double* const b = problem.add_block(9);

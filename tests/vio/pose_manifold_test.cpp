@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
-#include "factor_check.hpp"
+#include "vio/factor_check.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -16,7 +16,7 @@ Vector6 random_tangent(Random& random, double size) {
   return delta;
 }
 
-TEST(PoseManifold, MinusUndoesPlus) {
+TEST(PoseManifold, MinusInvertsPlus) {
   Random random(1);
   const PoseManifold manifold;
   for (int i = 0; i < 50; ++i) {
@@ -30,7 +30,7 @@ TEST(PoseManifold, MinusUndoesPlus) {
   }
 }
 
-TEST(PoseManifold, PlusUndoesMinus) {
+TEST(PoseManifold, PlusInvertsMinus) {
   Random random(2);
   const PoseManifold manifold;
   for (int i = 0; i < 50; ++i) {
@@ -46,7 +46,7 @@ TEST(PoseManifold, PlusUndoesMinus) {
   }
 }
 
-TEST(PoseManifold, PlusInPlaceEqualsPlusElsewhere) {
+TEST(PoseManifold, PlusWorksInPlace) {
   Random random(3);
   const PoseManifold manifold;
   PoseBlock x = to_block(test::random_pose(random, 3.0, 10.0));
@@ -57,7 +57,7 @@ TEST(PoseManifold, PlusInPlaceEqualsPlusElsewhere) {
   EXPECT_EQ(x, elsewhere);
 }
 
-TEST(PoseManifold, RotatesFromTheBodysSideAndMovesInTheWorld) {
+TEST(PoseManifold, RotatesInTheBodyFrameAndTranslatesInTheWorldFrame) {
   const SE3 pose{so3::exp({0.0, 0.0, 1.5707963267948966}), {1.0, 2.0, 3.0}};
   const PoseBlock x = to_block(pose);
   Vector6 delta;
@@ -69,7 +69,7 @@ TEST(PoseManifold, RotatesFromTheBodysSideAndMovesInTheWorld) {
   EXPECT_TRUE(moved.translation.isApprox(Eigen::Vector3d(1.5, 2.0, 3.0)));
 }
 
-TEST(PoseManifold, StaysAUnitQuaternionOverManySteps) {
+TEST(PoseManifold, KeepsQuaternionsNormalized) {
   Random random(4);
   PoseBlock x{0, 0, 0, 0, 0, 0, 1};
   for (int i = 0; i < 10'000; ++i) {

@@ -6,11 +6,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "apvi/vio/initializer.hpp"
 #include "support/spline_imu.hpp"
+#include "vio/initialization/initializer.hpp"
 
-/// A camera and an IMU that fly through a cloud of points: what an initializer is given, and the
-/// truth about it.
+/// A camera and an IMU moving through a point cloud: input and ground truth for the initializer.
 namespace apvi::test {
 
 struct StartScene {
@@ -18,7 +17,7 @@ struct StartScene {
   int frames = 25;
   int points = 150;
   double pixel_noise = 0.5;  ///< [px] at a focal length of 460
-  double outliers = 0.0;     ///< share of the tracks that move on their own
+  double outliers = 0.0;     ///< fraction of tracks that move independently
   Eigen::Vector3d gyro_bias = Eigen::Vector3d(-0.02, 0.03, 0.1);
   Eigen::Vector3d accel_bias = Eigen::Vector3d(-0.05, 0.1, 0.05);
   imu::Noise noise{1.7e-4, 2e-3, 2e-5, 3e-4};
@@ -34,7 +33,8 @@ inline SE3 start_T_body_camera() {
   return {Eigen::Quaterniond(R), Eigen::Vector3d(0.1, 0.02, -0.05)};
 }
 
-/// Held in the hand and shaken: `reach` [m] every 0.3 s, `turn` [rad]; on top of a steady velocity.
+/// Handheld motion: oscillation of `reach` [m] and `turn` [rad] with a period of 0.3 s, on top of a
+/// constant velocity.
 inline Se3Spline shaken_spline(std::uint64_t seed, double reach, double turn,
                                const Eigen::Vector3d& velocity) {
   Random random(seed);
@@ -96,7 +96,7 @@ class StartRecording {
     for (std::size_t p = 0; p < points_.size(); ++p) {
       const Eigen::Vector3d seen = T_camera_world * points_[p];
       if (seen.z() < 0.3) continue;
-      vio::Observation observation;
+      vio::FeatureObservation observation;
       observation.id = static_cast<std::int64_t>(p);
       observation.point = seen.head<2>() / seen.z() + k * kFrame_s * drift_[p];
       if (std::abs(observation.point.x()) > 0.9 || std::abs(observation.point.y()) > 0.6) continue;
@@ -110,28 +110,28 @@ class StartRecording {
   Se3Spline spline_;
   Random random_;
   std::vector<Eigen::Vector3d> points_;
-  std::vector<Eigen::Vector2d> drift_;  // of outliers on the plane z = 1 [1/s]
+  std::vector<Eigen::Vector2d> drift_;  // drift of outliers on the plane z = 1 [1/s]
   ImuSample last_;
   std::vector<vio::InitFrame> frames_;
 };
 
-/// The size of the estimated path over that of the true one.
+/// Ratio of the estimated to the true path size.
 inline double scale_of(const vio::InitResult& start, const StartRecording& recording) {
   const auto n = static_cast<double>(start.states.size());
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero(), true_centre = Eigen::Vector3d::Zero();
+  Eigen::Vector3d center = Eigen::Vector3d::Zero(), true_center = Eigen::Vector3d::Zero();
   for (std::size_t k = 0; k < start.states.size(); ++k) {
-    centre += start.states[k].p_world / n;
-    true_centre += recording.truth(k).p_world / n;
+    center += start.states[k].p_world / n;
+    true_center += recording.truth(k).p_world / n;
   }
   double size = 0.0, true_size = 0.0;
   for (std::size_t k = 0; k < start.states.size(); ++k) {
-    size += (start.states[k].p_world - centre).squaredNorm();
-    true_size += (recording.truth(k).p_world - true_centre).squaredNorm();
+    size += (start.states[k].p_world - center).squaredNorm();
+    true_size += (recording.truth(k).p_world - true_center).squaredNorm();
   }
   return std::sqrt(size / true_size);
 }
 
-/// Angle between the estimated vertical and the true one, in the body [rad].
+/// Angle between the estimated and the true vertical, in the body frame [rad].
 inline double tilt_error(const imu::NavState& estimate, const imu::NavState& truth) {
   const Eigen::Vector3d up = estimate.R_world_body.conjugate() * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d true_up = truth.R_world_body.conjugate() * Eigen::Vector3d::UnitZ();

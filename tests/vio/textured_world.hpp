@@ -11,21 +11,21 @@
 #include <utility>
 #include <vector>
 
-#include "apvi/core/random.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/sensors/rig.hpp"
-#include "apvi/vio/tracker.hpp"
+#include "core/random.hpp"
+#include "vio/frontend/tracker.hpp"
 
-/// Walls with a random texture, as a camera with lens distortion sees them: the truth about where
-/// every pixel comes from is known.
+/// Walls with a random texture, imaged by a camera with lens distortion; the origin of every pixel
+/// is known.
 namespace apvi::test {
 
-/// A wall z = distance, between two values of x [m].
+/// A wall at z = distance, between two values of x [m].
 struct Wall {
   double distance = 6.0;
   double left = -1e9;
   double right = 1e9;
-  std::array<double, 2> shift{};  ///< by how much it has moved, x and y [m]
+  std::array<double, 2> shift{};  ///< displacement in x and y [m]
 };
 
 inline cv::Mat random_texture(int size, std::uint64_t seed) {
@@ -37,18 +37,18 @@ inline cv::Mat random_texture(int size, std::uint64_t seed) {
       noise.at<float>(i / size, i % size) = static_cast<float>(random.normal());
     }
     cv::GaussianBlur(noise, noise, {}, sigma, sigma, cv::BORDER_REFLECT_101);
-    texture += noise * (25.0 * 2.0 * sigma);  // every scale with much the same contrast
+    texture += noise * (25.0 * 2.0 * sigma);  // similar contrast at every scale
   }
-  cv::Mat grey;
-  texture.convertTo(grey, CV_8U, 1.0, 120.0);
-  return grey;
+  cv::Mat gray;
+  texture.convertTo(gray, CV_8U, 1.0, 120.0);
+  return gray;
 }
 
 inline CameraCalibration small_camera() {
   CameraCalibration camera;
   camera.model = CameraModel(
       {300.0, 302.0, 238.0, 181.0, Distortion::radtan, {-0.12, 0.03, 2e-4, -1e-4}, 480, 360});
-  // As on many vehicles: the body's x forward, the camera's z forward, not quite.
+  // Body x forward, camera z forward, slightly misaligned.
   Eigen::Matrix3d R;
   R << 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0;
   camera.T_body_camera.rotation =
@@ -61,7 +61,7 @@ class TexturedWorld {
  public:
   explicit TexturedWorld(std::vector<Wall> in_it) : walls(std::move(in_it)) {}
 
-  /// The first wall that a ray from the camera's place hits, and where.
+  /// The first wall hit by a ray from the camera, and the hit point.
   std::optional<std::pair<std::size_t, Eigen::Vector3d>> hit(const Eigen::Vector3d& from,
                                                              const Eigen::Vector3d& ray) const {
     std::optional<std::pair<std::size_t, Eigen::Vector3d>> nearest;
@@ -76,7 +76,7 @@ class TexturedWorld {
   }
 
   cv::Mat view(const CameraModel& camera, const SE3& T_world_camera) const {
-    constexpr double kTexelsPerMetre = 80.0;
+    constexpr double kTexelsPerMeter = 80.0;
     const auto& p = camera.parameters();
     const std::vector<Eigen::Vector3d>& rays = rays_of(camera);
     const Eigen::Matrix3d R = T_world_camera.rotation.toRotationMatrix();
@@ -88,9 +88,9 @@ class TexturedWorld {
       const auto& [wall, point] = *found;
       const Eigen::Vector2d at =
           point.head<2>() - Eigen::Vector2d(walls[wall].shift[0], walls[wall].shift[1]);
-      // Another part of the texture for each wall.
-      const double u = kTexelsPerMetre * at.x() + 300.0 * static_cast<double>(wall);
-      const double v = kTexelsPerMetre * at.y();
+      // A different part of the texture for each wall.
+      const double u = kTexelsPerMeter * at.x() + 300.0 * static_cast<double>(wall);
+      const double v = kTexelsPerMeter * at.y();
       map.at<cv::Vec2f>(i / p.width, i % p.width) = {static_cast<float>(wrapped(u)),
                                                      static_cast<float>(wrapped(v))};
     }
@@ -99,7 +99,7 @@ class TexturedWorld {
     return image;
   }
 
-  /// Where what one camera sees at `pixel` is in another view; nothing when it is out of sight.
+  /// Position of `pixel` of one camera in another view; nullopt if out of view.
   std::optional<Eigen::Vector2d> seen_again(const CameraModel& camera, const SE3& T_world_before,
                                             const Eigen::Vector2d& pixel,
                                             const CameraModel& camera_now,
@@ -117,8 +117,8 @@ class TexturedWorld {
  private:
   static double wrapped(double t) { return t - 1024.0 * std::floor(t / 1024.0); }
 
-  // Zero where the lens has no inverse. Kept for each camera, told apart by its focal length:
-  // they take longer than the picture.
+  // Zero where the lens model has no inverse. Cached per camera, identified by its focal length, as
+  // they take longer to compute than the image.
   const std::vector<Eigen::Vector3d>& rays_of(const CameraModel& camera) const {
     const auto& p = camera.parameters();
     auto& rays = rays_[p.fx];
@@ -133,7 +133,7 @@ class TexturedWorld {
   mutable std::map<double, std::vector<Eigen::Vector3d>> rays_;
 };
 
-/// A far wall and a nearer one that covers its right half.
+/// A far wall and a nearer one that occludes its right half.
 inline TexturedWorld two_walls() {
   return TexturedWorld({Wall{6.0, -1e9, 1e9, {}}, Wall{3.5, 0.2, 1e9, {}}});
 }
@@ -142,21 +142,22 @@ inline Stamp frame_stamp(int k) {
   return Stamp{1'000'000'000 + 50'000'000LL * k};
 }
 
-/// A camera that drifts sideways, comes nearer and turns a little.
+/// A camera that drifts sideways, approaches and rotates slightly.
 inline SE3 swaying_pose(int k) {
   const double t = 0.05 * k;
   return {so3::exp(Eigen::Vector3d(0.05 * std::sin(2.0 * t), 0.08 * std::sin(1.5 * t), 0.1 * t)),
           Eigen::Vector3d(0.5 * t, 0.15 * std::sin(3.0 * t), 0.3 * t)};
 }
 
-/// Rotation of the body between two poses of the camera, now to before, as a gyro measures it.
+/// Rotation of the body between two camera poses, from the current to the previous frame, as a gyro
+/// measures it.
 inline Eigen::Quaterniond body_turn(const CameraCalibration& camera, const SE3& T_world_before,
                                     const SE3& T_world_now) {
   const Eigen::Quaterniond& R = camera.T_body_camera.rotation;
   return R * T_world_before.rotation.conjugate() * T_world_now.rotation * R.conjugate();
 }
 
-/// Lets a tracker see the world along `swaying_pose`.
+/// Feeds a tracker with images along `swaying_pose`.
 class Dive {
  public:
   explicit Dive(TexturedWorld seen, const vio::TrackerConfig& config = {},
@@ -174,7 +175,7 @@ class Dive {
     before_ = k;
     return tracked;
   }
-  /// The next frames, and what became of the last one.
+  /// Processes the next frames and returns the last result.
   vio::TrackedFrame frames(int from, int to) {
     vio::TrackedFrame last;
     for (int k = from; k < to; ++k) last = frame(k);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the tracker makes of frames that a camera should not deliver, but does.
+// Tracker on faulty camera frames.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -16,7 +16,7 @@ using test::two_walls;
 
 std::set<std::int64_t> ids(const TrackedFrame& frame) {
   std::set<std::int64_t> result;
-  for (const Observation& o : frame.observations) result.insert(o.id);
+  for (const FeatureObservation& o : frame.observations) result.insert(o.id);
   return result;
 }
 
@@ -26,7 +26,7 @@ std::size_t shared(const TrackedFrame& a, const TrackedFrame& b) {
   return count;
 }
 
-TEST(TrackerFaults, ARepeatedFrameIsNamedAndAgesNoTrack) {
+TEST(TrackerFaults, ReportsRepeatedFramesAndKeepsTrackLengths) {
   Dive dive(two_walls());
   const TrackedFrame third = dive.frames(0, 3);
   const TrackedFrame same_stamp = dive.tracker.process({dive.image(3)}, frame_stamp(2), {});
@@ -39,10 +39,10 @@ TEST(TrackerFaults, ARepeatedFrameIsNamedAndAgesNoTrack) {
 
   const TrackedFrame next = dive.tracker.process({dive.image(4)}, frame_stamp(4), dive.turn(3, 4));
   EXPECT_GT(shared(third, next), 100U);
-  for (const Observation& o : next.observations) EXPECT_LE(o.track_length, 4);
+  for (const FeatureObservation& o : next.observations) EXPECT_LE(o.track_length, 4);
 }
 
-TEST(TrackerFaults, AFrameFromThePastIsLeftOut) {
+TEST(TrackerFaults, IgnoresOutOfOrderFrames) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 3);
   const TrackedFrame past = dive.tracker.process({dive.image(1)}, frame_stamp(1), {});
@@ -53,7 +53,7 @@ TEST(TrackerFaults, AFrameFromThePastIsLeftOut) {
 
 class TrackerBlackout : public ::testing::TestWithParam<int> {};
 
-TEST_P(TrackerBlackout, TracksGoOnAfterOneDarkOrDazzledFrame) {
+TEST_P(TrackerBlackout, ResumesTracksAfterOneUnusableFrame) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 3);
   const TrackedFrame dark = dive.frame(3, cv::Mat(360, 480, CV_8U, cv::Scalar(GetParam())));
@@ -64,7 +64,7 @@ TEST_P(TrackerBlackout, TracksGoOnAfterOneDarkOrDazzledFrame) {
   EXPECT_GT(shared(before, dive.frame(4)), 90U);
 }
 
-TEST_P(TrackerBlackout, TracksEndWhenItLasts) {
+TEST_P(TrackerBlackout, DropsTracksAfterALongBlackout) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 3);
   for (int k = 3; k < 12; ++k) {
@@ -80,7 +80,7 @@ TEST_P(TrackerBlackout, TracksEndWhenItLasts) {
 
 INSTANTIATE_TEST_SUITE_P(BlackAndWhite, TrackerBlackout, ::testing::Values(0, 255));
 
-TEST(TrackerFaults, SomethingBeforeTheLensForAFrameIsAGlitch) {
+TEST(TrackerFaults, ResumesTracksAfterAnObstructedFrame) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 4);
   const TrackedFrame covered = dive.frame(4, test::random_texture(512, 99)({0, 0, 480, 360}));
@@ -88,7 +88,7 @@ TEST(TrackerFaults, SomethingBeforeTheLensForAFrameIsAGlitch) {
   EXPECT_GT(shared(before, dive.frame(5)), 90U);
 }
 
-TEST(TrackerFaults, ANewSceneIsFollowedSoonAfterTheOldOneIsGone) {
+TEST(TrackerFaults, StartsNewTracksAfterASceneChange) {
   Dive dive(two_walls());
   dive.frames(0, 4);
   Dive elsewhere(two_walls());
@@ -98,7 +98,7 @@ TEST(TrackerFaults, ANewSceneIsFollowedSoonAfterTheOldOneIsGone) {
   EXPECT_GT(tracked, 100);
 }
 
-TEST(TrackerFaults, ImagesOfAnotherSizeOrNoneAtAllAreNamed) {
+TEST(TrackerFaults, ReportsWrongSizeOrMissingImages) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 3);
   const TrackedFrame small = dive.frame(3, cv::Mat(180, 240, CV_8U, cv::Scalar(7)));
@@ -111,7 +111,7 @@ TEST(TrackerFaults, ImagesOfAnotherSizeOrNoneAtAllAreNamed) {
   EXPECT_EQ(none.statistics.quality, FrameQuality::wrong_size);
 }
 
-TEST(TrackerFaults, FormatsThatCannotBeReadAreNamed) {
+TEST(TrackerFaults, ReportsUnsupportedFormats) {
   Dive dive(two_walls());
   int k = 0;
   for (const int type : {CV_8UC2, CV_64F, CV_8S, CV_32S}) {
@@ -122,7 +122,7 @@ TEST(TrackerFaults, FormatsThatCannotBeReadAreNamed) {
 
 class TrackerFormats : public ::testing::TestWithParam<int> {};
 
-TEST_P(TrackerFormats, ColourAndDeeperPixelsAreFollowedLikeGrey) {
+TEST_P(TrackerFormats, TracksColorAndDeeperFormatsLikeGray) {
   Dive dive(two_walls());
   FrameStatistics s;
   for (int k = 0; k < 4; ++k) {
@@ -140,17 +140,17 @@ TEST_P(TrackerFormats, ColourAndDeeperPixelsAreFollowedLikeGrey) {
 INSTANTIATE_TEST_SUITE_P(Types, TrackerFormats,
                          ::testing::Values(CV_8UC3, CV_8UC4, CV_16UC1, CV_16UC3, CV_32FC1));
 
-TEST(TrackerFaults, AGyroThatSaysNothingFiniteCountsAsNone) {
+TEST(TrackerFaults, IgnoresNonFiniteGyroRotations) {
   Dive dive(two_walls());
   dive.frames(0, 3);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const TrackedFrame frame =
       dive.tracker.process({dive.image(3)}, frame_stamp(3), Eigen::Quaterniond(nan, 0.0, 0.0, 0.0));
   EXPECT_GT(frame.statistics.tracked, 100);
-  for (const Observation& o : frame.observations) EXPECT_TRUE(o.velocity.allFinite());
+  for (const FeatureObservation& o : frame.observations) EXPECT_TRUE(o.velocity.allFinite());
 }
 
-TEST(TrackerFaults, TheImageMayBeOverwrittenAfterTheCall) {
+TEST(TrackerFaults, DoesNotKeepReferencesToTheImage) {
   Dive kept(two_walls());
   Dive reused(two_walls());
   cv::Mat buffer;
@@ -163,14 +163,14 @@ TEST(TrackerFaults, TheImageMayBeOverwrittenAfterTheCall) {
   }
 }
 
-TEST(TrackerFaults, ATinyImageIsFollowedWithoutHarm) {
+TEST(TrackerFaults, HandlesTinyImages) {
   CameraCalibration camera = test::small_camera();
   camera.model = CameraModel({20.0, 20.0, 10.0, 8.0, Distortion::none, {}, 20, 16});
   Dive dive(two_walls(), {}, camera);
   for (int k = 0; k < 4; ++k) EXPECT_NO_THROW(dive.frame(k));
 }
 
-TEST(TrackerFaults, NoTracksAreLeftAfterAReset) {
+TEST(TrackerFaults, ResetRemovesAllTracks) {
   Dive dive(two_walls());
   const TrackedFrame before = dive.frames(0, 4);
   dive.tracker.reset();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The tracker on real images: how long tracks live and how well they obey epipolar geometry.
+// Tracker on real images: track lengths and epipolar errors.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,11 +7,11 @@
 #include <variant>
 
 #include "apvi/geometry/so3.hpp"
-#include "apvi/imu/sample_buffer.hpp"
 #include "apvi/io/sequence.hpp"
-#include "apvi/vio/tracker.hpp"
+#include "imu/sample_buffer.hpp"
 #include "support/test_data.hpp"
-#include "vio/epipolar_check.hpp"
+#include "vio/frontend/epipolar_check.hpp"
+#include "vio/frontend/tracker.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -38,7 +38,7 @@ std::vector<TrackedFrame> track(const std::filesystem::path& folder) {
   Tracker tracker({}, make_rig(reader->rig()).cameras);
   imu::SampleBuffer buffer(Duration::from_seconds(2.0));
   std::vector<TrackedFrame> frames;
-  std::vector<ImageFrame> waiting;  // for the inertial samples up to it
+  std::vector<ImageFrame> waiting;  // frames waiting for inertial samples up to their stamp
   while (frames.size() < kFrames) {
     const auto event = reader->next();
     if (!event) break;
@@ -56,15 +56,15 @@ std::vector<TrackedFrame> track(const std::filesystem::path& folder) {
 
 std::vector<PointPair> pairs_between(const TrackedFrame& before, const TrackedFrame& now) {
   std::map<std::int64_t, Eigen::Vector2d> points;
-  for (const Observation& o : before.observations) points[o.id] = o.point;
+  for (const FeatureObservation& o : before.observations) points[o.id] = o.point;
   std::vector<PointPair> pairs;
-  for (const Observation& o : now.observations) {
+  for (const FeatureObservation& o : now.observations) {
     if (points.count(o.id) != 0) pairs.push_back({points[o.id], o.point});
   }
   return pairs;
 }
 
-TEST(TrackerOnRealData, KeepsEnoughTracksNearTheirEpipolarLines) {
+TEST(TrackerOnRealData, KeepsEnoughTracksWithSmallEpipolarError) {
   APVI_NEEDS_DATA(folder, "euroc_mh01_apvi");
   const std::vector<TrackedFrame> frames = track(folder);
   ASSERT_EQ(frames.size(), static_cast<std::size_t>(kFrames));

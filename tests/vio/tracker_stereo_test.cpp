@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The second camera.
+// Tracker with a second camera.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -39,17 +39,17 @@ struct StereoDive {
   std::vector<CameraCalibration> cameras;
 };
 
-TEST(StereoTracker, TheSecondCameraSeesTheSameCornersUnderTheSameIds) {
+TEST(StereoTracker, SecondCameraUsesTheSameTrackIds) {
   const StereoDive dive;
   Tracker tracker({}, dive.cameras);
   TrackedFrame frame;
   for (int k = 0; k < 4; ++k) {
     frame = tracker.process({dive.image(k, 0), dive.image(k, 1)}, frame_stamp(k), dive.turn(k));
   }
-  std::map<std::int64_t, Observation> first;
+  std::map<std::int64_t, FeatureObservation> first;
   int matched = 0;
   int exact = 0;
-  for (const Observation& o : frame.observations) {
+  for (const FeatureObservation& o : frame.observations) {
     if (o.camera == 0) {
       first[o.id] = o;
       continue;
@@ -69,7 +69,7 @@ TEST(StereoTracker, TheSecondCameraSeesTheSameCornersUnderTheSameIds) {
   EXPECT_GT(exact, 0.95 * matched);
 }
 
-TEST(StereoTracker, GoesOnWithOneCameraWhenTheOtherIsBlackOrLost) {
+TEST(StereoTracker, ContinuesWithOneCameraIfTheOtherFails) {
   const StereoDive dive;
   Tracker tracker({}, dive.cameras);
   const cv::Mat black(360, 480, CV_8U, cv::Scalar(0));
@@ -79,7 +79,7 @@ TEST(StereoTracker, GoesOnWithOneCameraWhenTheOtherIsBlackOrLost) {
         tracker.process({dive.image(k, 0), second}, frame_stamp(k), dive.turn(k));
     EXPECT_EQ(frame.statistics.quality, FrameQuality::good);
     int in_second = 0;
-    for (const Observation& o : frame.observations) in_second += o.camera;
+    for (const FeatureObservation& o : frame.observations) in_second += o.camera;
     if (k == 2 || k == 3) {
       EXPECT_EQ(in_second, 0) << k;
     } else {
@@ -88,13 +88,13 @@ TEST(StereoTracker, GoesOnWithOneCameraWhenTheOtherIsBlackOrLost) {
   }
 }
 
-TEST(StereoTracker, ImagesThatDoNotBelongTogetherGiveHardlyAnyMatches) {
+TEST(StereoTracker, UnrelatedImagesGiveAlmostNoMatches) {
   const StereoDive dive;
   Tracker tracker({}, dive.cameras);
   const cv::Mat other = test::random_texture(512, 3)({0, 0, 480, 360});
   const TrackedFrame frame = tracker.process({dive.image(0, 0), other}, frame_stamp(0), {});
   int in_second = 0;
-  for (const Observation& o : frame.observations) in_second += o.camera;
+  for (const FeatureObservation& o : frame.observations) in_second += o.camera;
   EXPECT_LE(in_second, 10);
 }
 

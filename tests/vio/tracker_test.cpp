@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How corners are followed: exactness, gyro, light, particles in the water, moving things.
-#include "apvi/vio/tracker.hpp"
+// Corner tracking: accuracy, gyro prediction, exposure, particles, moving objects.
+#include "vio/frontend/tracker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,9 +19,9 @@ using test::frame_stamp;
 using test::swaying_pose;
 using test::two_walls;
 
-std::map<std::int64_t, Observation> by_id(const TrackedFrame& frame, int camera = 0) {
-  std::map<std::int64_t, Observation> result;
-  for (const Observation& o : frame.observations) {
+std::map<std::int64_t, FeatureObservation> by_id(const TrackedFrame& frame, int camera = 0) {
+  std::map<std::int64_t, FeatureObservation> result;
+  for (const FeatureObservation& o : frame.observations) {
     if (o.camera == camera) result[o.id] = o;
   }
   return result;
@@ -33,7 +33,7 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
 }
 
-// Distance between where tracks went from one frame to another and where they should [px].
+// Distances between tracked and true positions in the second frame [px].
 std::vector<double> errors(const Dive& dive, const TrackedFrame& from, int k_from,
                            const TrackedFrame& to, int k_to) {
   std::vector<double> result;
@@ -49,7 +49,7 @@ std::vector<double> errors(const Dive& dive, const TrackedFrame& from, int k_fro
   return result;
 }
 
-TEST(Tracker, FollowsCornersOverTwentyFramesToAFewTenthsOfAPixel) {
+TEST(Tracker, TracksCornersWithSubpixelAccuracyOverTwentyFrames) {
   Dive dive(two_walls());
   const TrackedFrame first = dive.frame(0);
   const TrackedFrame last = dive.frames(1, 21);
@@ -59,7 +59,7 @@ TEST(Tracker, FollowsCornersOverTwentyFramesToAFewTenthsOfAPixel) {
   EXPECT_LT(quantile(error, 0.9), 0.75);
 }
 
-TEST(Tracker, NearlyAllCornersInViewAreFollowedFromFrameToFrame) {
+TEST(Tracker, TracksNearlyAllVisibleCorners) {
   Dive dive(two_walls());
   dive.frames(0, 5);
   for (int k = 5; k < 15; ++k) {
@@ -71,16 +71,16 @@ TEST(Tracker, NearlyAllCornersInViewAreFollowedFromFrameToFrame) {
   }
 }
 
-TEST(Tracker, APointIsThePixelWithoutTheLens) {
+TEST(Tracker, PointsAreUndistorted) {
   Dive dive(two_walls());
-  for (const Observation& o : dive.frames(0, 3).observations) {
+  for (const FeatureObservation& o : dive.frames(0, 3).observations) {
     const auto pixel = dive.camera.model.project(o.point.homogeneous());
     ASSERT_TRUE(pixel);
     EXPECT_THAT(*pixel, test::MatrixNear(o.pixel, 1e-6));
   }
 }
 
-TEST(Tracker, TheVelocityIsThatSinceTheFrameBefore) {
+TEST(Tracker, VelocityIsSinceThePreviousFrame) {
   Dive dive(two_walls());
   const auto before = by_id(dive.frames(0, 4));
   const auto now = by_id(dive.frame(6));  // two frames were dropped
@@ -98,7 +98,7 @@ TEST(Tracker, TheVelocityIsThatSinceTheFrameBefore) {
   EXPECT_GT(compared, 100);
 }
 
-TEST(Tracker, ObservationsAreInOrderAndIdsAreNeverUsedAgain) {
+TEST(Tracker, ObservationsAreSortedAndIdsAreNotReused) {
   Dive dive(two_walls());
   std::set<std::int64_t> ended;
   std::set<std::int64_t> alive;
@@ -106,7 +106,7 @@ TEST(Tracker, ObservationsAreInOrderAndIdsAreNeverUsedAgain) {
     if (k == 6) dive.tracker.reset();
     std::set<std::int64_t> now;
     std::int64_t last = -1;
-    for (const Observation& o : dive.frame(k).observations) {
+    for (const FeatureObservation& o : dive.frame(k).observations) {
       EXPECT_GT(o.id, last);
       EXPECT_EQ(ended.count(o.id), 0U);
       last = o.id;
@@ -121,19 +121,20 @@ TEST(Tracker, ObservationsAreInOrderAndIdsAreNeverUsedAgain) {
   EXPECT_FALSE(ended.empty());
 }
 
-TEST(Tracker, StableTracksAreThoseSeenOftenEnough) {
+TEST(Tracker, CountsStableTracks) {
   TrackerConfig config;
   config.stable_frames = 4;
   Dive dive(two_walls(), config);
   EXPECT_EQ(dive.frames(0, 3).statistics.stable, 0);
   const TrackedFrame fourth = dive.frame(3);
-  const auto long_enough = std::count_if(fourth.observations.begin(), fourth.observations.end(),
-                                         [](const Observation& o) { return o.track_length >= 4; });
+  const auto long_enough =
+      std::count_if(fourth.observations.begin(), fourth.observations.end(),
+                    [](const FeatureObservation& o) { return o.track_length >= 4; });
   EXPECT_EQ(fourth.statistics.stable, long_enough);
   EXPECT_GT(fourth.statistics.stable, 80);
 }
 
-TEST(Tracker, CornersKeepTheirDistanceWhenFound) {
+TEST(Tracker, NewCornersKeepTheMinimumDistance) {
   TrackerConfig config;
   config.min_distance_px = 30.0;
   Dive dive(two_walls(), config);
@@ -145,7 +146,7 @@ TEST(Tracker, CornersKeepTheirDistanceWhenFound) {
   }
 }
 
-// Share of the tracks that survive one quick turn of the camera.
+// Fraction of tracks that survive one fast rotation of the camera.
 double survivors_of_a_turn(const Eigen::Vector3d& turn, bool gyro) {
   const CameraCalibration camera = test::small_camera();
   const auto world = two_walls();
@@ -161,17 +162,17 @@ double survivors_of_a_turn(const Eigen::Vector3d& turn, bool gyro) {
   return second.statistics.tracked / static_cast<double>(first.observations.size());
 }
 
-TEST(Tracker, TheGyroMakesAFastTurnTrackableThatIsLostWithoutIt) {
-  const Eigen::Vector3d turn(0.05, 0.4, 0.1);  // 23 degrees of yaw from one frame to the next
+TEST(Tracker, GyroPredictionKeepsTracksInFastRotation) {
+  const Eigen::Vector3d turn(0.05, 0.4, 0.1);  // 23 degrees of yaw per frame
   EXPECT_GT(survivors_of_a_turn(turn, true), 0.4);
   EXPECT_LT(survivors_of_a_turn(turn, false), 0.2);
 }
 
-TEST(Tracker, FollowsASlowMotionWithoutAGyroToo) {
+TEST(Tracker, TracksSlowMotionWithoutGyro) {
   EXPECT_GT(survivors_of_a_turn({0.01, 0.03, 0.02}, false), 0.8);
 }
 
-TEST(Tracker, AGyroWithABiasDoesNoHarm) {
+TEST(Tracker, ToleratesGyroBias) {
   const CameraCalibration camera = test::small_camera();
   const auto world = two_walls();
   Tracker tracker({}, {camera});
@@ -189,7 +190,7 @@ TEST(Tracker, AGyroWithABiasDoesNoHarm) {
   EXPECT_GT(s.stable, 70);
 }
 
-TEST(Tracker, ChangesOfExposureCostFewTracks) {
+TEST(Tracker, ToleratesExposureChanges) {
   Dive steady(two_walls());
   Dive flickering(two_walls());
   int steady_tracked = 0;
@@ -205,7 +206,7 @@ TEST(Tracker, ChangesOfExposureCostFewTracks) {
   EXPECT_GT(flickering_tracked, 0.85 * steady_tracked);
 }
 
-// Bright specks that sink and are carried along for a few frames, each its own way.
+// Bright particles that sink and drift independently for a few frames.
 cv::Mat with_snow(cv::Mat image, int k) {
   for (int i = 0; i < 250; ++i) {
     Random random(static_cast<std::uint64_t>(1000 + 10'000 * ((k + i) / 6) + i));
@@ -218,7 +219,7 @@ cv::Mat with_snow(cv::Mat image, int k) {
   return image;
 }
 
-TEST(Tracker, FewStableTracksAreMarineSnow) {
+TEST(Tracker, FewStableTracksAreOnMarineSnow) {
   TrackerConfig config;
   config.stable_frames = 5;
   Dive dive(two_walls(), config);
@@ -232,8 +233,8 @@ TEST(Tracker, FewStableTracksAreMarineSnow) {
   EXPECT_LT(static_cast<double>(wrong), 0.05 * static_cast<double>(error.size()));
 }
 
-TEST(Tracker, ThingsThatMoveOnTheirOwnAreDropped) {
-  // A third wall that rises by 2 cm a frame while the camera swims sideways.
+TEST(Tracker, RejectsMovingObjects) {
+  // A third wall that rises by 2 cm per frame while the camera moves sideways.
   auto world = two_walls();
   world.walls.push_back({3.0, -1.2, -0.5, {}});
   Dive dive(world);
@@ -244,7 +245,7 @@ TEST(Tracker, ThingsThatMoveOnTheirOwnAreDropped) {
   }
   int on_it = 0;
   int elsewhere = 0;
-  for (const Observation& o : last.observations) {
+  for (const FeatureObservation& o : last.observations) {
     const SE3 pose = swaying_pose(15);
     const auto found = dive.world.hit(pose.translation, pose.rotation * o.point.homogeneous());
     if (!found || o.track_length < 8) continue;
@@ -254,7 +255,7 @@ TEST(Tracker, ThingsThatMoveOnTheirOwnAreDropped) {
   EXPECT_LE(on_it, 3);
 }
 
-TEST(Tracker, TheSameFramesGiveTheSameTracksWithOneThreadOrTwo) {
+TEST(Tracker, IsDeterministicAcrossThreadCounts) {
   const int threads = cv::getNumThreads();
   std::vector<std::vector<TrackedFrame>> runs;
   for (const int n : {1, 2, 2}) {
@@ -282,9 +283,9 @@ TEST(Tracker, TheSameFramesGiveTheSameTracksWithOneThreadOrTwo) {
   }
 }
 
-TEST(Tracker, AFisheyeWhoseRimHasNoInverseGivesOnlyFinitePoints) {
+TEST(Tracker, FisheyeWithoutInverseAtTheRimGivesFinitePoints) {
   CameraCalibration camera = test::small_camera();
-  // Folds back before the corners of the image.
+  // The distortion is not invertible near the image corners.
   camera.model = CameraModel(
       {150.0, 150.0, 240.0, 180.0, Distortion::equidistant, {0.0, -0.12, 0.0, 0.0}, 480, 360});
   ASSERT_FALSE(camera.model.unproject({2.0, 2.0}));
@@ -292,7 +293,7 @@ TEST(Tracker, AFisheyeWhoseRimHasNoInverseGivesOnlyFinitePoints) {
   for (int k = 0; k < 6; ++k) {
     const TrackedFrame frame = dive.frame(k);
     EXPECT_FALSE(frame.observations.empty());
-    for (const Observation& o : frame.observations) {
+    for (const FeatureObservation& o : frame.observations) {
       EXPECT_TRUE(o.point.allFinite() && o.velocity.allFinite());
     }
   }

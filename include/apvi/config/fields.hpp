@@ -16,24 +16,24 @@
 
 #include "apvi/config/node.hpp"
 
-/// Configuration by declaration. A struct names its fields once, in a `visit` method:
+/// Declarative configuration. A struct lists its fields once, in a `visit` method:
 ///
 ///     struct TrackerConfig {
 ///       double min_distance_px = 20.0;
 ///       Mode mode = Mode::paper;
 ///       template <typename V>
 ///       void visit(V& v) {
-///         v("min_distance_px", min_distance_px, Range{1.0, 200.0}, "spacing between corners
-///         [px]"); v("mode", mode, Choices<Mode>{{"paper", Mode::paper}}, "which form of Eq. 7");
+///         v("min_distance_px", min_distance_px, Range{1.0, 200.0}, "corner spacing [px]");
+///         v("mode", mode, Choices<Mode>{{"paper", Mode::paper}}, "form of Eq. 7");
 ///       }
 ///     };
 ///
-/// and can then be read from a Node (`read`), written to one (`to_node`) and documented
-/// (`document`). A field is a bool, int, double, string, enum, another such struct, a Node kept as
-/// it is, or an optional, vector, array or map from names of these. Defaults are the struct's own.
+/// and can then be read from a Node (`read`), converted to one (`to_node`) and documented
+/// (`document`). A field is a bool, int, double, string, enum, nested struct, raw Node, or an
+/// optional, vector, array or string-keyed map of these. Defaults are the member initializers.
 namespace apvi::config {
 
-/// Closed interval that a number, or every number of a list, must lie in.
+/// Closed interval for a number, or for every number of a list.
 template <typename T>
 struct Range {
   T low;
@@ -42,13 +42,13 @@ struct Range {
 template <typename T>
 Range(T, T) -> Range<T>;
 
-/// The words for the values of an enum.
+/// Names of the values of an enum.
 template <typename E>
 struct Choices : std::vector<std::pair<std::string_view, E>> {
   using std::vector<std::pair<std::string_view, E>>::vector;
 };
 
-/// One line of the generated documentation.
+/// One row of the generated documentation.
 struct FieldDoc {
   std::string key;
   std::string type;
@@ -86,19 +86,20 @@ inline constexpr bool is_map<std::map<std::string, T>> = true;
 
 struct NoLimit {};
 
-// The leaves, in fields.cpp.
+// Non-template helpers, in fields.cpp.
 void read_scalar(const Node& node, const std::string& key, bool& value);
 void read_scalar(const Node& node, const std::string& key, int& value);
 void read_scalar(const Node& node, const std::string& key, double& value);
 void read_scalar(const Node& node, const std::string& key, std::string& value);
-[[noreturn]] void fail_range(const Node& node, const std::string& key, const std::string& value,
-                             const std::string& low, const std::string& high);
-[[noreturn]] void fail_choice(const Node& node, const std::string& key,
-                              const std::vector<std::string>& words);
+[[noreturn]] void fail_out_of_range(const Node& node, const std::string& key,
+                                    const std::string& value, const std::string& low,
+                                    const std::string& high);
+[[noreturn]] void fail_unknown_choice(const Node& node, const std::string& key,
+                                      const std::vector<std::string>& words);
 void check_known_keys(const Node& node, const std::string& path,
                       const std::vector<std::string>& known);
-std::string number_text(double value);
-std::string number_text(int value);
+std::string format_number(double value);
+std::string format_number(int value);
 Node scalar_node(std::string text);
 std::string join(const std::string& path, std::string_view name);
 
@@ -108,8 +109,8 @@ void check_limit(const Node&, const std::string&, const T&, NoLimit) {}
 template <typename T, typename R>
 void check_limit(const Node& node, const std::string& key, T value, const Range<R>& range) {
   if (value < static_cast<T>(range.low) || value > static_cast<T>(range.high)) {
-    fail_range(node, key, number_text(value), number_text(static_cast<T>(range.low)),
-               number_text(static_cast<T>(range.high)));
+    fail_out_of_range(node, key, format_number(value), format_number(static_cast<T>(range.low)),
+                      format_number(static_cast<T>(range.high)));
   }
 }
 
@@ -128,25 +129,25 @@ void read_enum(const Node& node, const std::string& key, E& value, const Choices
     }
     words.emplace_back(name);
   }
-  fail_choice(node, key, words);
+  fail_unknown_choice(node, key, words);
 }
 
 template <typename List, typename Limit>
 void read_list(const Node& node, const std::string& key, List& list, const Limit& limit) {
-  if (node.kind != Node::Kind::list) fail_at(node, key, "expected a list, like [1, 2, 3]");
+  if (node.kind != Node::Kind::list) fail_at(node, key, "expected a list, such as [1, 2, 3]");
   if constexpr (requires { list.resize(1); }) {
     list.assign(node.items.size(), {});
   } else if (node.items.size() != list.size()) {
     fail_at(node, key,
-            "expected " + number_text(static_cast<int>(list.size())) + " values, got " +
-                number_text(static_cast<int>(node.items.size())));
+            "expected " + format_number(static_cast<int>(list.size())) + " values, got " +
+                format_number(static_cast<int>(node.items.size())));
   }
   for (std::size_t i = 0; i < node.items.size(); ++i) {
-    read_value(node.items[i], key + "[" + number_text(static_cast<int>(i)) + "]", list[i], limit);
+    read_value(node.items[i], key + "[" + format_number(static_cast<int>(i)) + "]", list[i], limit);
   }
 }
 
-/// Visitor that fills a struct from a map and complains about keys that the struct does not have.
+/// Visitor that fills a struct from a map and rejects unknown keys.
 class Reader {
  public:
   Reader(const Node& node, std::string path) : node_(node), path_(std::move(path)) {}
@@ -176,7 +177,7 @@ class Reader {
 template <typename T>
 void read_struct(const Node& node, const std::string& path, T& value) {
   if (node.is_null()) return;
-  if (node.kind != Node::Kind::map) fail_at(node, path, "expected keys below this one");
+  if (node.kind != Node::Kind::map) fail_at(node, path, "expected nested keys");
   Reader reader(node, path);
   value.visit(reader);
   reader.finish();
@@ -192,13 +193,13 @@ void read_value(const Node& node, const std::string& key, T& value, const Limit&
     if (node.is_null()) {
       value.reset();
     } else {
-      // Built afresh, so that a half-given section starts from the struct's defaults.
+      // Start from the struct's defaults, not from the previous value.
       typename T::value_type inner{};
       read_value(node, key, inner, limit);
       value = std::move(inner);
     }
   } else if constexpr (is_map<T>) {
-    if (node.kind != Node::Kind::map) fail_at(node, key, "expected keys below this one");
+    if (node.kind != Node::Kind::map) fail_at(node, key, "expected nested keys");
     for (const auto& [name, member] : node.members) {
       read_value(member, join(key, name), value[name], limit);
     }
@@ -217,7 +218,7 @@ void read_value(const Node& node, const std::string& key, T& value, const Limit&
 template <typename T, typename Limit>
 Node value_to_node(const T& value, const Limit& limit);
 
-/// Visitor that turns a struct into a map.
+/// Visitor that converts a struct to a map.
 class Writer {
  public:
   Writer() { node.kind = Node::Kind::map; }
@@ -263,11 +264,11 @@ Node value_to_node(const T& value, const Limit& limit) {
   } else if constexpr (std::is_same_v<T, std::string>) {
     return scalar_node(value);
   } else {
-    return scalar_node(number_text(value));
+    return scalar_node(format_number(value));
   }
 }
 
-/// Visitor that lists keys with types, defaults, ranges and meanings.
+/// Visitor that lists keys with types, defaults, ranges and descriptions.
 class Documenter {
  public:
   explicit Documenter(std::string path) : path_(std::move(path)) {}
@@ -291,7 +292,7 @@ class Documenter {
   std::string path_;
 };
 
-std::string flow_text(const Node& node);
+std::string to_flow_yaml(const Node& node);
 
 template <typename T>
 std::string type_name() {
@@ -302,11 +303,11 @@ std::string type_name() {
   else if constexpr (std::is_same_v<T, double>)
     return "number";
   else if constexpr (std::is_same_v<T, std::string>)
-    return "text";
+    return "string";
   else if constexpr (std::is_enum_v<T>)
-    return "word";
+    return "enum";
   else if constexpr (std::is_same_v<T, Node>)
-    return "keys";
+    return "map";
   else if constexpr (is_optional<T>)
     return type_name<typename T::value_type>() + " or null";
   else if constexpr (is_list<T>)
@@ -315,20 +316,20 @@ std::string type_name() {
     return "section";
 }
 
-inline std::string limit_text(NoLimit) {
+inline std::string format_limit(NoLimit) {
   return "";
 }
 template <typename R>
-std::string limit_text(const Range<R>& range) {
-  // Appended piece by piece: GCC 12 warns falsely (-Wrestrict) about a sum that begins with text.
+std::string format_limit(const Range<R>& range) {
+  // Appended piecewise: GCC 12 gives a false -Wrestrict warning for operator+ here.
   std::string text = "[";
-  return text.append(number_text(range.low))
+  return text.append(format_number(range.low))
       .append(", ")
-      .append(number_text(range.high))
+      .append(format_number(range.high))
       .append("]");
 }
 template <typename E>
-std::string limit_text(const Choices<E>& choices) {
+std::string format_limit(const Choices<E>& choices) {
   std::string text;
   for (const auto& [name, choice] : choices) {
     text += (text.empty() ? "" : " \\| ") + std::string(name);
@@ -354,18 +355,18 @@ void Documenter::add(std::string_view name, T& value, const Limit& limit, std::s
       typename T::value_type section{};
       add_section(key, section, doc);
     } else {
-      rows.push_back({key, type_name<T>(), flow_text(value_to_node(value, limit)),
-                      limit_text(limit), std::string(doc)});
+      rows.push_back({key, type_name<T>(), to_flow_yaml(value_to_node(value, limit)),
+                      format_limit(limit), std::string(doc)});
     }
   } else {
-    rows.push_back({key, type_name<T>(), flow_text(value_to_node(value, limit)), limit_text(limit),
-                    std::string(doc)});
+    rows.push_back({key, type_name<T>(), to_flow_yaml(value_to_node(value, limit)),
+                    format_limit(limit), std::string(doc)});
   }
 }
 
 }  // namespace internal
 
-/// Fills `value` from a node; keys that are absent keep what `value` holds. Throws InputError with
+/// Fills `value` from a node; absent keys keep their current values. Throws InputError with
 /// file and line for unknown keys, wrong types and values out of range.
 template <typename T>
 void read(const Node& node, T& value, const std::string& path = "") {

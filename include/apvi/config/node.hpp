@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -10,8 +11,8 @@
 
 namespace apvi::config {
 
-/// A value of a configuration file that remembers where it came from, through inheritance and
-/// overrides, so that every complaint can name file and line.
+/// A configuration value with its source location, which is kept through inheritance and overrides
+/// so that error messages can state file and line.
 struct Node {
   enum class Kind { null, scalar, list, map };
 
@@ -20,13 +21,13 @@ struct Node {
   std::vector<Node> items;                            ///< of a list
   std::vector<std::pair<std::string, Node>> members;  ///< of a map, in the file's order
   std::shared_ptr<const std::string> source;          ///< file name, or "--set"
-  int line = 0;                                       ///< from 1; 0 when there is none
+  int line = 0;                                       ///< from 1; 0 if unknown
 
-  Node();  // out of line: clang would otherwise look into `members` while Node is incomplete
+  Node();  // out of line: `members` needs the complete type (clang)
 
   bool is_null() const { return kind == Kind::null; }
   const Node* find(std::string_view key) const;
-  /// The member of that name, made if it is not there; turns a null node into a map.
+  /// The member of that name, created if absent; turns any other kind of node into a map.
   Node& member(std::string_view key);
   /// "file:line", "--set", or "" for a default.
   std::string where() const;
@@ -35,16 +36,29 @@ struct Node {
 /// Throws InputError "file:line: key: what".
 [[noreturn]] void fail_at(const Node& node, std::string_view key, std::string_view what);
 
-/// Parses one YAML file. Throws InputError when it is missing or no YAML, and for duplicate keys.
+/// Parses one YAML file. Throws InputError if it is missing, invalid or has duplicate keys.
 Node load_file(const std::filesystem::path& path);
-/// The same from text; `source` stands for the file name in messages.
+/// Parses YAML text; `source` replaces the file name in messages.
 Node parse_yaml(const std::string& text, const std::string& source);
-/// Parses a file and what it names under `inherit:` (one path or a list, relative to the file),
-/// left to right, the file itself last. Throws InputError for a cycle.
+/// Parses a file and the files listed under `inherit:` (one path or a list, relative to the file).
+/// Later files override earlier ones, and the file itself all of them. Throws InputError for a
+/// cycle.
 Node load_with_inheritance(const std::filesystem::path& path);
-/// Lays `over` on top of `base`: maps merge deep, everything else replaces.
+/// Same, with a change to the keys of each file before it is merged with others.
+Node load_with_inheritance(const std::filesystem::path& path,
+                           const std::function<void(Node&)>& edit);
+/// Merges `over` into `base`: maps are merged recursively, everything else is replaced.
 void merge(Node& base, const Node& over);
-/// Applies "a.b.c=value"; the value is YAML. Throws InputError when there is no '='.
+/// A dotted key with a value, as in "a.b.c=value".
+struct Override {
+  std::string key;
+  Node value;
+};
+/// Parses "a.b.c=value"; the value is YAML. Throws InputError when there is no '='.
+Override parse_override(std::string_view assignment);
+/// Replaces the value of a dotted key. Throws InputError for an empty part of the key.
+void set_value(Node& root, std::string_view key, Node value);
+/// Both: applies "a.b.c=value".
 void apply_override(Node& root, std::string_view assignment);
 /// The node as a YAML document.
 std::string to_yaml(const Node& node);

@@ -13,12 +13,12 @@
 
 namespace apvi {
 
-/// What a full queue does with a new element: makes the producer wait (replay: nothing is lost) or
-/// lets go of the oldest one (real time: the newest counts).
+/// Behavior of a full queue: `block` makes the producer wait (offline: no data are lost),
+/// `drop_oldest` discards the oldest element (real time).
 enum class Overflow { block, drop_oldest };
 
-/// A first-in first-out queue between threads with a fixed capacity. `close` is the soft stop: what
-/// is queued is still delivered. A stop token is the hard stop: waiting ends at once.
+/// Thread-safe FIFO queue with a fixed capacity. After `close`, queued elements are still
+/// delivered; a stop token unblocks waiting calls at once.
 template <typename T>
 class BoundedQueue {
  public:
@@ -26,7 +26,7 @@ class BoundedQueue {
     APVI_CHECK(capacity > 0);
   }
 
-  /// False when the queue is closed or a stop was asked for; the value is dropped then.
+  /// False when the queue is closed or a stop was requested; the value is then discarded.
   bool push(T value, std::stop_token stop = {}) {
     std::unique_lock lock(mutex_);
     if (overflow_ == Overflow::block) {
@@ -43,7 +43,7 @@ class BoundedQueue {
     return true;
   }
 
-  /// The oldest element; nothing when the queue is closed and empty, or a stop was asked for.
+  /// The oldest element; nullopt when the queue is closed and empty, or a stop was requested.
   std::optional<T> pop(std::stop_token stop = {}) {
     std::unique_lock lock(mutex_);
     not_empty_.wait(lock, stop, [&] { return closed_ || !items_.empty(); });
@@ -54,7 +54,7 @@ class BoundedQueue {
     return value;
   }
 
-  /// No more pushes; pops go on until the queue is empty.
+  /// Rejects further pushes; pops continue until the queue is empty.
   void close() {
     const std::scoped_lock lock(mutex_);
     closed_ = true;
@@ -70,7 +70,7 @@ class BoundedQueue {
     const std::scoped_lock lock(mutex_);
     return items_.size();
   }
-  /// Elements let go of by Overflow::drop_oldest so far.
+  /// Elements discarded by Overflow::drop_oldest so far.
   std::size_t dropped() const {
     const std::scoped_lock lock(mutex_);
     return dropped_;

@@ -9,17 +9,24 @@
 
 namespace apvi {
 
-/// What the user gave is wrong: a file, a key, an argument. One line, `file:line: key: what, and
-/// what to do`. The program ends with status 2.
-class InputError : public std::runtime_error {
+/// Base of the errors that the library throws. Exceptions of LibTorch, OpenCV and Ceres do not
+/// leave the classes of `apvi/localization` and `apvi/slam`.
+class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The input was fine and the work failed (disk full, nothing could be estimated). Status 1.
-class RunError : public std::runtime_error {
+/// Invalid user input: a file, a key, an argument. The message is one line, `file:line: key:
+/// problem; remedy`. The program exits with status 2.
+class InputError : public Error {
  public:
-  using std::runtime_error::runtime_error;
+  using Error::Error;
+};
+
+/// Failure with valid input (disk full, no estimate possible). The program exits with status 1.
+class RunError : public Error {
+ public:
+  using Error::Error;
 };
 
 /// Throws InputError with a formatted message.
@@ -40,6 +47,6 @@ namespace internal {
 
 }  // namespace apvi
 
-/// A programmer's error, checked in every build: throws std::logic_error, never aborts.
+/// Checks an invariant in every build type: throws std::logic_error, never aborts.
 #define APVI_CHECK(condition) \
   ((condition) ? void(0) : ::apvi::internal::check_failed(#condition, __FILE__, __LINE__))

@@ -7,15 +7,15 @@
 #include <string_view>
 #include <utility>
 
-/// Logging to standard error and, once a run folder exists, to a file in it. Only log.cpp sees the
-/// logging library. Safe to call from any thread.
+/// Logging to standard error and, after `open_file`, to a file. Only log.cpp depends on the logging
+/// library. Thread-safe.
 namespace apvi::log {
 
 enum class Level { debug, info, warning, error };
 
-/// Lowest level shown on standard error (the file takes everything from debug on).
+/// Minimum level on standard error (the file receives all levels).
 void set_console_level(Level level);
-/// Adds a log file; throws RunError when it cannot be opened. The file lives until `close_file`.
+/// Adds a log file, used until `close_file`. Throws RunError when it cannot be opened.
 void open_file(const std::filesystem::path& path);
 void close_file();
 void write(Level level, std::string_view message);

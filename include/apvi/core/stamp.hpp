@@ -7,7 +7,7 @@
 
 namespace apvi {
 
-/// A span of time, exact in nanoseconds. Seconds as double appear only inside a formula.
+/// Time span in integer nanoseconds. Seconds as double are used only inside formulas.
 struct Duration {
   std::int64_t ns = 0;
 
@@ -21,7 +21,7 @@ struct Duration {
   friend constexpr Duration operator-(Duration a) { return {-a.ns}; }
 };
 
-/// A point in time: nanoseconds since the epoch of the data set (Unix or device clock).
+/// Time stamp: nanoseconds since the epoch of the data set (Unix or device clock).
 struct Stamp {
   std::int64_t ns = 0;
 
@@ -35,7 +35,7 @@ struct Stamp {
   friend constexpr Stamp operator-(Stamp a, Duration d) { return {a.ns - d.ns}; }
 };
 
-/// Seconds from `from` to `to`, exact to the double's precision for spans of any practical length.
+/// Seconds from `from` to `to`; the difference is taken in nanoseconds, so no precision is lost.
 inline double seconds_between(Stamp from, Stamp to) {
   return (to - from).seconds();
 }

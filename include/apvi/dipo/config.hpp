@@ -4,10 +4,11 @@
 #include <optional>
 
 #include "apvi/config/fields.hpp"
+#include "apvi/core/constants.hpp"
 
 namespace apvi::dipo {
 
-/// A calibration state: estimated on line from an initial sigma, or held at what the rig says.
+/// A calibration parameter, either estimated online or fixed at the value of the rig.
 struct CalibrationState {
   bool estimate = false;
   double sigma = 0.0;
@@ -16,9 +17,9 @@ struct CalibrationState {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("estimate", estimate, "estimate it on line, starting from the rig's value");
-    v("sigma", sigma, Range{0.0, 100.0}, "how wrong the rig's value may be, one sigma");
-    v("walk", walk, Range{0.0, 10.0}, "how fast it may wander, per square root of a second");
+    v("estimate", estimate, "estimate online, starting from the rig's value");
+    v("sigma", sigma, Range{0.0, 100.0}, "initial uncertainty of the rig's value, one sigma");
+    v("walk", walk, Range{0.0, 10.0}, "random walk, per square root of a second");
   }
 };
 
@@ -32,14 +33,17 @@ struct InitializationConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("window_s", window_s, Range{0.2, 60.0}, "span of pings that gives gravity and velocity [s]");
+    v("window_s", window_s, Range{0.2, 60.0},
+      "span of DVL pings from which gravity and velocity are initialized [s]");
     v("heading_deg", heading_deg, Range{-360.0, 360.0},
-      "heading of the body's x axis at the start, about world z [deg]");
-    v("tilt_sigma_deg", tilt_sigma_deg, Range{0.01, 90.0}, "roll and pitch, one sigma [deg]");
+      "initial heading of the body's x axis about world z [deg]");
+    v("tilt_sigma_deg", tilt_sigma_deg, Range{0.01, 90.0},
+      "initial roll and pitch uncertainty, one sigma [deg]");
     v("gyro_bias_sigma", gyro_bias_sigma, Range{0.0, 1.0},
-      "turn-on bias, one sigma [rad/s]; null: as large as the noise over one "
-      "second; MEMS gyros may need 0.1");
-    v("accel_bias_sigma", accel_bias_sigma, Range{0.0, 10.0}, "turn-on bias, one sigma [m/s²]");
+      "initial gyro bias uncertainty of the filter, one sigma [rad/s]; null: the gyro noise over "
+      "one second; MEMS gyros may need 0.1");
+    v("accel_bias_sigma", accel_bias_sigma, Range{0.0, 10.0},
+      "initial accelerometer bias uncertainty of the filter, one sigma [m/s²]");
   }
 };
 
@@ -51,9 +55,10 @@ struct EarthConfig {
   void visit(V& v) {
     using config::Range;
     v("latitude_deg", latitude_deg, Range{-90.0, 90.0},
-      "turns Earth rotation on, for gyros good enough to feel it [deg]");
+      "latitude; null: Earth rotation is not modeled, as most gyros cannot measure it [deg]");
     v("heading_deg", heading_deg, Range{-360.0, 360.0},
-      "true heading at the start; without it only the vertical part is used [deg]");
+      "initial true heading; null: only the vertical component of the Earth rotation is modeled "
+      "[deg]");
   }
 };
 
@@ -69,16 +74,18 @@ struct InertialConfig {
   void visit(V& v) {
     using config::Range;
     v("gyro_noise_factor", gyro_noise_factor, Range{0.1, 1000.0},
-      "inflates the rig's gyro noise density");
+      "multiplies the rig's gyro noise density");
     v("accel_noise_factor", accel_noise_factor, Range{0.1, 1000.0},
-      "inflates the rig's accelerometer noise density");
+      "multiplies the rig's accelerometer noise density");
     v("vibration_factor", vibration_factor, Range{0.0, 1000.0},
-      "how much of the vibration seen between samples counts as noise; 0: trust the rig");
+      "fraction of the vibration measured between samples that is added to the noise; 0: only the "
+      "rig's noise");
     v("max_gap_s", max_gap_s, Range{0.01, 60.0},
-      "a longer pause between inertial samples is a gap: the filter goes on straight ahead [s]");
+      "a longer gap between IMU samples is bridged at constant velocity [s]");
     v("max_gyro", max_gyro, Range{0.1, 100.0},
-      "a sample that turns faster is a shock or a saturated sensor, and is left out [rad/s]");
-    v("max_accel", max_accel, Range{10.0, 1000.0}, "the same for the specific force [m/s²]");
+      "samples with a larger angular rate are rejected as shock or saturation [rad/s]");
+    v("max_accel", max_accel, Range{10.0, 1000.0},
+      "samples with a larger specific force are rejected as shock or saturation [m/s²]");
   }
 };
 
@@ -93,15 +100,15 @@ struct AdaptationConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("enabled", enabled, "let noises follow the innovations of the DVL");
-    v("rate", rate, Range{0.0, 1.0}, "how fast a noise grows, per ping");
-    v("recovery_rate", recovery_rate, Range{0.0, 1.0}, "how fast it shrinks again, per ping");
+    v("enabled", enabled, "adapt the accelerometer and DVL noise to the DVL innovations");
+    v("rate", rate, Range{0.0, 1.0}, "gain of a noise increase, per ping");
+    v("recovery_rate", recovery_rate, Range{0.0, 1.0}, "gain of a noise decrease, per ping");
     v("initial_accel_factor", initial_accel_factor, Range{1.0, 1e6},
-      "what the accelerometer's noise density starts with");
+      "initial factor on the accelerometer noise density");
     v("max_accel_factor", max_accel_factor, Range{1.0, 1e6},
-      "the accelerometer's noise density grows up to this factor");
+      "maximum factor on the accelerometer noise density");
     v("max_dvl_variance_factor", max_dvl_variance_factor, Range{1.0, 1e6},
-      "the DVL's variance grows up to this factor");
+      "maximum factor on the DVL variance");
   }
 };
 
@@ -109,10 +116,10 @@ struct DvlConfig {
   bool use_beams = true;
   double soft_gate = 11.3;
   double hard_gate_factor = 20.0;
-  int max_rejected = 5;
+  int max_consecutive_rejections = 5;
   double parity_sigmas = 6.0;
-  bool displacement = false;
-  double displacement_inflation = 4.0;
+  bool use_displacement = false;
+  double displacement_variance_factor = 4.0;
   CalibrationState time_offset{.estimate = true, .sigma = 0.1, .walk = 1e-3};
   CalibrationState scale{.estimate = false, .sigma = 0.02, .walk = 1e-6};
   CalibrationState mounting{.estimate = false, .sigma = 0.09, .walk = 1e-6};
@@ -121,43 +128,45 @@ struct DvlConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("use_beams", use_beams, "one update per beam in lock when beams are reported");
+    v("use_beams", use_beams,
+      "one update per beam with bottom lock if beams are reported; false: one per velocity vector");
     v("soft_gate", soft_gate, Range{1.0, 1000.0},
-      "NIS above which a ping counts less (chi square of three, 1 %)");
+      "NIS above which a ping is downweighted (chi-square, 3 degrees of freedom, 1 %)");
     v("hard_gate_factor", hard_gate_factor, Range{1.0, 1e6},
-      "a ping whose NIS is this many times the soft gate is rejected");
-    v("max_rejected", max_rejected, Range{1, 1000},
-      "after so many rejections in a row the ping is believed instead of the state");
+      "a ping whose NIS exceeds soft_gate by this factor is rejected");
+    v("max_consecutive_rejections", max_consecutive_rejections, Range{1, 1000},
+      "after this many consecutive rejections the next ping is accepted");
     v("parity_sigmas", parity_sigmas, Range{1.0, 1000.0},
-      "four beams that disagree by more than this many sigma: the ping is not used");
-    v("displacement", displacement, "use the second residual of the paper's Eq. 3 too");
-    v("displacement_inflation", displacement_inflation, Range{1.0, 1000.0},
-      "variance factor of that residual: it is made of velocities used already");
-    v("time_offset", time_offset, "by how much stamps are late [s]");
-    v("scale", scale, "relative scale error (sound speed)");
+      "a ping whose four beams are inconsistent by more than this is not used [sigma]");
+    v("use_displacement", use_displacement,
+      "also use the second residual of the paper's Eq. 3 (displacement between pings)");
+    v("displacement_variance_factor", displacement_variance_factor, Range{1.0, 1000.0},
+      "variance factor of that residual, which reuses the velocities of the first");
+    v("time_offset", time_offset, "delay of the DVL stamps [s]");
+    v("scale", scale, "relative scale error (speed of sound)");
     v("mounting", mounting, "mounting rotation [rad]");
     v("lever_arm", lever_arm, "position in the body frame [m]");
   }
 };
 
-struct DepthConfig {
+struct PressureDepthConfig {
   double soft_gate = 9.0;
   double hard_gate_factor = 100.0;
-  int max_rejected = 20;
+  int max_consecutive_rejections = 20;
   double swell_window_s = 10.0;
   CalibrationState bias{.estimate = true, .sigma = 0.05, .walk = 1e-4};
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("soft_gate", soft_gate, Range{1.0, 1000.0}, "NIS above which a sample counts less");
+    v("soft_gate", soft_gate, Range{1.0, 1000.0}, "NIS above which a sample is downweighted");
     v("hard_gate_factor", hard_gate_factor, Range{1.0, 1e6},
-      "a sample whose NIS is this many times the soft gate is rejected");
-    v("max_rejected", max_rejected, Range{1, 10000},
-      "after so many rejections in a row the sample is believed instead of the state");
+      "a sample whose NIS exceeds soft_gate by this factor is rejected");
+    v("max_consecutive_rejections", max_consecutive_rejections, Range{1, 10000},
+      "after this many consecutive rejections the next sample is accepted");
     v("swell_window_s", swell_window_s, Range{0.0, 120.0},
-      "span over which waves are measured, whose pressure is no depth; 0: none are expected [s]");
-    v("bias", bias, "atmosphere, tide, zero of the sensor [m]");
+      "window over which pressure noise from surface waves is measured; 0: no waves [s]");
+    v("bias", bias, "bias: atmospheric pressure, tide, zero offset [m]");
   }
 };
 
@@ -172,12 +181,15 @@ struct ZeroVelocityConfig {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("enabled", enabled, "recognise standing still, when DVL and IMU agree");
-    v("window_s", window_s, Range{0.1, 60.0}, "span that must be still [s]");
-    v("max_speed", max_speed, Range{0.0, 1.0}, "largest DVL speed in it [m/s]");
-    v("max_gyro_std", max_gyro_std, Range{0.0, 1.0}, "largest standard deviation [rad/s]");
-    v("max_accel_std", max_accel_std, Range{0.0, 10.0}, "largest standard deviation [m/s²]");
-    v("sigma", sigma, Range{1e-6, 1.0}, "of the zero-velocity measurement [m/s]");
+    v("enabled", enabled, "detect standstill when DVL and IMU agree");
+    v("window_s", window_s, Range{0.1, 60.0}, "minimum duration of a standstill [s]");
+    v("max_speed", max_speed, Range{0.0, 1.0}, "maximum DVL speed in the window [m/s]");
+    v("max_gyro_std", max_gyro_std, Range{0.0, 1.0},
+      "maximum standard deviation of the gyro in the window [rad/s]");
+    v("max_accel_std", max_accel_std, Range{0.0, 10.0},
+      "maximum standard deviation of the accelerometer in the window [m/s²]");
+    v("sigma", sigma, Range{1e-6, 1.0},
+      "standard deviation of the zero-velocity measurement [m/s]");
   }
 };
 
@@ -188,23 +200,23 @@ struct Config {
   EarthConfig earth;
   AdaptationConfig adaptation;
   DvlConfig dvl;
-  DepthConfig depth;
+  PressureDepthConfig depth;
   ZeroVelocityConfig zero_velocity;
-  double gravity = 9.80665;
+  double gravity = kStandardGravity;  ///< [m/s²]; the key is `localization.gravity`
   double history_s = 2.0;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("initialization", initialization, "how the filter starts");
-    v("inertial", inertial, "inertial sensor");
+    v("initialization", initialization, "filter initialization");
+    v("inertial", inertial, "IMU");
     v("earth", earth, "Earth rotation");
-    v("adaptation", adaptation, "noise that follows the innovations");
+    v("adaptation", adaptation, "adaptive measurement and process noise");
     v("dvl", dvl, "Doppler velocity log");
     v("depth", depth, "pressure or depth sensor");
     v("zero_velocity", zero_velocity, "zero-velocity updates");
-    v("gravity", gravity, Range{9.0, 10.5}, "local gravity [m/s²]");
-    v("history_s", history_s, Range{0.1, 60.0}, "how far back a late measurement may reach [s]");
+    v("history_s", history_s, Range{0.1, 60.0},
+      "length of the state history kept for delayed measurements [s]");
   }
 };
 

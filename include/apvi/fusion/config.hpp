@@ -6,59 +6,60 @@
 namespace apvi::fusion {
 
 /// Step 1 of the paper's Algorithm 1. "Stable" is vio::TrackerConfig::stable_frames.
-struct CoarseConfig {
+struct TrackingCheckConfig {
   int min_features = 50;
   double min_stable_ratio = 0.2;
-  double min_spread = 0.0;
+  double min_grid_coverage = 0.0;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("min_features", min_features, Range{0, 100000}, "more corners than that (the paper: 50)");
+    v("min_features", min_features, Range{0, 100000},
+      "VIO has failed at this many corners or fewer (the paper: 50)");
     v("min_stable_ratio", min_stable_ratio, Range{0.0, 1.0},
-      "a larger share of them than that is stable (the paper: 0.2)");
-    v("min_spread", min_spread, Range{0.0, 1.0},
-      "share of the image's cells that hold a corner at least (the paper: not asked, 0)");
+      "VIO has failed at this fraction of stable corners or less (the paper: 0.2)");
+    v("min_grid_coverage", min_grid_coverage, Range{0.0, 1.0},
+      "minimum fraction of image grid cells with a corner (the paper: 0)");
   }
 };
 
 /// Step 2: VIO against DIPO.
-struct MediumConfig {
+struct AgreementCheckConfig {
   double max_position_m = 0.3;
   double max_height_m = 0.3;
   double max_rotation_deg = 10.0;
   double window_s = 10.0;
-  bool needs_stable_dipo = true;
+  bool require_stable_dipo = true;
   double dipo_sigmas = 3.0;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("max_position_m", max_position_m, Range{0.0, 1e6}, "distance of the positions [m]");
-    v("max_height_m", max_height_m, Range{0.0, 1e6}, "difference of the heights [m]");
-    v("max_rotation_deg", max_rotation_deg, Range{0.0, 180.0}, "angle between the attitudes [deg]");
+    v("max_position_m", max_position_m, Range{0.0, 1e6}, "maximum position difference [m]");
+    v("max_height_m", max_height_m, Range{0.0, 1e6}, "maximum height difference [m]");
+    v("max_rotation_deg", max_rotation_deg, Range{0.0, 180.0}, "maximum attitude difference [deg]");
     v("window_s", window_s, Range{0.0, 3600.0},
-      "compare how both moved over so long, since both drift; 0: where they are, and a frozen "
-      "window leans on DIPO's position as it is (the paper) [s]");
-    v("needs_stable_dipo", needs_stable_dipo,
-      "do not blame VIO for disagreeing with a DIPO that is unstable itself (the paper: false)");
+      "compare the motion over this window, as both drift; 0: compare absolute poses and hold a "
+      "frozen window at DIPO's position (the paper) [s]");
+    v("require_stable_dipo", require_stable_dipo,
+      "skip the comparison while DIPO is unstable (the paper: false)");
     v("dipo_sigmas", dipo_sigmas, Range{0.0, 100.0},
-      "a difference that DIPO's own uncertainty over window_s explains does not count: so many "
-      "sigmas of it; 0: every difference counts (the paper)");
+      "differences within this many sigmas of DIPO's own uncertainty over window_s are ignored; 0: "
+      "none (the paper)");
   }
 };
 
-enum class Normalisation { none, per_inlier };
+enum class Normalization { none, per_inlier };
 enum class DegeneracyAction { reject, remap, ignore };
 
 /// Step 3: eigenvalues of VIO's information; 0: not tested. The thresholds are those of
 /// `apvi calibrate` on the easy benchmark scenes with camera and IMU in the graph
 /// (docs/calibration.md); DVL and pressure in the graph only add information.
-struct FineConfig {
-  double min_rotation = 2.89e6;
-  double min_position = 332.0;
-  double focal_px = 420.0;
-  Normalisation normalisation = Normalisation::none;
+struct DegeneracyCheckConfig {
+  double min_rotation_eigenvalue = 2.89e6;
+  double min_position_eigenvalue = 332.0;
+  double reference_focal_px = 420.0;
+  Normalization normalization = Normalization::none;
   DegeneracyAction action = DegeneracyAction::reject;
   int min_directions = 3;
 
@@ -66,118 +67,125 @@ struct FineConfig {
   void visit(V& v) {
     using config::Choices;
     using config::Range;
-    v("min_rotation", min_rotation, Range{0.0, 1e15},
-      "smallest eigenvalue of the rotation block at least [1/rad²]; 0: not tested");
-    v("min_position", min_position, Range{0.0, 1e15},
-      "smallest eigenvalue of the position block at least [1/m²]; 0: not tested");
-    v("focal_px", focal_px, Range{0.0, 1e5},
-      "focal length of the camera that both thresholds were found with; another camera's count "
-      "times the square of its own over this; 0: whatever the camera [px]");
-    v("normalisation", normalisation,
-      Choices<Normalisation>{{"none", Normalisation::none},
-                             {"per_inlier", Normalisation::per_inlier}},
-      "eigenvalues as they are (the paper), or divided by the number of inliers; the defaults "
-      "above are for the former");
+    v("min_rotation_eigenvalue", min_rotation_eigenvalue, Range{0.0, 1e15},
+      "minimum eigenvalue of the rotation block [1/rad²]; 0: not tested");
+    v("min_position_eigenvalue", min_position_eigenvalue, Range{0.0, 1e15},
+      "minimum eigenvalue of the position block [1/m²]; 0: not tested");
+    v("reference_focal_px", reference_focal_px, Range{0.0, 1e5},
+      "focal length at which both thresholds were calibrated; they scale with the square of the "
+      "focal length; 0: no scaling [px]");
+    v("normalization", normalization,
+      Choices<Normalization>{{"none", Normalization::none},
+                             {"per_inlier", Normalization::per_inlier}},
+      "none: eigenvalues as they are (the paper; the default thresholds are for these); "
+      "per_inlier: divided by the number of inliers");
     v("action", action,
       Choices<DegeneracyAction>{{"reject", DegeneracyAction::reject},
                                 {"remap", DegeneracyAction::remap},
                                 {"ignore", DegeneracyAction::ignore}},
-      "what a small eigenvalue does: VIO has failed (the paper); only the other directions are "
-      "used (Zhang 2016); nothing");
+      "below a threshold: reject: VIO has failed (the paper); remap: fuse the well-conditioned "
+      "directions only (Zhang 2016); ignore: nothing");
     v("min_directions", min_directions, Range{1, 6},
-      "remap: with fewer directions left VIO has failed");
+      "remap: VIO has failed with fewer well-conditioned directions");
   }
 };
 
 struct DiscriminatorConfig {
-  CoarseConfig coarse;
-  MediumConfig medium;
-  FineConfig fine;
+  TrackingCheckConfig tracking;
+  AgreementCheckConfig agreement;
+  DegeneracyCheckConfig degeneracy;
 
   template <typename V>
   void visit(V& v) {
-    v("coarse", coarse, "step 1: corners");
-    v("medium", medium, "step 2: agreement with DIPO");
-    v("fine", fine, "step 3: degeneracy");
+    v("tracking", tracking, "step 1 (the paper: coarse): feature tracking");
+    v("agreement", agreement, "step 2 (the paper: medium): agreement with DIPO");
+    v("degeneracy", degeneracy, "step 3 (the paper: fine): degeneracy of VIO's information matrix");
   }
 };
 
-/// When DIPO can carry the vehicle alone.
+/// When DIPO is stable enough to navigate without VIO.
 struct StabilityConfig {
-  int nis_pings = 10;
-  double max_nis = 5.0;
+  int nis_window_pings = 10;
+  double max_median_nis = 5.0;
   double max_dvl_age_s = 2.0;
-  double max_rotation_sigma_deg = 10.0;
+  double max_tilt_sigma_deg = 10.0;
   double max_position_sigma_m = 0.0;
   double growth_window_s = 2.0;
-  double max_position_growth = 0.15;
+  double max_position_sigma_growth_m_s = 0.15;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("nis_pings", nis_pings, Range{1, 1000}, "pings that the median NIS is taken of");
-    v("max_nis", max_nis, Range{0.0, 1e9}, "their median NIS per degree of freedom at most");
-    v("max_dvl_age_s", max_dvl_age_s, Range{0.0, 3600.0}, "age of the last ping used [s]");
-    v("max_rotation_sigma_deg", max_rotation_sigma_deg, Range{0.0, 180.0},
-      "sigma of the tilt's worst axis [deg]; heading has no bound in dead reckoning");
+    v("nis_window_pings", nis_window_pings, Range{1, 1000}, "number of pings in the median NIS");
+    v("max_median_nis", max_median_nis, Range{0.0, 1e9},
+      "maximum median NIS per degree of freedom");
+    v("max_dvl_age_s", max_dvl_age_s, Range{0.0, 3600.0}, "maximum age of the last ping used [s]");
+    v("max_tilt_sigma_deg", max_tilt_sigma_deg, Range{0.0, 180.0},
+      "maximum roll and pitch uncertainty, one sigma [deg]; heading is unbounded in dead "
+      "reckoning");
     v("max_position_sigma_m", max_position_sigma_m, Range{0.0, 1e6},
-      "sigma of the worst direction [m]; 0: not tested, since dead reckoning has no bound");
+      "maximum position uncertainty, one sigma [m]; 0: not tested, as it is unbounded in dead "
+      "reckoning");
     v("growth_window_s", growth_window_s, Range{0.1, 3600.0},
-      "span over which that sigma's growth is measured [s]");
-    v("max_position_growth", max_position_growth, Range{0.0, 1e6}, "growth at most [m/s]");
+      "window over which the growth of the position uncertainty is measured [s]");
+    v("max_position_sigma_growth_m_s", max_position_sigma_growth_m_s, Range{0.0, 1e6},
+      "maximum growth of the position uncertainty [m/s]");
   }
 };
 
-/// What a change of mind takes: how many frames (0 is the paper: one), and how much better than the
-/// thresholds.
+/// Hysteresis of the VIO state: numbers of consecutive frames (0, as in the paper: one frame is
+/// enough), and a stricter threshold after a failure.
 struct HysteresisConfig {
   int good_frames = 3;
   int bad_frames = 2;
-  double return_factor = 1.5;
+  double recovery_stable_ratio_factor = 1.5;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
     v("good_frames", good_frames, Range{0, 10000},
-      "good frames in a row before VIO is used again (the paper: 0)");
+      "consecutive good frames before VIO is used again (the paper: 0)");
     v("bad_frames", bad_frames, Range{0, 10000},
-      "bad frames in a row before VIO has failed (the paper: 0); no bad frame is ever fused");
-    v("return_factor", return_factor, Range{1.0, 100.0},
-      "after a failure the share of stable corners that step 1 asks for is so many times larger: "
-      "in silt it comes and goes about the threshold, and what moves is the silt (the paper: 1)");
+      "consecutive bad frames before VIO has failed (the paper: 0); a bad frame is never fused");
+    v("recovery_stable_ratio_factor", recovery_stable_ratio_factor, Range{1.0, 100.0},
+      "factor on min_stable_ratio after a failure, as drifting silt keeps the ratio near the "
+      "threshold (the paper: 1)");
   }
 };
 
-/// The filter behind `consistent: relative`.
+/// The filter of `consistent_method: relative`.
 struct RelativeConfig {
-  double shared_noise = 1.0;
-  double min_rotation_walk_deg = 0.01;
-  double min_position_walk = 0.001;
-  double tie_rotation_deg = 0.02;
-  double tie_position_m = 0.002;
-  double gate = 22.5;
-  double growth_s = 5.0;
+  double shared_noise_fraction = 1.0;
+  double min_rotation_walk_deg_sqrt_s = 0.01;
+  double min_position_walk_m_sqrt_s = 0.001;
+  double pose_noise_deg = 0.02;
+  double pose_noise_m = 0.002;
+  double nis_gate = 22.5;
+  double drift_smoothing_s = 5.0;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("shared_noise", shared_noise, Range{0.0, 1.0},
-      "how much of the smaller noise both subsystems have in common, since both read one IMU");
-    v("min_rotation_walk_deg", min_rotation_walk_deg, Range{1e-6, 100.0},
-      "neither drifts less than that [deg/sqrt(s)]");
-    v("min_position_walk", min_position_walk, Range{1e-6, 100.0}, "the same [m/sqrt(s)]");
-    v("tie_rotation_deg", tie_rotation_deg, Range{1e-6, 100.0},
-      "error of a single VIO pose that is gone in the next one [deg]");
-    v("tie_position_m", tie_position_m, Range{1e-6, 100.0}, "the same [m]");
-    v("gate", gate, Range{1.0, 1e9},
-      "NIS above which a motion seen by VIO is not used (chi square of six, 0.1 %)");
-    v("growth_s", growth_s, Range{0.01, 1000.0},
-      "how fast the subsystems drift is told from the growth of their covariances, smoothed over "
-      "so long [s]");
+    v("shared_noise_fraction", shared_noise_fraction, Range{0.0, 1.0},
+      "fraction of the smaller process noise that is common to both estimators, as they share the "
+      "IMU");
+    v("min_rotation_walk_deg_sqrt_s", min_rotation_walk_deg_sqrt_s, Range{1e-6, 100.0},
+      "lower bound on the rotation drift of either estimator [deg/sqrt(s)]");
+    v("min_position_walk_m_sqrt_s", min_position_walk_m_sqrt_s, Range{1e-6, 100.0},
+      "lower bound on the position drift of either estimator [m/sqrt(s)]");
+    v("pose_noise_deg", pose_noise_deg, Range{1e-6, 100.0},
+      "white rotation noise of a VIO pose, one sigma [deg]");
+    v("pose_noise_m", pose_noise_m, Range{1e-6, 100.0},
+      "white position noise of a VIO pose, one sigma [m]");
+    v("nis_gate", nis_gate, Range{1.0, 1e9},
+      "NIS above which a relative motion of VIO is rejected (chi-square, 6 degrees of freedom, 0.1 "
+      "%)");
+    v("drift_smoothing_s", drift_smoothing_s, Range{0.01, 1000.0},
+      "smoothing window of the drift rates, which come from the growth of the covariances [s]");
   }
 };
 
-/// How the output passes over a switch.
+/// Transition of the output at a switch between sources.
 struct SlewConfig {
   double time_constant_s = 1.0;
   double min_speed_m_s = 0.1;
@@ -187,10 +195,11 @@ struct SlewConfig {
   void visit(V& v) {
     using config::Range;
     v("time_constant_s", time_constant_s, Range{0.0, 3600.0},
-      "what DIPO's motion does not explain enters the output with this time constant; 0: at once "
-      "(the paper) [s]");
-    v("min_speed_m_s", min_speed_m_s, Range{0.0, 1e6}, "but at least at this speed [m/s]");
-    v("min_rate_deg_s", min_rate_deg_s, Range{0.0, 1e6}, "and at this rate [deg/s]");
+      "time constant at which a jump enters the output; 0: at once (the paper) [s]");
+    v("min_speed_m_s", min_speed_m_s, Range{0.0, 1e6},
+      "minimum speed of the position correction [m/s]");
+    v("min_rate_deg_s", min_rate_deg_s, Range{0.0, 1e6},
+      "minimum rate of the rotation correction [deg/s]");
   }
 };
 
@@ -200,7 +209,7 @@ enum class Consistent { relative, intersection };
 /// The `fusion` section.
 struct Config {
   Mode mode = Mode::consistent;
-  Consistent consistent = Consistent::relative;
+  Consistent consistent_method = Consistent::relative;
   DiscriminatorConfig discriminator;
   StabilityConfig dipo_stability;
   HysteresisConfig hysteresis;
@@ -211,20 +220,22 @@ struct Config {
   void visit(V& v) {
     using config::Choices;
     v("mode", mode, Choices<Mode>{{"paper", Mode::paper}, {"consistent", Mode::consistent}},
-      "Eq. 7 as printed, or without counting what both subsystems share twice");
-    v("consistent", consistent,
+      "paper: Eq. 7 as printed; consistent: information shared by both estimators is counted once");
+    v("consistent_method", consistent_method,
       Choices<Consistent>{{"relative", Consistent::relative},
                           {"intersection", Consistent::intersection}},
-      "how: only the motion that VIO sees; covariance intersection of the poses");
-    v("discriminator", discriminator, "Algorithm 1: whether VIO can be used");
-    v("dipo_stability", dipo_stability, "whether DIPO can: freeze or drop");
-    v("hysteresis", hysteresis, "how many frames a change of mind takes");
-    v("relative", relative, "filter of the relative mode");
-    v("slew", slew, "the output over a switch");
+      "mode consistent: relative: fuse the relative motion seen by VIO; intersection: covariance "
+      "intersection of the poses");
+    v("discriminator", discriminator, "Algorithm 1: detection of VIO failures");
+    v("dipo_stability", dipo_stability,
+      "stability check of DIPO: decides between freezing and dropping while VIO has failed");
+    v("hysteresis", hysteresis, "hysteresis of the VIO state");
+    v("relative", relative, "filter of consistent_method: relative");
+    v("slew", slew, "smoothing of the output across a switch between VIO and DIPO");
   }
 };
 
-/// The `freeze` section: what happens to VIO's window while vision is gone.
+/// The `freeze` section: handling of VIO's window during a vision failure.
 struct FreezeConfig {
   bool enabled = true;
   int release_frames = 3;
@@ -234,11 +245,12 @@ struct FreezeConfig {
   void visit(V& v) {
     using config::Range;
     v("enabled", enabled,
-      "hold VIO's window while DIPO carries on; false: VIO starts anew after every failure");
+      "keep VIO's window frozen while DIPO continues; false: re-initialize VIO after every "
+      "failure");
     v("release_frames", release_frames, Range{1, 10000},
-      "good frames in a row that release a frozen window, or end a new start");
+      "consecutive good frames that release a frozen window or complete a re-initialization");
     v("max_frozen_s", max_frozen_s, Range{0.0, 1e9},
-      "after so long VIO starts anew all the same; 0: never [s]");
+      "re-initialize VIO after a longer freeze; 0: never [s]");
   }
 };
 

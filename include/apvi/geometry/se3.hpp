@@ -6,8 +6,8 @@
 
 namespace apvi {
 
-/// A rigid motion. `T_a_b` maps coordinates in b to coordinates in a: p_a = T_a_b * p_b; compose by
-/// adjacent names: T_a_c = T_a_b * T_b_c.
+/// Rigid transform. `T_a_b` maps coordinates from frame b to frame a: p_a = T_a_b * p_b, and
+/// T_a_c = T_a_b * T_b_c.
 struct SE3 {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< unit
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();         ///< [m]
@@ -32,7 +32,7 @@ struct SE3 {
   }
 };
 
-/// Spherical interpolation of the rotation, linear of the translation; `u` in [0, 1].
+/// Spherical interpolation of the rotation, linear interpolation of the translation; `u` in [0, 1].
 SE3 interpolate(const SE3& a, const SE3& b, double u);
 
 }  // namespace apvi

@@ -14,9 +14,9 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// [v]x with [v]x w = v x w.
+/// Skew-symmetric matrix [v]x with [v]x w = v x w.
 Matrix3d hat(const Vector3d& v);
-/// Exponential map as a unit quaternion; exact to rounding at and near zero.
+/// Exponential map as a unit quaternion; accurate to rounding at and near zero.
 Quaterniond exp(const Vector3d& phi);
 /// Inverse of `exp`; the result has norm at most pi.
 Vector3d log(const Quaterniond& q);
@@ -24,15 +24,15 @@ Vector3d log(const Quaterniond& q);
 Matrix3d right_jacobian(const Vector3d& phi);
 /// Jr(φ)^-1; defined for |φ| < 2 pi.
 Matrix3d right_jacobian_inverse(const Vector3d& phi);
-/// The rotation nearest to `m` in the Frobenius norm (SVD), or nothing when `m` is no rotation: a
-/// reflection, singular, or farther than `tolerance` from orthonormal (norm of m - nearest).
+/// The rotation nearest to `m` in the Frobenius norm (SVD); nullopt when `m` is a reflection,
+/// singular, or farther than `tolerance` from orthonormal (norm of m - nearest).
 std::optional<Matrix3d> nearest_rotation(const Matrix3d& m, double tolerance = 0.02);
 /// The rotation angle between two orientations [rad], in [0, pi].
 double angle_between(const Quaterniond& a, const Quaterniond& b);
-/// Rotation about z that has the heading of `q` (ZYX Euler angles) [rad], in (-pi, pi].
+/// Yaw of `q` (ZYX Euler angles) [rad], in (-pi, pi].
 double yaw(const Quaterniond& q);
-/// The attitude of a body that feels the specific force `force_body` at rest in a world with the
-/// gravity vector `gravity_world`: no rotation about the vertical (yaw zero).
+/// Roll and pitch, with zero yaw, of a body at rest that measures the specific force `force_body`
+/// where gravity is `gravity_world`.
 Quaterniond level_attitude(const Vector3d& force_body, const Vector3d& gravity_world);
 
 }  // namespace apvi::so3

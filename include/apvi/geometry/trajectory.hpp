@@ -14,8 +14,8 @@ struct StampedPose {
   SE3 T_world_body;
 };
 
-/// Poses in order of time. A position-only reference (GNSS) has `has_rotation` false and identity
-/// rotations; a planar one has `has_height` false and no meaning in z.
+/// Poses in chronological order. A position-only reference (GNSS) has `has_rotation` false and
+/// identity rotations; a planar one has `has_height` false and undefined z.
 struct Trajectory {
   std::vector<StampedPose> poses;
   bool has_rotation = true;
@@ -25,8 +25,8 @@ struct Trajectory {
   std::size_t size() const { return poses.size(); }
   /// Length of the polyline through the positions [m].
   double path_length() const;
-  /// Pose at `stamp`, interpolated between its neighbours; nothing outside the span, or when the
-  /// neighbours are more than `max_gap` apart.
+  /// Pose interpolated at `stamp`; nullopt outside the span, or when the neighboring poses are more
+  /// than `max_gap` apart.
   std::optional<SE3> at(Stamp stamp, Duration max_gap) const;
 };
 

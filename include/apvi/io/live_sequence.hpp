@@ -14,44 +14,44 @@
 namespace apvi::io {
 
 struct LiveOptions {
-  std::size_t capacity = 4096;    ///< samples that wait to be read; a full queue makes `push` wait
-  double reorder_s = 0.1;         ///< samples wait so long for older ones of other sensors [s]
+  std::size_t capacity = 4096;    ///< queued samples; `push` blocks when the queue is full
+  double reorder_s = 0.1;         ///< hold-back time for older samples of other sensors [s]
   double max_time_jump_s = 60.0;  ///< as DatasetConfig::max_time_jump_s
 };
 
-/// A sequence that other threads feed while one thread reads it: drivers push, an estimator reads.
+/// A live sequence: driver threads push samples while one thread reads them.
 ///
-/// Samples of one sensor must come in their order; those that do not, and those that no estimator
-/// could use, are dropped and counted as those of a recording are. Between sensors, samples are put
-/// in order as far as `reorder_s` allows; one that comes later still (a DVL's ping, say) is handed
-/// on when it comes, for the acoustic odometry takes it in at its own time.
+/// Samples of one sensor must arrive in order; out-of-order and unusable samples are dropped and
+/// counted as in a recording. Samples of different sensors are reordered within `reorder_s`; a
+/// sample that arrives later (a DVL ping, for example) is delivered on arrival, because the
+/// acoustic odometry applies it at its own stamp.
 class LiveSequence : public SequenceReader {
  public:
-  /// `rig` as in a rig.yaml; sensors that it describes are expected.
+  /// `rig` as in rig.yaml; the sensors that it describes are expected.
   explicit LiveSequence(config::Node rig, const LiveOptions& options = {});
 
-  /// From any thread. Waits while the queue is full. False once the sequence is over: nobody will
-  /// read the sample.
+  /// Thread-safe. Blocks while the queue is full. False after the end of the sequence: the sample
+  /// will not be read.
   bool push(SensorEvent event) { return queue_.push(std::move(event), stop_.get_token()); }
-  /// Nothing more comes; what was pushed is still read.
+  /// Ends the input; samples already pushed are still delivered.
   void finish() { queue_.close(); }
-  /// The same, and then `next` throws what the source has thrown.
+  /// As `finish`; after the last sample, `next` throws `error`.
   void fail(std::exception_ptr error);
-  /// Ends it at once, for the reader and for everyone who waits in `push`.
+  /// Ends the sequence at once and unblocks `next` and `push`.
   void stop();
 
   const config::Node& rig() const override { return rig_; }
-  /// Waits for a sample; nothing at the end or after `stop`.
+  /// Blocks until a sample is available; nullopt at the end or after `stop`.
   std::optional<SensorEvent> next() override;
-  /// Nobody knows how much will come: 0 until the end, then 1.
+  /// The length is unknown: 0 until the end, then 1.
   double fraction() const override { return finished_ ? 1.0 : 0.0; }
   const std::map<std::string, StreamReport>& report() const override { return report_; }
   std::optional<Trajectory> reference() const override { return std::nullopt; }
 
  private:
-  struct Cleaners;  // per sensor
-  void take(SensorEvent event);
-  void collect();
+  struct StreamCleaners;  // per sensor
+  void clean(SensorEvent event);
+  void collect_cleaned();
   bool is_due() const;
 
   config::Node rig_;
@@ -59,13 +59,13 @@ class LiveSequence : public SequenceReader {
   BoundedQueue<SensorEvent> queue_;
   std::stop_source stop_;
   std::map<std::string, StreamReport> report_;
-  std::shared_ptr<Cleaners> cleaners_;
-  std::multimap<Stamp, SensorEvent> waiting_;  // for older ones
+  std::shared_ptr<StreamCleaners> cleaners_;
+  std::multimap<Stamp, SensorEvent> reorder_buffer_;  // held back for older samples
   Stamp newest_ = Stamp::min();
-  bool ended_ = false;     // nothing comes any more, some may wait
-  bool finished_ = false;  // nothing waits either
+  bool ended_ = false;     // no more input; samples may still be held back
+  bool finished_ = false;  // all samples delivered
   std::mutex mutex_;
-  std::exception_ptr error_;  // guarded
+  std::exception_ptr error_;  // guarded by mutex_
 };
 
 }  // namespace apvi::io

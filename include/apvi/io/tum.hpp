@@ -9,21 +9,21 @@
 namespace apvi::io {
 
 /// Reads a trajectory: TUM lines (`t tx ty tz qx qy qz qw`, t in seconds), or EuRoC csv
-/// (`#timestamp [ns], p, q_wxyz, ...`), or `gnss0/data.csv` (positions only), told apart by
-/// content. Stamps are exact to the nanosecond. Throws InputError with file and line for lines that
-/// are none of these, numbers that are not finite, quaternions far from unit norm, and stamps that
-/// do not increase.
+/// (`#timestamp [ns], p, q_wxyz, ...`), or `gnss0/data.csv` (positions only), detected by
+/// content. Stamps are exact to the nanosecond. Throws InputError with file and line for lines in
+/// no such format, non-finite numbers, quaternions far from unit norm, and stamps that do not
+/// increase.
 Trajectory read_trajectory(const std::filesystem::path& path);
 
 /// One TUM line, newline included, with the stamp exact to the nanosecond.
 std::string tum_line(const StampedPose& pose);
-/// Writes TUM lines with nanosecond stamps. Throws RunError when the file cannot be written in
-/// full.
+/// Writes TUM lines with nanosecond stamps. Throws RunError when the file cannot be written
+/// completely.
 void write_tum(const std::filesystem::path& path, const Trajectory& trajectory);
 /// Writes EuRoC's `state_groundtruth_estimate0` columns (position and quaternion wxyz).
 void write_euroc(const std::filesystem::path& path, const Trajectory& trajectory);
 
-/// Writes a text file in full or throws RunError naming it ("disk full?"); used for every output.
+/// Writes a text file completely, or throws RunError with its name ("disk full?").
 void write_text_file(const std::filesystem::path& path, const std::string& content);
 
 }  // namespace apvi::io

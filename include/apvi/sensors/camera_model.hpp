@@ -9,7 +9,7 @@ namespace apvi {
 
 enum class Distortion { none, radtan, equidistant };
 
-/// A pinhole camera with lens distortion. Pixel coordinates follow OpenCV: the centre of the
+/// A pinhole camera with lens distortion. Pixel coordinates follow OpenCV: the center of the
 /// top-left pixel is (0, 0). Camera frame: x right, y down, z forward.
 ///
 /// radtan: k1, k2, p1, p2 (Brown-Conrady, as OpenCV's `calib3d`). equidistant: k1..k4 (Kannala and
@@ -33,19 +33,19 @@ class CameraModel {
 
   const Parameters& parameters() const { return p_; }
 
-  /// Pixel of a point in the camera frame [m]. Nothing behind the camera, or where the distortion
-  /// polynomial folds back and would map far rays into the image. `jacobian`, when given, receives
-  /// d pixel / d point. Pixels outside the image are returned all the same.
+  /// Pixel of a point in the camera frame [m]. nullopt behind the camera, or where the distortion
+  /// polynomial is not monotonic and would map wide rays into the image. `jacobian`, if given,
+  /// receives d pixel / d point. Pixels outside the image are returned too.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera,
                                          Jacobian23* jacobian = nullptr) const;
-  /// Direction (unit norm, camera frame) that projects to the pixel; nothing when the inverse of
-  /// the distortion does not exist there.
+  /// Unit ray in the camera frame that projects to the pixel; nullopt where the distortion has no
+  /// inverse.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
   bool in_image(const Eigen::Vector2d& pixel, double border_px = 0.0) const;
 
  private:
   Parameters p_;
-  double max_radius_ = 0.0;  // of the normalised image plane (radtan) or angle (equidistant)
+  double max_radius_ = 0.0;  // of the normalized image plane (radtan) or angle (equidistant)
 };
 
 }  // namespace apvi

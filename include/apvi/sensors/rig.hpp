@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apvi/config/node.hpp"
+#include "apvi/core/constants.hpp"
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
@@ -15,8 +16,8 @@
 
 namespace apvi {
 
-/// Which way the world's axes point. `up`: z up (x, y level). `ned`: x north, y east, z down, and
-/// the body is forward, right, down by custom.
+/// Axis convention of the world frame. `up`: z up (x, y horizontal). `ned`: x north, y east, z
+/// down, usually with a forward-right-down body frame.
 enum class WorldFrame { up, ned };
 
 struct ImuCalibration {
@@ -36,15 +37,15 @@ struct CameraCalibration {
 
 struct DvlCalibration {
   SE3 T_body_dvl;
-  double time_offset_s = 0.0;    ///< by how much the stamps are late: true time = stamp - offset
-  double velocity_noise = 0.01;  ///< of each component or beam, one sigma [m/s]
-  /// Unit vectors in the sensor frame; a beam reads its dot product with the sensor's velocity.
+  double time_offset_s = 0.0;    ///< delay of the stamps: true time = stamp - offset
+  double velocity_noise = 0.01;  ///< standard deviation of a component or beam [m/s]
+  /// Unit vectors in the sensor frame; a beam measures its dot product with the sensor's velocity.
   std::array<Eigen::Vector3d, kDvlBeams> beams;
   double scale = 1.0;  ///< true velocity / reported velocity = sound speed / assumed sound speed
-  /// Signs of the reported components, for devices or logs whose axes are left-handed.
+  /// Signs of the reported components, for devices or logs with left-handed axes.
   Eigen::Vector3d axis_signs = Eigen::Vector3d::Ones();
 
-  /// The sensor's velocity in its own right-handed frame [m/s] from what was reported.
+  /// Sensor velocity in its right-handed frame [m/s] from the reported velocity.
   Eigen::Vector3d true_velocity(const Eigen::Vector3d& reported) const {
     return scale * axis_signs.cwiseProduct(reported);
   }
@@ -53,9 +54,9 @@ struct DvlCalibration {
 struct PressureCalibration {
   Eigen::Vector3d p_body_sensor = Eigen::Vector3d::Zero();  ///< [m]
   double water_density = 1025.0;                            ///< [kg/m³]
-  double gravity = 9.80665;                                 ///< [m/s²]
+  double gravity = kStandardGravity;                        ///< [m/s²]
   double atmospheric_pressure_pa = 101325.0;                ///< [Pa]
-  double noise_m = 0.01;                                    ///< one sigma, as depth [m]
+  double noise_m = 0.01;                                    ///< standard deviation, as depth [m]
 
   /// Depth of the sensor below the surface [m].
   double depth(double pressure_pa) const {
@@ -63,15 +64,15 @@ struct PressureCalibration {
   }
 };
 
-struct DepthCalibration {
+struct PressureDepthCalibration {
   Eigen::Vector3d p_body_sensor = Eigen::Vector3d::Zero();  ///< [m]
-  double noise_m = 0.01;                                    ///< one sigma [m]
+  double noise_m = 0.01;                                    ///< standard deviation [m]
 };
 
-/// A lamp on the vehicle that lights what the camera sees; it shines along its z axis.
+/// A lamp on the vehicle that illuminates the scene along its z axis.
 struct LampCalibration {
   SE3 T_body_lamp;
-  double half_beam_rad = 1.0;  ///< angle to the axis at which it is half as bright
+  double half_beam_rad = 1.0;  ///< half-intensity angle from the axis
 };
 
 /// Calibration of a vehicle. The body frame is the IMU's.
@@ -81,7 +82,7 @@ struct Rig {
   std::vector<CameraCalibration> cameras;  ///< cam0, cam1
   std::optional<DvlCalibration> dvl;
   std::optional<PressureCalibration> pressure;
-  std::optional<DepthCalibration> depth;
+  std::optional<PressureDepthCalibration> depth;
   std::optional<LampCalibration> lamp;
 
   /// Gravity in world coordinates [m/s²] for the given magnitude.
@@ -89,16 +90,16 @@ struct Rig {
     return {0.0, 0.0, world == WorldFrame::ned ? magnitude : -magnitude};
   }
   /// +1 when a larger world z means deeper (ned), else -1.
-  double depth_sign() const { return world == WorldFrame::ned ? 1.0 : -1.0; }
+  double down_sign() const { return world == WorldFrame::ned ? 1.0 : -1.0; }
 };
 
-/// The Janus geometry of a Water Linked A50: 22.5 degrees off the vertical, at 45 degrees and so on
-/// about it.
+/// Janus geometry of the Water Linked A50: beams tilted by 22.5 degrees from the vertical, at
+/// azimuths of 45 degrees plus multiples of 90.
 std::array<Eigen::Vector3d, kDvlBeams> default_dvl_beams();
 
 /// Reads a rig from configuration nodes (the content of rig.yaml). Rotations are
-/// re-orthonormalised. Throws InputError with file and line for unknown keys, values out of range,
-/// matrices that are no rigid motion, and beams that are no unit vectors.
+/// re-orthonormalized. Throws InputError with file and line for unknown keys, values out of range,
+/// matrices that are not rigid transforms, and beams that are not unit vectors.
 Rig make_rig(const config::Node& node);
 /// The documentation of every key of rig.yaml as a Markdown table.
 std::string rig_documentation();

@@ -11,7 +11,7 @@
 
 #include "apvi/core/stamp.hpp"
 
-/// What the sensors say, in SI units and in their own frames.
+/// Sensor samples in SI units and in the sensors' own frames.
 namespace apvi {
 
 struct ImuSample {
@@ -31,7 +31,7 @@ inline constexpr std::size_t kDvlBeams = 4;
 struct DvlSample {
   Stamp stamp;
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< over ground, sensor frame [m/s]
-  bool valid = false;                     ///< bottom lock; the velocity means nothing without
+  bool valid = false;                     ///< bottom lock; the velocity is undefined without it
   std::optional<double> figure_of_merit;  ///< as the device reports it [m/s]
   std::optional<double> altitude;         ///< [m]
   std::array<std::optional<DvlBeam>, kDvlBeams> beams;
@@ -42,7 +42,7 @@ struct PressureSample {
   double pressure_pa = 0.0;  ///< absolute [Pa]
 };
 
-struct DepthSample {
+struct PressureDepthSample {
   Stamp stamp;
   double depth_m = 0.0;  ///< positive below the surface [m]
 };
@@ -52,16 +52,16 @@ struct GnssSample {
   Eigen::Vector3d east_north_up = Eigen::Vector3d::Zero();  ///< [m]
 };
 
-/// A camera frame whose pixels are decoded when somebody asks for them, so that a run without
-/// vision pays nothing and decoding happens on the thread that needs it.
+/// A camera frame that is decoded on demand: a run without vision decodes nothing, and decoding
+/// happens on the thread that needs the pixels.
 struct ImageFrame {
   Stamp stamp;
   int camera = 0;
-  std::function<cv::Mat()> decode;  ///< 8-bit grey or BGR; throws RunError when the file is damaged
+  std::function<cv::Mat()> decode;  ///< 8-bit gray or BGR; throws RunError when the file is damaged
 };
 
 using SensorEvent =
-    std::variant<ImuSample, DvlSample, PressureSample, DepthSample, ImageFrame, GnssSample>;
+    std::variant<ImuSample, DvlSample, PressureSample, PressureDepthSample, ImageFrame, GnssSample>;
 
 Stamp stamp_of(const SensorEvent& event);
 /// "imu", "dvl", "pressure", "depth", "camera" or "gnss".

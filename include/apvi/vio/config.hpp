@@ -2,29 +2,97 @@
 #pragma once
 
 #include "apvi/config/fields.hpp"
-#include "apvi/vio/initializer.hpp"
-#include "apvi/vio/tracker.hpp"
+#include "apvi/core/constants.hpp"
 
 namespace apvi::vio {
 
-/// What the factor graph is made of: the paper's (camera and IMU), or with DVL and pressure too.
+/// Front end.
+struct TrackerConfig {
+  int max_tracks = 150;
+  double min_distance_px = 25.0;
+  int stable_frames = 10;
+  bool equalize = true;
+  double max_forward_backward_px = 0.5;
+  double max_epipolar_px = 1.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("max_tracks", max_tracks, Range{10, 2000}, "maximum number of tracked corners");
+    v("min_distance_px", min_distance_px, Range{1.0, 500.0},
+      "minimum distance between corners [px]");
+    v("stable_frames", stable_frames, Range{2, 1000},
+      "a track of at least this many consecutive frames is stable");
+    v("equalize", equalize, "equalize the contrast (CLAHE) before corner detection");
+    v("max_forward_backward_px", max_forward_backward_px, Range{0.01, 100.0},
+      "maximum forward-backward error of optical flow [px]");
+    v("max_epipolar_px", max_epipolar_px, Range{0.01, 100.0},
+      "maximum distance to the epipolar line (essential-matrix RANSAC) [px]");
+  }
+};
+
+/// Initialization without a DVL.
+struct InitConfig {
+  int min_frames = 8;
+  int min_tracks = 30;            ///< common to first and last frame
+  double min_parallax_px = 10.0;  ///< median over tracks, rotation removed
+  double max_reprojection_px = 2.0;
+  double max_scale_sigma = 0.05;
+  double reference_focal_px = 460.0;  ///< turns angles into pixels
+  double pixel_sigma = 1.5;
+  double min_window_s = 0.4;
+  double max_window_s = 3.0;
+  int keyframes = 8;
+  double gyro_bias_sigma = 0.1;
+  double accel_bias_sigma = 0.2;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("min_frames", min_frames, Range{3, 100}, "minimum number of frames");
+    v("min_tracks", min_tracks, Range{8, 1000},
+      "minimum tracks common to the first and last frame");
+    v("min_parallax_px", min_parallax_px, Range{0.0, 1000.0},
+      "minimum of the largest median parallax to the first frame, rotation compensated [px]");
+    v("max_reprojection_px", max_reprojection_px, Range{0.1, 100.0},
+      "maximum RMS reprojection error [px]");
+    v("max_scale_sigma", max_scale_sigma, Range{1e-4, 10.0},
+      "maximum relative scale uncertainty, one sigma, for windows up to one second; twice that "
+      "from two seconds on");
+    v("reference_focal_px", reference_focal_px, Range{1.0, 1e5},
+      "focal length used to express angles in pixels [px]");
+    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
+      "standard deviation of a corner, including track drift over the window [px]");
+    v("min_window_s", min_window_s, Range{0.05, 60.0}, "minimum window length [s]");
+    v("max_window_s", max_window_s, Range{0.1, 60.0},
+      "maximum window length; older frames are ignored [s]");
+    v("keyframes", keyframes, Range{3, 100}, "number of frames that are optimized");
+    v("gyro_bias_sigma", gyro_bias_sigma, Range{1e-6, 10.0},
+      "prior on the gyro bias in this solve, one sigma [rad/s]");
+    v("accel_bias_sigma", accel_bias_sigma, Range{1e-6, 10.0},
+      "prior on the accelerometer bias in this solve, one sigma [m/s²]");
+  }
+};
+
+/// Sensors in the factor graph: camera and IMU as in the paper, or DVL and pressure as well.
 enum class GraphKind { paper, tight };
 
-/// What becomes of a landmark that is still followed when the frame it is anchored in leaves the
-/// window: it leaves too and starts anew; it moves on to its next frame and what the old one saw is
-/// forgotten; or both, which counts what the others saw twice (as VINS does).
+/// Handling of a landmark that is still tracked when its anchor frame leaves the window: it is
+/// marginalized with the frame and starts anew; it is re-anchored in its next frame and the
+/// observations of the old frame are lost; or both, which counts the remaining observations twice
+/// (as VINS does).
 enum class ContinuingTracks { marginalize, reanchor, reuse };
 
 struct WindowConfig {
   ContinuingTracks continuing_tracks = ContinuingTracks::marginalize;
   int keyframes = 10;
   double keyframe_parallax_px = 20.0;
-  double keyframe_survival = 0.6;
-  double keyframe_interval_s = 0.5;
-  int iterations = 4;
+  double keyframe_min_tracked_ratio = 0.6;
+  double keyframe_max_interval_s = 0.5;
+  int max_iterations = 4;
   double max_solve_s = 0.03;
-  bool square_root = false;
-  bool first_estimates = true;
+  bool square_root_marginalization = false;
+  bool first_estimate_jacobians = true;
 
   template <typename V>
   void visit(V& v) {
@@ -33,21 +101,24 @@ struct WindowConfig {
       config::Choices<ContinuingTracks>{{"marginalize", ContinuingTracks::marginalize},
                                         {"reanchor", ContinuingTracks::reanchor},
                                         {"reuse", ContinuingTracks::reuse}},
-      "landmarks that outlive the frame they are anchored in: leave with it; lose what it saw; or "
-      "count twice");
-    v("keyframes", keyframes, Range{3, 50}, "in the window, besides the newest frame");
+      "landmarks still tracked when their anchor frame leaves the window: marginalize them; "
+      "reanchor them, losing the anchor's observations; or reuse their observations (double "
+      "counting)");
+    v("keyframes", keyframes, Range{3, 50},
+      "number of keyframes in the window, besides the newest frame");
     v("keyframe_parallax_px", keyframe_parallax_px, Range{0.1, 1000.0},
-      "mean parallax since the last keyframe that makes a new one [px]");
-    v("keyframe_survival", keyframe_survival, Range{0.0, 1.0},
-      "so does a smaller share of its tracks that live on");
-    v("keyframe_interval_s", keyframe_interval_s, Range{0.05, 60.0},
-      "and so much time since it [s]");
-    v("iterations", iterations, Range{1, 100}, "of Levenberg-Marquardt per frame at most");
-    v("max_solve_s", max_solve_s, Range{0.001, 10.0}, "time cap of one solve in real time [s]");
-    v("square_root", square_root,
+      "new keyframe at this mean parallax since the last one [px]");
+    v("keyframe_min_tracked_ratio", keyframe_min_tracked_ratio, Range{0.0, 1.0},
+      "new keyframe when fewer than this fraction of the last one's tracks are left");
+    v("keyframe_max_interval_s", keyframe_max_interval_s, Range{0.05, 60.0},
+      "new keyframe at the latest after this time [s]");
+    v("max_iterations", max_iterations, Range{1, 100},
+      "maximum Levenberg-Marquardt iterations per frame");
+    v("max_solve_s", max_solve_s, Range{0.001, 10.0}, "time limit of a solve in realtime mode [s]");
+    v("square_root_marginalization", square_root_marginalization,
       "marginalize by QR of the Jacobian instead of the Schur complement");
-    v("first_estimates", first_estimates,
-      "take derivatives of states that the prior knows where they were first estimated");
+    v("first_estimate_jacobians", first_estimate_jacobians,
+      "linearize states in the prior at their first estimates");
   }
 };
 
@@ -55,12 +126,12 @@ struct VisionConfig {
   double pixel_sigma = 1.0;
   double huber_px = 1.5;
   double max_reprojection_px = 3.0;
-  int min_sightings = 3;
+  int min_observations = 3;
   double min_parallax_deg = 0.3;
-  double information_short = 0.25;
-  double information_long = 1.0;
-  int track_short = 4;
-  int track_long = 10;
+  double short_track_weight = 0.25;
+  double long_track_weight = 1.0;
+  int short_track_frames = 4;
+  int long_track_frames = 10;
   bool estimate_extrinsics = false;
   bool estimate_time_offset = false;
 
@@ -68,46 +139,51 @@ struct VisionConfig {
   void visit(V& v) {
     using config::Range;
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
-      "of a residual on a long track: the noise of two corners, where it is anchored and where it "
-      "is "
-      "seen [px]");
-    v("huber_px", huber_px, Range{0.01, 1000.0}, "larger residuals count linearly [px]");
+      "standard deviation of the reprojection residual on a long track, including the noise in the "
+      "anchor frame [px]");
+    v("huber_px", huber_px, Range{0.01, 1000.0},
+      "Huber threshold of the reprojection residual [px]");
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 1000.0},
-      "a landmark with a larger mean error is given up [px]");
-    v("min_sightings", min_sightings, Range{2, 50}, "of a landmark that enters the graph");
+      "landmarks with a larger mean reprojection error are removed [px]");
+    v("min_observations", min_observations, Range{2, 50},
+      "minimum observations of a landmark in the graph");
     v("min_parallax_deg", min_parallax_deg, Range{0.0, 90.0},
-      "angle between rays before a landmark is triangulated [deg]");
-    v("information_short", information_short, Range{0.0, 1.0},
-      "weight of a sighting on a track of `track_short` frames: the paper's beta");
-    v("information_long", information_long, Range{0.0, 10.0},
-      "and of `track_long` frames: the paper's alpha + beta");
-    v("track_short", track_short, Range{1, 1000}, "the paper's n_min [frames]");
-    v("track_long", track_long, Range{2, 1000}, "the paper's n_max [frames]");
-    v("estimate_extrinsics", estimate_extrinsics, "refine where the cameras sit on the body");
-    v("estimate_time_offset", estimate_time_offset, "refine by how much image stamps are late");
+      "minimum angle between rays for triangulation [deg]");
+    v("short_track_weight", short_track_weight, Range{0.0, 1.0},
+      "weight of an observation on a track of short_track_frames: the paper's beta");
+    v("long_track_weight", long_track_weight, Range{0.0, 10.0},
+      "weight of an observation on a track of long_track_frames: the paper's alpha + beta");
+    v("short_track_frames", short_track_frames, Range{1, 1000},
+      "length of a short track: the paper's n_min [frames]");
+    v("long_track_frames", long_track_frames, Range{2, 1000},
+      "length of a long track: the paper's n_max [frames]");
+    v("estimate_extrinsics", estimate_extrinsics, "estimate the camera extrinsics online");
+    v("estimate_time_offset", estimate_time_offset, "estimate the camera time offset online");
   }
 };
 
 struct StartConfig {
-  double yaw_position_sigma = 1e-3;
+  double gauge_sigma = 1e-3;
   double gyro_bias_sigma = 0.05;
   double accel_bias_sigma = 0.1;
-  double max_wait_s = 3.0;
-  double dvl_s = 3.0;
+  double lookback_s = 3.0;
+  double dvl_aiding_s = 3.0;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("yaw_position_sigma", yaw_position_sigma, Range{1e-6, 1.0},
-      "of what a start defines: the first frame's heading [rad] and position [m]");
+    v("gauge_sigma", gauge_sigma, Range{1e-6, 1.0},
+      "prior on the unobservable yaw [rad] and position [m] of the first frame, one sigma");
     v("gyro_bias_sigma", gyro_bias_sigma, Range{1e-6, 1.0},
-      "of the gyro's turn-on bias without a DVL [rad/s]");
+      "prior on the gyro bias in the window after initialization without a DVL, one sigma [rad/s]");
     v("accel_bias_sigma", accel_bias_sigma, Range{1e-6, 10.0},
-      "of the accelerometer's turn-on bias without a DVL [m/s²]");
-    v("max_wait_s", max_wait_s, Range{0.2, 60.0}, "span of frames a start looks back at [s]");
-    v("dvl_s", dvl_s, Range{0.0, 60.0},
-      "with a DVL: so long after a start or a freeze its velocities are in the graph, whatever "
-      "`graph`; at constant speed nothing else tells the scale [s]");
+      "prior on the accelerometer bias in the window after initialization without a DVL, one sigma "
+      "[m/s²]");
+    v("lookback_s", lookback_s, Range{0.2, 60.0},
+      "frames older than this are not used to initialize without a DVL [s]");
+    v("dvl_aiding_s", dvl_aiding_s, Range{0.0, 60.0},
+      "DVL velocity factors are in the graph for this long after initialization or a freeze, even "
+      "with graph: paper, as scale is unobservable at constant velocity [s]");
   }
 };
 
@@ -124,32 +200,34 @@ struct HealthConfig {
   void visit(V& v) {
     using config::Range;
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 1000.0},
-      "a frame with a larger root mean square is bad [px]");
-    v("max_gyro_bias", max_gyro_bias, Range{0.0, 10.0}, "larger means divergence [rad/s]");
-    v("max_accel_bias", max_accel_bias, Range{0.0, 100.0}, "larger means divergence [m/s²]");
-    v("max_speed", max_speed, Range{0.0, 1000.0}, "larger means divergence [m/s]");
+      "a frame with a larger RMS reprojection error is bad [px]");
+    v("max_gyro_bias", max_gyro_bias, Range{0.0, 10.0}, "a larger gyro bias is divergence [rad/s]");
+    v("max_accel_bias", max_accel_bias, Range{0.0, 100.0},
+      "a larger accelerometer bias is divergence [m/s²]");
+    v("max_speed", max_speed, Range{0.0, 1000.0}, "a larger speed is divergence [m/s]");
     v("max_gyro", max_gyro, Range{0.1, 100.0},
-      "a sample that turns faster is a shock or a saturated sensor, and is left out [rad/s]");
-    v("max_accel", max_accel, Range{10.0, 1000.0}, "the same for the specific force [m/s²]");
-    v("max_bad_frames", max_bad_frames, Range{1, 1000}, "so many in a row mean divergence");
+      "samples with a larger angular rate are rejected as shock or saturation [rad/s]");
+    v("max_accel", max_accel, Range{10.0, 1000.0},
+      "samples with a larger specific force are rejected as shock or saturation [m/s²]");
+    v("max_bad_frames", max_bad_frames, Range{1, 1000},
+      "this many consecutive bad frames are divergence");
   }
 };
 
 struct TightConfig {
-  bool velocity = true;
-  bool depth = true;
+  bool use_dvl_velocity = true;
+  bool use_depth = true;
   double huber_sigmas = 3.0;
-  int believed_tracks = 100;
+  int recovery_min_tracks = 100;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("believed_tracks", believed_tracks, Range{0, 100000},
-      "while vision has failed a frame counts only if it follows at least so many corners");
-    v("velocity", velocity, "a factor per DVL ping");
-    v("depth", depth, "a factor per frame from the pressure or depth sensor");
-    v("huber_sigmas", huber_sigmas, Range{0.1, 1000.0},
-      "larger residuals of theirs count linearly");
+    v("recovery_min_tracks", recovery_min_tracks, Range{0, 100000},
+      "minimum tracked corners of a frame for recovery after a vision failure");
+    v("use_dvl_velocity", use_dvl_velocity, "add a velocity factor per DVL ping");
+    v("use_depth", use_depth, "add a depth factor per frame (pressure or depth sensor)");
+    v("huber_sigmas", huber_sigmas, Range{0.1, 1000.0}, "Huber threshold of these factors [sigma]");
   }
 };
 
@@ -161,32 +239,32 @@ struct Config {
   WindowConfig window;
   VisionConfig vision;
   TightConfig tight;
-  StartConfig start;
-  InitConfig initializer;
+  StartConfig initialization;
+  InitConfig initialization_without_dvl;
   HealthConfig health;
   double gyro_noise_factor = 1.0;
   double accel_noise_factor = 1.0;
-  double gravity = 9.80665;
+  double gravity = kStandardGravity;  ///< [m/s²]; the key is `localization.gravity`
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
     v("graph", graph,
       config::Choices<GraphKind>{{"paper", GraphKind::paper}, {"tight", GraphKind::tight}},
-      "camera and IMU alone; or DVL and pressure in the same graph");
-    v("stereo", stereo, "use a second camera where the rig has one");
-    v("tracker", tracker, "the front end");
-    v("window", window, "the sliding window");
-    v("vision", vision, "landmarks");
-    v("tight", tight, "what `graph: tight` adds");
-    v("start", start, "how the window starts");
-    v("initializer", initializer, "the start without a DVL");
-    v("health", health, "when the window gives up");
+      "measurements in the factor graph: paper: camera and IMU; tight: DVL and pressure too");
+    v("stereo", stereo, "use the second camera if the rig has one");
+    v("tracker", tracker, "front end");
+    v("window", window, "sliding window");
+    v("vision", vision, "visual measurements");
+    v("tight", tight, "additional factors with graph: tight");
+    v("initialization", initialization, "window initialization");
+    v("initialization_without_dvl", initialization_without_dvl,
+      "visual-inertial initialization without a DVL");
+    v("health", health, "divergence detection");
     v("gyro_noise_factor", gyro_noise_factor, Range{0.1, 1000.0},
-      "inflates the rig's gyro noise density");
+      "multiplies the rig's gyro noise density");
     v("accel_noise_factor", accel_noise_factor, Range{0.1, 1000.0},
-      "inflates the rig's accelerometer noise density");
-    v("gravity", gravity, Range{9.0, 10.5}, "local gravity [m/s²]");
+      "multiplies the rig's accelerometer noise density");
   }
 };
 

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "apvi/io/sequence.hpp"
+#include "io/folder/csv_file.hpp"
+#include "io/sample_source.hpp"
+
+/// Sensor sources for CSV files. Each function reads the header and throws InputError when a
+/// required column is missing. An empty cell means "not reported".
+namespace apvi::io {
+
+std::unique_ptr<SampleSource> csv_imu(CsvFile file);
+std::unique_ptr<SampleSource> csv_dvl(CsvFile file);
+/// `unit` automatic: the unit in the header, else inferred from the first value.
+std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit);
+std::unique_ptr<SampleSource> csv_depth(CsvFile file);
+std::unique_ptr<SampleSource> csv_gnss(CsvFile file);
+/// Images by file name in the folder `images`; a row whose file is missing is malformed.
+std::unique_ptr<SampleSource> csv_camera(CsvFile file, std::filesystem::path images, int camera);
+
+}  // namespace apvi::io

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "io/folder/csv_sensors.hpp"
+#include "io/readers.hpp"
+#include "io/trajectory/trajectory_text.hpp"
+
+namespace apvi::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Whether a missing file is an error, rather than a sensor that was not recorded.
+bool is_expected(const SensorFile& file, const config::Node& rig) {
+  if (file.name == "cam1") return false;  // one camera is sufficient
+  const bool folder_without_file =
+      file.path.filename() == "data.csv" && fs::is_directory(file.path.parent_path());
+  // Recordings are often shared without images; the other sensors are sufficient.
+  if (file.kind == "camera" && !folder_without_file) return false;
+  return folder_without_file || rig.find(file.name) != nullptr;
+}
+
+}  // namespace
+
+config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
+  if (!config.rig.empty()) return config::load_with_inheritance(config.rig);
+  if (fs::exists(own)) return config::load_with_inheritance(own);
+  return {};
+}
+
+std::optional<Trajectory> read_reference(const fs::path& path) {
+  Trajectory trajectory = parse_trajectory(*open_text(path), path.string());
+  if (trajectory.empty()) return std::nullopt;
+  return trajectory;
+}
+
+void check_any_sensor(const Recording& recording, const fs::path& root) {
+  if (!recording.sources.empty()) return;
+  fail_input("{}: none of the requested sensors is in this recording; check sensors.use",
+             root.string());
+}
+
+void add_sensors(const std::vector<SensorFile>& files, const SensorChoice& choice,
+                 Recording& recording) {
+  for (const SensorFile& file : files) {
+    if (!choice.wants(file.choice)) continue;
+    const bool described = recording.rig.find(file.name) != nullptr;
+    if (!fs::exists(file.path)) {
+      if (!is_expected(file, recording.rig)) continue;
+      fail_input("{}: missing; add it, or remove {} from {}", file.path.string(), file.name,
+                 described ? "the rig, or " + file.choice + " from sensors.use" : "the folder");
+    }
+    if (file.kind == "camera" && !recording.rig.is_null() && !described) {
+      log::info("{}: ignored: the rig does not describe {}", file.path.string(), file.name);
+      continue;
+    }
+    recording.add(file.kind, file.open(file.path));
+  }
+}
+
+void add_asl_sensors(const fs::path& root, const DatasetConfig& config, const SensorChoice& choice,
+                     Recording& recording) {
+  const fs::path mav = root / "mav0";
+  if (!fs::is_directory(mav)) {
+    fail_input("{}: missing; this folder must contain the sensors", mav.string());
+  }
+  const auto csv = [&](const char* name) { return mav / name / "data.csv"; };
+  const auto camera = [](int index) {
+    return [index](const fs::path& path) {
+      return csv_camera(CsvFile(path), path.parent_path() / "data", index);
+    };
+  };
+  const auto pressure = [unit = config.pressure_unit](const fs::path& path) {
+    return csv_pressure(CsvFile(path), unit);
+  };
+  add_sensors({{"imu0", "imu", "imu", csv("imu0"), [](auto& p) { return csv_imu(CsvFile(p)); }},
+               {"dvl0", "dvl", "dvl", csv("dvl0"), [](auto& p) { return csv_dvl(CsvFile(p)); }},
+               {"pressure0", "pressure", "pressure", csv("pressure0"), pressure},
+               {"depth0", "depth", "pressure", csv("depth0"),
+                [](auto& p) { return csv_depth(CsvFile(p)); }},
+               {"cam0", "camera", "camera", csv("cam0"), camera(0)},
+               {"cam1", "camera", "camera", csv("cam1"), camera(1)}},
+              choice, recording);
+  const fs::path gnss = csv("gnss0");
+  if (choice.all() && fs::exists(gnss)) recording.add("gnss", csv_gnss(CsvFile(gnss)));
+  const fs::path truth = csv("state_groundtruth_estimate0");
+  recording.reference = [truth, gnss]() -> std::optional<Trajectory> {
+    if (fs::exists(truth)) {
+      if (auto trajectory = read_reference(truth)) return trajectory;
+    }
+    return fs::exists(gnss) ? read_reference(gnss) : std::nullopt;
+  };
+}
+
+Recording open_folder(const fs::path& root, const DatasetConfig& config,
+                      const SensorChoice& choice) {
+  Recording recording;
+  recording.rig = load_rig(config, root / "rig.yaml");
+  add_asl_sensors(root, config, choice, recording);
+  return recording;
+}
+
+}  // namespace apvi::io

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "apvi/geometry/trajectory.hpp"
+#include "apvi/io/sequence.hpp"
+#include "apvi/sensors/samples.hpp"
+#include "io/rosbag/ros_message.hpp"
+
+namespace apvi::io {
+
+/// The stamp in a message's header; `recorded` when it is absent or zero. nullopt when out of
+/// range.
+std::optional<Stamp> stamp_of_message(const RosValue& message, Stamp recorded);
+
+/// Converts a message to a sample; nullopt when it is malformed.
+using MessageToEvent = std::function<std::optional<SensorEvent>(const RosValue&, Stamp)>;
+
+std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
+/// Water Linked, UUV Simulator and others with a `velocity`; twists; odometry twists.
+std::optional<SensorEvent> dvl_of(const RosValue& message, Stamp stamp);
+/// An odometry or pose whose z is minus the depth.
+std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
+MessageToEvent pressure_of(PressureUnit unit, std::string topic);
+/// sensor_msgs/Image and CompressedImage. The bytes are copied, and decoded on demand.
+MessageToEvent image_of(int camera, std::string topic);
+/// The pose of an odometry, pose or transform message; nullopt when it is not finite or the
+/// quaternion is far from unit norm.
+std::optional<SE3> pose_of(const RosValue& message);
+
+}  // namespace apvi::io

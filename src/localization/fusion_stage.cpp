@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "localization/fusion_stage.hpp"
+
+#include "apvi/core/log.hpp"
+#include "apvi/geometry/so3.hpp"
+#include "core/stopwatch.hpp"
+
+namespace apvi::localization {
+namespace {
+
+fusion::PoseEstimate estimate_of(const vio::StatePrior& prior) {
+  return {prior.state.pose(), prior.covariance.topLeftCorner<6, 6>()};
+}
+
+fusion::VioEstimate estimate_of(const vio::Result& result) {
+  fusion::VioEstimate vio;
+  vio.T_world_body = result.state.pose();
+  vio.information = result.information;
+  if (result.window_s > 0.0) vio.window_information = result.window_information;
+  vio.window_s = result.window_s;
+  vio.inliers = result.landmarks;
+  return vio;
+}
+
+fusion::Config scale_to_camera(fusion::Config config, const Rig& rig) {
+  if (rig.cameras.empty()) return config;
+  fusion::DegeneracyCheckConfig& fine = config.discriminator.degeneracy;
+  fine = fusion::scale_to_camera(fine, rig.cameras.front().model.parameters().fx);
+  return config;
+}
+
+}  // namespace
+
+std::optional<StampedPose> FrameOutput::fused() const {
+  if (!fusion.pose) return std::nullopt;
+  return StampedPose{stamp, fusion.pose->T_world_body};
+}
+
+FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
+                         const fusion::FreezeConfig& freeze, const Rig& rig)
+    // The baseline without freezing reinitializes like a system without a DVL.
+    : tight_(vio.graph == vio::GraphKind::tight && rig.dvl),
+      allow_state_prior_(freeze.enabled || tight_),
+      track_drift_(fusion.discriminator.agreement.window_s > 0.0),
+      estimator_(vio, rig),
+      fuser_(scale_to_camera(fusion, rig), freeze) {}
+
+FrameOutput FusionStage::process(const FrameJob& job,
+                                 const std::optional<vio::TrackedFrame>& tracked) {
+  const Stopwatch watch;
+  if (!first_frame_) first_frame_ = job.stamp;
+  for (const ImuSample& sample : job.imu) estimator_.add(sample);
+  for (const vio::DvlMeasurement& ping : job.pings) estimator_.add(ping);
+  for (const vio::PressureDepthMeasurement& depth : job.depths) estimator_.add(depth);
+  for (const dipo::Report& report : job.reports) fuser_.add(report);
+
+  FrameOutput output;
+  output.stamp = job.stamp;
+  const std::optional<vio::StatePrior> dipo = to_output_frame(job.dipo);
+  if (!tracked) {
+    output.dropped = true;
+    if (dipo) output.dipo = dipo->state.pose();
+    return output;
+  }
+  output.statistics = tracked->statistics;
+  const bool with_prior = allow_state_prior_ || !vio_init_time_s_;
+  std::optional<vio::StatePrior> prior;
+  if (dipo) prior = vio::transformed(T_vio_dipo_, *dipo);
+  output.vio = with_prior && prior
+                   ? estimator_.process(*tracked, prior)
+                   : estimator_.process(*tracked, std::nullopt, restart_pose(prior));
+  if (output.vio.status == vio::Status::lost) {
+    log::warning("VIO lost at {:.2f} s: {}", seconds_between(*first_frame_, job.stamp),
+                 output.vio.detail);
+  }
+  if (output.vio.has_state() && !vio_init_time_s_) {
+    vio_init_time_s_ = seconds_between(*first_frame_, job.stamp);
+  }
+  if (job.dipo && !T_output_dipo_) {
+    const bool initialized_from_dipo = output.vio.status == vio::Status::started && with_prior;
+    align_dipo(*job.dipo, output.vio, output.vio.has_state() && !initialized_from_dipo);
+  }
+  fusion::FusionInput input;
+  input.stamp = job.stamp;
+  input.statistics = output.statistics;
+  input.vio_includes_dipo = tight_;
+  if (const auto here = to_output_frame(job.dipo)) {
+    input.dipo = estimate_of(*here);
+    output.dipo = input.dipo->T_world_body;
+  }
+  if (output.vio.has_state()) input.vio = estimate_of(output.vio);
+  output.fusion = fuser_.update(input);
+  update_vio_dipo_transform(input, output);
+  apply(output.fusion.freeze.action);
+  output.timing.solve_s = output.vio.solve_s;
+  output.timing.information_s = output.vio.information_s;
+  output.timing.marginalize_s = output.vio.marginalize_s;
+  output.timing.localize_s = watch.seconds();
+  return output;
+}
+
+std::optional<vio::StatePrior> FusionStage::to_output_frame(
+    const std::optional<vio::StatePrior>& dipo) const {
+  if (!dipo || !T_output_dipo_) return dipo;
+  return vio::transformed(*T_output_dipo_, *dipo);
+}
+
+void FusionStage::align_dipo(const vio::StatePrior& dipo, const vio::Result& vio,
+                             bool vio_was_first) {
+  T_output_dipo_ = SE3::identity();
+  if (!vio_was_first) return;
+  T_output_dipo_ = vio::level_alignment(vio.state.pose(), dipo.state.pose());
+}
+
+// Pose at which VIO continues when it initializes without a prior.
+std::optional<SE3> FusionStage::restart_pose(const std::optional<vio::StatePrior>& dipo) const {
+  return dipo ? dipo->state.pose() : last_pose_;
+}
+
+// When DIPO bridges an outage or reinitializes VIO, the drift between the two since the start must
+// not shift the window: it continues at VIO's own last pose.
+void FusionStage::update_vio_dipo_transform(const fusion::FusionInput& input,
+                                            const FrameOutput& output) {
+  if (output.fusion.pose) last_pose_ = output.fusion.pose->T_world_body;
+  if (!track_drift_ || output.fusion.state != fusion::FusionState::fused) return;
+  T_vio_dipo_ = vio::level_alignment(input.vio->T_world_body, input.dipo->T_world_body);
+}
+
+void FusionStage::apply(fusion::Action action) {
+  switch (action) {
+    case fusion::Action::none:
+      return;
+    case fusion::Action::freeze:
+      return estimator_.freeze();
+    case fusion::Action::release:
+      return estimator_.release();
+    case fusion::Action::reset:
+      return estimator_.reset();
+  }
+}
+
+}  // namespace apvi::localization

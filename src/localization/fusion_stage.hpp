@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "apvi/geometry/trajectory.hpp"
+#include "fusion/fuser.hpp"
+#include "localization/frame_job.hpp"
+#include "vio/estimator.hpp"
+
+namespace apvi::localization {
+
+/// Processing times of one frame [s].
+struct FrameTiming {
+  double wait_s = 0.0;    ///< from arrival to output; real time only
+  double decode_s = 0.0;  ///< image decoding; zero for a live camera
+  double track_s = 0.0;   ///< front end
+  double solve_s = 0.0;
+  double information_s = 0.0;
+  double marginalize_s = 0.0;
+  double localize_s = 0.0;  ///< total after the front end
+};
+
+/// Result of all stages for one frame.
+struct FrameOutput {
+  Stamp stamp;
+  bool dropped = false;  ///< real time: its image was skipped
+  vio::FrameStatistics statistics;
+  vio::Result vio;          ///< pose in the output frame
+  std::optional<SE3> dipo;  ///< pose in the output frame
+  fusion::FusionResult fusion;
+  FrameTiming timing;
+
+  std::optional<StampedPose> fused() const;
+};
+
+/// The last stage: visual-inertial odometry, failure detection, fusion, and freezing of the window.
+///
+/// The output frame is the world frame of whichever estimator initialized first. If that was VIO,
+/// DIPO's poses are aligned to it once, by the yaw and translation between the two at the first
+/// frame that has both.
+class FusionStage {
+ public:
+  FusionStage(const vio::Config& vio, const fusion::Config& fusion,
+              const fusion::FreezeConfig& freeze, const Rig& rig);
+
+  /// `tracked` empty: the image was dropped; the other sensors' data are still processed.
+  FrameOutput process(const FrameJob& job, const std::optional<vio::TrackedFrame>& tracked);
+
+  const vio::Window& window() const { return estimator_.window(); }
+  const fusion::FreezePolicy& freeze_policy() const { return fuser_.freeze_policy(); }
+  /// Time from the first frame to the first VIO pose [s]; empty before.
+  std::optional<double> vio_init_time_s() const { return vio_init_time_s_; }
+
+ private:
+  std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
+  std::optional<SE3> restart_pose(const std::optional<vio::StatePrior>& dipo) const;
+  void align_dipo(const vio::StatePrior& dipo, const vio::Result& vio, bool vio_was_first);
+  void update_vio_dipo_transform(const fusion::FusionInput& input, const FrameOutput& output);
+  void apply(fusion::Action action);
+
+  bool tight_;
+  bool allow_state_prior_;
+  bool track_drift_;
+  vio::Estimator estimator_;
+  fusion::Fuser fuser_;
+  std::optional<SE3> T_output_dipo_;
+  std::optional<SE3> last_pose_;
+  SE3 T_vio_dipo_ = SE3::identity();  // updated while the two agree
+  std::optional<Stamp> first_frame_;
+  std::optional<double> vio_init_time_s_;
+};
+
+}  // namespace apvi::localization

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apvi/localization/system.hpp"
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <utility>
+
+#include "apvi/core/error.hpp"
+#include "localization/map_sink.hpp"
+#include "localization/sensor_monitor.hpp"
+#include "localization/synchronizer.hpp"
+#include "localization/visual_pipeline.hpp"
+
+namespace apvi::localization {
+namespace {
+
+dipo::Config dipo_config(const Options& options) {
+  dipo::Config out = options.dipo;
+  out.gravity = options.gravity;
+  return out;
+}
+
+// OpenCV's exceptions do not leave the library.
+template <typename Work>
+void translate_errors(const Work& work) {
+  try {
+    work();
+  } catch (const cv::Exception& error) {
+    fail_run("OpenCV: {}", error.what());
+  }
+}
+
+}  // namespace
+
+ActiveSensors select_sensors(const Options& options, const Rig& rig, bool has_images) {
+  ActiveSensors sensors;
+  sensors.dvl = options.sensors.includes("dvl") && rig.dvl.has_value();
+  if (options.sensors.includes("camera") && has_images) {
+    sensors.cameras = std::min<std::size_t>(rig.cameras.size(), options.vio.stereo ? 2 : 1);
+  }
+  if (sensors.dvl || sensors.cameras > 0) return sensors;
+  fail_input(
+      "no odometry possible: needs a DVL or a camera, both in the recording and in sensors.use");
+}
+
+struct System::Stages {
+  SensorMonitor sensor_monitor;
+  std::optional<Synchronizer> synchronizer;
+  std::optional<VisualPipeline> visual;  // last: its threads end before what they use
+
+  explicit Stages(System& system) {
+    const std::size_t cameras = system.sensors_.cameras;
+    synchronizer.emplace(dipo_config(system.options_), system.rig_, system.sensors_.dvl, cameras);
+    if (cameras == 0) return;
+    const auto forward = [&system](const FrameOutput& output) {
+      if (system.callbacks_.frame) system.callbacks_.frame(output);
+      const auto pose = output.fused();
+      if (pose && system.callbacks_.pose) system.callbacks_.pose(*pose);
+    };
+    visual.emplace(system.options_, system.rig_, cameras, forward, system.callbacks_.map);
+  }
+};
+
+System::System(const Options& options, const Rig& rig, SystemCallbacks callbacks)
+    : System(options, rig, select_sensors(options, rig, !rig.cameras.empty()),
+             std::move(callbacks)) {}
+
+System::System(const Options& options, const Rig& rig, const ActiveSensors& sensors,
+               SystemCallbacks callbacks)
+    : options_(options), rig_(rig), sensors_(sensors), callbacks_(std::move(callbacks)) {
+  options_.check();
+  stages_ = std::make_unique<Stages>(*this);
+}
+
+System::~System() = default;
+
+void System::process(const SensorEvent& event) {
+  translate_errors([&] {
+    stages_->sensor_monitor.process(event);
+    Synchronizer::Output output = stages_->synchronizer->process(event);
+    for (const PingOutput& ping : output.pings) {
+      if (callbacks_.ping) callbacks_.ping(ping);
+      const imu::NavState& nav = ping.estimate.state.nav;
+      if (!stages_->visual && callbacks_.pose) callbacks_.pose({ping.estimate.stamp, nav.pose()});
+    }
+    for (FrameJob& job : output.frames) stages_->visual->push(std::move(job));
+  });
+}
+
+void System::finish() {
+  translate_errors([&] {
+    if (stages_->visual) stages_->visual->finish();
+  });
+}
+
+void System::stop() {
+  if (stages_->visual) stages_->visual->stop();
+}
+
+void System::reset() {
+  stop();
+  stages_.reset();  // its threads first
+  stages_ = std::make_unique<Stages>(*this);
+}
+
+const SensorMonitor& System::sensor_monitor() const {
+  return stages_->sensor_monitor;
+}
+
+const Synchronizer& System::synchronizer() const {
+  return *stages_->synchronizer;
+}
+
+const VisualPipeline* System::visual() const {
+  return stages_->visual ? &*stages_->visual : nullptr;
+}
+
+}  // namespace apvi::localization

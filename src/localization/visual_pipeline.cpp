@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "localization/visual_pipeline.hpp"
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "core/stopwatch.hpp"
+
+namespace apvi::localization {
+namespace {
+
+constexpr std::size_t kQueueSize = 32;
+
+// In real time an image is skipped when more than this many wait behind it.
+constexpr std::size_t kMaxQueuedImages = 2;
+
+std::vector<CameraCalibration> first_cameras(const Rig& rig, std::size_t count) {
+  return {rig.cameras.begin(), rig.cameras.begin() + static_cast<std::ptrdiff_t>(count)};
+}
+
+// A time limit makes results depend on the machine; only real time needs one.
+vio::Config vio_config(const Options& options) {
+  vio::Config out = options.vio;
+  out.gravity = options.gravity;
+  if (options.run.mode != RunMode::realtime) out.window.max_solve_s = 1e3;
+  return out;
+}
+
+// An image that cannot be decoded counts as lost; the run continues.
+cv::Mat decode_image(const ImageFrame& image) {
+  if (!image.decode) return {};
+  try {
+    return image.decode();
+  } catch (const RunError& error) {
+    log::warning("camera {}: {}", image.camera, error.what());
+    return {};
+  }
+}
+
+}  // namespace
+
+VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, std::size_t cameras,
+                               Sink sink, MapSink* map)
+    : mode_(options.run.mode),
+      tracker_(options.vio.tracker, first_cameras(rig, cameras)),
+      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig),
+      sink_(std::move(sink)),
+      map_(map) {
+  if (map_ != nullptr) map_feed_.emplace(options, rig);
+  if (mode_ == RunMode::sequential) return;
+  fusion_worker_ = std::make_unique<Worker<Tracked>>(
+      kQueueSize, Overflow::block, [this](const Tracked& tracked) { fuse(tracked); });
+  tracking_worker_ =
+      std::make_unique<Worker<FrameJob>>(kQueueSize, Overflow::block, [this](FrameJob job) {
+        const bool process_image =
+            mode_ != RunMode::realtime || tracking_worker_->waiting() <= kMaxQueuedImages;
+        fusion_worker_->push(track(std::move(job), process_image));
+      });
+}
+
+void VisualPipeline::push(FrameJob job) {
+  if (mode_ == RunMode::sequential) return fuse(track(std::move(job), true));
+  // A stage has stopped: finish() rethrows its exception.
+  if (fusion_worker_->closed() || !tracking_worker_->push(std::move(job))) finish();
+}
+
+void VisualPipeline::finish() {
+  if (mode_ == RunMode::sequential) return;
+  tracking_worker_->wait();
+  fusion_worker_->wait();
+}
+
+void VisualPipeline::stop() {
+  if (mode_ == RunMode::sequential) return;
+  tracking_worker_->stop();
+  fusion_worker_->stop();
+}
+
+VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool process_image) {
+  if (skipped_rotation_ && job.R_before_now) {
+    job.R_before_now = (*skipped_rotation_ * *job.R_before_now).normalized();
+  }
+  if (!process_image) {
+    ++dropped_images_;
+    skipped_rotation_ = job.R_before_now;
+    return {.job = std::move(job), .frame = std::nullopt, .image = {}};
+  }
+  skipped_rotation_.reset();
+  Stopwatch watch;
+  std::vector<cv::Mat> images;
+  for (const ImageFrame& image : job.images) images.push_back(decode_image(image));
+  Tracked tracked{.job = std::move(job), .frame = std::nullopt, .image = {}};
+  tracked.decode_s = watch.seconds();
+  watch.reset();
+  if (map_ != nullptr && !images.empty()) tracked.image = images.front();
+  tracked.frame = tracker_.process(images, tracked.job.stamp, tracked.job.R_before_now);
+  tracked.track_s = watch.seconds();
+  return tracked;
+}
+
+void VisualPipeline::fuse(const Tracked& tracked) {
+  FrameOutput output = fusion_stage_.process(tracked.job, tracked.frame);
+  output.timing.decode_s = tracked.decode_s;
+  output.timing.track_s = tracked.track_s;
+  sink_(output);
+  if (map_ == nullptr) return;
+  auto map_frame = map_feed_->process(tracked.job, tracked.image, output, fusion_stage_.window());
+  if (map_frame) map_->push(*std::move(map_frame));
+}
+
+}  // namespace apvi::localization

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
+
+#include "apvi/geometry/se3.hpp"
+
+namespace apvi::loop_closure {
+
+/// An undistorted camera; the center of the first pixel is (0.5, 0.5).
+struct Pinhole {
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< [px]
+  int width = 0, height = 0;                      ///< [px]
+};
+
+/// A place: the features of an image, triangulated where another image allows it.
+struct Place {
+  std::vector<Eigen::Vector2d> rays;  ///< on the plane z = 1
+  cv::Mat descriptors;                ///< [n,128] 8-bit SIFT, one row per ray
+  std::vector<std::optional<Eigen::Vector3d>>
+      points;  ///< in the camera frame, one per ray [m]; nullopt: not triangulated
+
+  std::size_t triangulated_count() const;
+};
+
+/// Extracts at most `max_features` SIFT features (Lowe, 2004) from an 8-bit gray image after
+/// contrast equalization, as contrast decreases with distance under water.
+Place describe_place(const cv::Mat& gray, const Pinhole& camera, int max_features);
+
+/// Mutual nearest neighbors that pass the ratio test.
+std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);
+
+/// Triangulates the features of `place` that have no depth yet and match `other`. `T_other_place`:
+/// pose of the camera of `place` in that of `other`; `sigma`: of a ray on the plane z = 1.
+void triangulate_points(Place& place, const Place& other, const SE3& T_other_place, double sigma);
+
+/// Relative pose of two views of one place.
+struct PlaceMatch {
+  SE3 T_now_then;
+  int inliers = 0;
+  int matches = 0;  ///< matches with a triangulated point
+};
+
+/// RANSAC perspective-n-point from the points of `then` matched in `now`. Nullopt unless at least
+/// `min_inliers` points and a sufficient fraction of the matches agree within three `sigma`.
+std::optional<PlaceMatch> recognize_place(const Place& then, const Place& now, double sigma,
+                                          int min_inliers);
+
+}  // namespace apvi::loop_closure

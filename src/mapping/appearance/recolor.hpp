@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "mapping/keyframes/keyframe_store.hpp"
+#include "mapping/rendering.hpp"
+
+namespace apvi::mapping {
+
+/// Changes the colors of `map` in place, so that with the medium and camera response of `after` its
+/// keyframe renderings stay the same: a least-squares color per Gaussian and channel over the
+/// keyframes that see it. View-dependent coefficients are scaled alike. `after.gaussians` is not
+/// used.
+void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes);
+
+}  // namespace apvi::mapping

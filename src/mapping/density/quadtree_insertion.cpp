@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mapping/density/quadtree_insertion.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <map>
+#include <vector>
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+// Number of points [n,2] in each pixel.
+Tensor histogram(const Tensor& points, std::int64_t height, std::int64_t width) {
+  const Tensor u = points.select(1, 0).floor().to(torch::kInt64);
+  const Tensor v = points.select(1, 1).floor().to(torch::kInt64);
+  const Tensor inside = (u >= 0) & (v >= 0) & (u < width) & (v < height);
+  const Tensor index = (v * width + u).index({inside});
+  return torch::bincount(index, {}, height * width).view({height, width}).to(torch::kFloat32);
+}
+
+}  // namespace
+
+// A block is a pixel of the image downscaled by its size; the last row and column may be
+// incomplete.
+Tensor block_means(const Tensor& images, const std::vector<depth::Block>& blocks) {
+  std::map<int, std::vector<std::int64_t>> by_size;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    by_size[blocks[i].size].push_back(static_cast<std::int64_t>(i));
+  }
+  const auto indices = [&images](const std::vector<std::int64_t>& values) {
+    return torch::tensor(values, torch::kInt64).to(images.device());
+  };
+  const auto count = static_cast<std::int64_t>(blocks.size());
+  Tensor means = torch::empty({images.size(0), count}, images.options());
+  for (const auto& [size, members] : by_size) {
+    const Tensor reduced = torch::avg_pool2d(images, size, size, 0, /*ceil_mode=*/true);
+    std::vector<std::int64_t> pixels;
+    pixels.reserve(members.size());
+    for (const std::int64_t i : members) {
+      const depth::Block& b = blocks[static_cast<std::size_t>(i)];
+      pixels.push_back(b.y / size * reduced.size(2) + b.x / size);
+    }
+    means.index_copy_(1, indices(members), reduced.flatten(1).index_select(1, indices(pixels)));
+  }
+  return means;
+}
+
+Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& points,
+                      const Tensor& rendered, const Tensor& alpha, const Tensor& image,
+                      const OnlineOptions& options) {
+  const Tensor error = (rendered - image).abs().mean(2);
+  const Tensor counts = histogram(points, alpha.size(0), alpha.size(1)).to(alpha.device());
+  const Tensor means = block_means(torch::stack({alpha, error, counts}), estimate.blocks);
+  const Tensor covered =
+      (means[0] >= options.coverage_min_alpha) & (means[1] <= options.coverage_max_error);
+  const Tensor needed = (means[2] == 0.0) & ~covered;
+  return estimate.confident & (estimate.depth > 0) & needed.to(torch::kCPU);
+}
+
+Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View& view,
+                     const Tensor& means, double depth_ratio) {
+  const gaussians::Intrinsics& k = view.intrinsics;
+  Tensor free = torch::zeros({k.height, k.width}, torch::kFloat32);
+  const auto depth = estimate.depth.accessor<float, 1>();
+  const auto confident = estimate.confident.accessor<bool, 1>();
+  for (std::size_t i = 0; i < estimate.blocks.size(); ++i) {
+    const depth::Block& b = estimate.blocks[i];
+    const auto number = static_cast<std::int64_t>(i);
+    if (!confident[number]) continue;
+    for (int y = b.y; y < b.y + b.height; ++y) {
+      float* const row = free.data_ptr<float>() + static_cast<std::ptrdiff_t>(y) * k.width;
+      std::fill_n(row + b.x, b.width, static_cast<float>(depth_ratio) * depth[number]);
+    }
+  }
+  gaussians::View device_view = view;
+  device_view.T_camera_world = view.T_camera_world.to(means.options());
+  const ProjectedPoints seen = project(device_view, means);
+  const Tensor limit =
+      free.to(means.device()).reshape({-1}).index_select(0, pixel_index(k, seen.pixels));
+  return seen.in_view & (seen.depths < limit);
+}
+
+Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& which, double opacity) {
+  const Tensor index = which.nonzero().squeeze(1);
+  const std::int64_t n = index.size(0);
+  Tensor size = torch::empty({static_cast<std::int64_t>(estimate.blocks.size())}, torch::kFloat64);
+  for (std::size_t i = 0; i < estimate.blocks.size(); ++i) {
+    size.data_ptr<double>()[i] = estimate.blocks[i].size;
+  }
+  return {.pixels = estimate.points.index_select(0, index).to(torch::kFloat64),
+          .depths = estimate.depth.index_select(0, index).to(torch::kFloat64),
+          .radii_px = 0.5 * size.index_select(0, index),
+          .opacities = torch::full({n}, opacity, torch::kFloat64)};
+}
+
+}  // namespace apvi::mapping

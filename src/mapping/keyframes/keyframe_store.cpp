@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mapping/keyframes/keyframe_store.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::uint8_t kSaturatedByte = 250;    // below 255 because of noise
+constexpr double kMinSaturatedFraction = 1e-3;  // of the image's values
+constexpr double kMinExtent_m = 0.1;            // for a camera that only rotates
+
+gaussians::Intrinsics reduced(const gaussians::Intrinsics& full, int factor) {
+  const double f = 1.0 / factor;
+  return {.fx = f * full.fx,
+          .fy = f * full.fy,
+          .cx = f * full.cx,
+          .cy = f * full.cy,
+          .width = full.width / factor,
+          .height = full.height / factor,
+          .lens_spread = full.lens_spread};
+}
+
+}  // namespace
+
+void KeyframeStore::add(Keyframe keyframe) {
+  const Tensor& image = keyframe.image;
+  TORCH_CHECK(keyframe.T_camera_world.sizes() == at::IntArrayRef({4, 4}) &&
+                  keyframe.T_camera_world.scalar_type() == torch::kFloat64,
+              keyframe.name, ": the pose must be [4,4] float64");
+  if (!image.defined()) {
+    keyframes_.push_back(std::move(keyframe));
+    return;
+  }
+  TORCH_CHECK(image.dim() == 3 && image.size(2) == 3 && image.scalar_type() == torch::kUInt8,
+              keyframe.name, ": the image must be [H,W,3] uint8, not ", image.toString(),
+              image.sizes());
+  TORCH_CHECK(
+      image.size(0) == keyframe.intrinsics.height && image.size(1) == keyframe.intrinsics.width,
+      keyframe.name, ": the image is ", image.sizes(), ", its camera ", keyframe.intrinsics.width,
+      " x ", keyframe.intrinsics.height);
+  keyframe.saturates =
+      (image >= kSaturatedByte).to(torch::kFloat32).mean().item<double>() > kMinSaturatedFraction;
+  keyframe.image = image.to(device_);  // may run out of memory; the store is still unchanged
+  image_bytes_ += keyframe.image.nbytes();
+  (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
+  keyframes_.push_back(std::move(keyframe));
+}
+
+void KeyframeStore::set_pose(std::size_t i, const Tensor& T_camera_world) {
+  TORCH_CHECK(is_rigid(T_camera_world), keyframes_.at(i).name,
+              ": the pose is not a rigid transform");
+  keyframes_.at(i).T_camera_world = T_camera_world;
+}
+
+void KeyframeStore::drop_image(std::size_t i) {
+  Keyframe& keyframe = keyframes_.at(i);
+  if (!keyframe.image.defined()) return;
+  image_bytes_ -= keyframe.image.nbytes();
+  keyframe.image = Tensor();
+  std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
+  views.erase(std::remove(views.begin(), views.end(), i), views.end());
+}
+
+void KeyframeStore::move_images(const torch::Device& device) {
+  device_ = device;
+  for (Keyframe& keyframe : keyframes_) {
+    if (keyframe.image.defined()) keyframe.image = keyframe.image.to(device);
+  }
+}
+
+Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
+  return to_float_image(keyframes_.at(i).image.to(device), factor);
+}
+
+gaussians::View KeyframeStore::view(std::size_t i, int factor) const {
+  const Keyframe& keyframe = keyframes_.at(i);
+  return {.intrinsics = reduced(keyframe.intrinsics, factor),
+          .T_camera_world = keyframe.T_camera_world,
+          .pose_delta = {}};
+}
+
+Tensor to_float_image(const Tensor& bytes, int factor) {
+  Tensor image = bytes.to(torch::kFloat32) / 255.0;
+  if (factor == 1) return image;
+  const Tensor planes = image.permute({2, 0, 1}).unsqueeze(0);
+  return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();
+}
+
+bool is_rigid(const Tensor& T) {
+  if (!T.defined() || T.sizes() != at::IntArrayRef({4, 4}) || T.scalar_type() != torch::kFloat64) {
+    return false;
+  }
+  if (!torch::isfinite(T).all().item<bool>()) return false;
+  const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
+  const Tensor last = torch::tensor({0.0, 0.0, 0.0, 1.0}, torch::kFloat64);
+  return torch::allclose(R.mm(R.t()), torch::eye(3, torch::kFloat64), 0.0, 1e-6) &&
+         torch::det(R).item<double>() > 0.0 && torch::allclose(T.select(0, 3), last, 0.0, 1e-9);
+}
+
+Tensor rigid_inverse(const Tensor& T) {
+  const Tensor Rt = T.slice(0, 0, 3).slice(1, 0, 3).t();
+  Tensor inverse = torch::eye(4, T.options());
+  inverse.slice(0, 0, 3).slice(1, 0, 3).copy_(Rt);
+  inverse.slice(0, 0, 3).select(1, 3).copy_(-Rt.mv(T.slice(0, 0, 3).select(1, 3)));
+  return inverse;
+}
+
+Tensor camera_center(const Tensor& T_camera_world) {
+  const Tensor R = T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
+  return -R.t().mv(T_camera_world.slice(0, 0, 3).select(1, 3));
+}
+
+double scene_extent(const KeyframeStore& store) {
+  std::vector<Tensor> centers;
+  for (const std::size_t i : store.training()) {
+    centers.push_back(camera_center(store[i].T_camera_world));
+  }
+  if (centers.empty()) return kMinExtent_m;
+  const Tensor all = torch::stack(centers);
+  const double radius = (all - all.mean(0)).norm(2, 1).max().item<double>();
+  return std::max(kMinExtent_m, 1.1 * radius);
+}
+
+}  // namespace apvi::mapping

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "gaussians/device.hpp"
+#include "gaussians/render/view.hpp"
+
+namespace apvi::mapping {
+
+/// An image with its camera pose.
+struct Keyframe {
+  std::int64_t stamp_ns = 0;
+  std::string name;  ///< for files and messages
+  gaussians::Intrinsics intrinsics;
+  torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
+  torch::Tensor image;           ///< [H,W,3] uint8 RGB, without distortion
+  bool held_out = false;         ///< for evaluation: never optimized
+  std::int64_t number = 0;       ///< of a held-out image, in the recording's order
+  bool saturates = false;        ///< contains saturated pixels; set by the store
+};
+
+/// The keyframes of a map. Images are stored as uint8 on the device, which saves memory and copies,
+/// and are converted to float on access.
+class KeyframeStore {
+ public:
+  explicit KeyframeStore(const torch::Device& device = gaussians::active_device())
+      : device_(device) {}
+
+  /// A keyframe without an image is stored as a pose only. Throws c10::Error for wrong shapes or
+  /// types.
+  void add(Keyframe keyframe);
+
+  /// Sets the pose [4,4] float64.
+  void set_pose(std::size_t i, const torch::Tensor& T_camera_world);
+  /// Drops the image: the keyframe is no longer used for training or evaluation.
+  void drop_image(std::size_t i);
+  /// Moves all images, and those added later, to `device`.
+  void move_images(const torch::Device& device);
+  const torch::Device& device() const { return device_; }
+  /// Total size of all images.
+  std::size_t image_bytes() const { return image_bytes_; }
+
+  std::size_t size() const { return keyframes_.size(); }
+  const Keyframe& operator[](std::size_t i) const { return keyframes_.at(i); }
+  /// Ascending indices of the training and held-out keyframes that have an image.
+  const std::vector<std::size_t>& training() const { return training_; }
+  const std::vector<std::size_t>& held_out() const { return held_out_; }
+
+  /// The image [H/f,W/f,3] float32 in [0, 1] on `device`, each pixel the mean of f x f pixels
+  /// (incomplete blocks at the right and bottom are cropped).
+  torch::Tensor image(std::size_t i, int factor, const torch::Device& device) const;
+  /// The view of the image reduced by `factor`, without pose correction.
+  gaussians::View view(std::size_t i, int factor) const;
+
+ private:
+  torch::Device device_;
+  std::vector<Keyframe> keyframes_;
+  std::vector<std::size_t> training_;
+  std::vector<std::size_t> held_out_;
+  std::size_t image_bytes_ = 0;
+};
+
+/// Converts bytes [H,W,3] to float32 in [0, 1] [H/factor,W/factor,3] by averaging blocks.
+torch::Tensor to_float_image(const torch::Tensor& bytes, int factor);
+
+/// Whether a tensor is a finite rigid transform [4,4] float64.
+bool is_rigid(const torch::Tensor& T);
+/// The inverse of a rigid transform [4,4].
+torch::Tensor rigid_inverse(const torch::Tensor& T);
+
+/// Center of a camera in the world [m], float64 [3], from T_camera_world [4,4].
+torch::Tensor camera_center(const torch::Tensor& T_camera_world);
+
+/// Scene extent that scales the learning rate of the means: 1.1 times the largest distance of a
+/// training camera from the mean camera center [m] (Kerbl et al., 2023), at least 0.1 m.
+double scene_extent(const KeyframeStore& store);
+
+}  // namespace apvi::mapping

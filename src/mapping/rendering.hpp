@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+#include <optional>
+
+#include "gaussians/model/gaussians.hpp"
+#include "gaussians/render/view.hpp"
+#include "mapping/keyframes/keyframe_store.hpp"
+#include "medium/medium.hpp"
+
+namespace apvi::mapping {
+
+/// A map with its medium and camera response.
+struct Map {
+  gaussians::Gaussians gaussians;
+  std::optional<medium::Medium> medium;
+  bool antialiased = false;  ///< as it was trained
+  /// [n] log gains of the keyframes: brightness of their images relative to the map; undefined: all
+  /// equal.
+  torch::Tensor log_gains = {};
+  double vignetting = 0.0;  ///< fraction of light lost in the image corners
+};
+
+/// Renderings of a map from one view.
+struct MapRendering {
+  torch::Tensor color;     ///< [H,W,3] with the medium, if there is one
+  torch::Tensor restored;  ///< [H,W,3] without the medium, lit as from this view
+  torch::Tensor depth;     ///< [H,W] along the optical axis [m], 0 where empty
+  torch::Tensor alpha;     ///< [H,W] accumulated opacity
+};
+
+/// Renders the map without recording gradients, for a camera of gain one without vignetting.
+MapRendering render_map(const Map& map, const gaussians::View& view);
+/// Renders the medium without any surface [H,W,3]; undefined without a medium.
+torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& camera);
+
+/// The gain of a keyframe [1]; for a held-out image, interpolated in time between the training
+/// keyframes before and after it.
+torch::Tensor camera_gain(const Map& map, const KeyframeStore& keyframes, std::size_t i);
+/// Gain times vignetting at every pixel of a keyframe's camera reduced by `factor`, [H,W,1].
+torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, std::size_t i,
+                              int factor);
+
+}  // namespace apvi::mapping

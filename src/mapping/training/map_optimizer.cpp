@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mapping/training/map_optimizer.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "gaussians/device.hpp"
+#include "gaussians/metrics/losses.hpp"
+#include "gaussians/model/archive.hpp"
+#include "gaussians/model/morton.hpp"
+#include "mapping/appearance/recolor.hpp"
+#include "mapping/depth_curvature_loss.hpp"
+#include "mapping/medium/open_water.hpp"
+#include "mapping/training/step_backend.hpp"
+#include "medium/medium_initialization.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+constexpr int kGainReduction = 4;  // image reduction for a new view's initial gain
+// Slowly changing parts run only every so many steps: on a GPU the time of a step is dominated by
+// the number of kernel launches, and together these launch as many as the rest of the step.
+constexpr std::int64_t kGainInterval = 2;
+constexpr std::int64_t kMediumInterval = 8;  // once the medium has a prior
+constexpr std::int64_t kReorderInterval = 1000;
+constexpr std::int64_t kOpacityInterval = 4;
+constexpr std::int64_t kSmoothnessInterval = 8;
+constexpr double kMinVeilingLight = 1e-3;
+constexpr double kMaxVeilingLight = 0.98;
+
+static_assert(kShDegreeLimit == gaussians::kMaxShDegree);
+
+gaussians::Gaussians on_device(const gaussians::Gaussians& gaussians) {
+  gaussians::Gaussians copy;
+  const auto from = gaussians.tensors();
+  const auto to = copy.tensors();
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    *to[i] = from[i]->to(gaussians::active_device(), torch::kFloat32);
+  }
+  return copy;
+}
+
+medium::Medium on_device(const medium::Medium& medium) {
+  const auto copy = [](const Tensor& values) {
+    return values.detach().to(gaussians::active_device(), torch::kFloat32);
+  };
+  return {.beta_d = copy(medium.beta_d),
+          .beta_b = copy(medium.beta_b),
+          .b_inf = copy(medium.b_inf),
+          .lamp = medium.lamp};
+}
+
+std::vector<double> seconds_of(const KeyframeStore& keyframes) {
+  std::vector<double> seconds(keyframes.size());
+  for (std::size_t i = 0; i < seconds.size(); ++i) {
+    seconds[i] = 1e-9 * static_cast<double>(keyframes[i].stamp_ns - keyframes[0].stamp_ns);
+  }
+  return seconds;
+}
+
+}  // namespace
+
+gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent, double progress) {
+  const double first = std::log(std::max(1e-20, r.means));
+  const double last = std::log(std::max(1e-20, r.means_final));
+  const double late = std::max(0.0, 2.0 * progress - 1.0);
+  const double factor = std::pow(r.final_factor, late);
+  return {.means = extent * std::exp(first + progress * (last - first)),
+          .log_scales = factor * r.log_scales,
+          .quaternions = factor * r.quaternions,
+          .logit_opacities = factor * r.logit_opacities,
+          .sh_dc = factor * r.sh_dc,
+          .sh_rest = factor * r.sh_rest};
+}
+
+MapOptimizer::MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
+                           std::size_t views, const std::optional<medium::Medium>& medium)
+    : options_(options),
+      store_(on_device(initial)),
+      statistics_(initial.size(), gaussians::active_device()),
+      corrections_(views, options.pose_refinement, options.exposure_correction),
+      gains_(views, gaussians::active_device()) {
+  if (medium) medium_.emplace(on_device(*medium));
+}
+
+const medium::MediumView& MapOptimizer::medium_view(const gaussians::Intrinsics& camera) {
+  const auto cached = medium_views_.find(camera.width);
+  if (cached != medium_views_.end()) return cached->second;
+  return medium_views_.emplace(camera.width, medium::MediumView(*medium(), camera)).first->second;
+}
+
+bool MapOptimizer::optimizes_medium() const {
+  return medium_ && (!medium_->has_prior() || store_.steps() % kMediumInterval == 0);
+}
+
+bool MapOptimizer::updates_gain(const StepSettings& settings) const {
+  return options_.gain_compensation && settings.match_gain && store_.steps() % kGainInterval == 0;
+}
+
+Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
+                          const StepSettings& settings) {
+  gaussians::View camera = keyframes.view(i, settings.reduction);
+  camera.pose_delta = corrections_.pose_delta(i, settings.correct_pose);
+  const bool update_medium = optimizes_medium();
+  std::optional<medium::MediumView> differentiable;
+  if (update_medium) differentiable = medium_view(camera.intrinsics).with(medium_->medium());
+  const medium::MediumView* const water =
+      update_medium ? &*differentiable : (medium_ ? &medium_view(camera.intrinsics) : nullptr);
+  const gaussians::RenderOutput out = gaussians::render(
+      store_.view(), camera,
+      {.sh_degree = settings.sh_degree,
+       .antialiased = options_.antialiased,
+       .background = {},
+       .light =
+           water ? water->illumination_at(store_.view().means, camera.T_camera_world) : Tensor(),
+       .sparse_gradient = true});
+  const Tensor seen = water ? water->apply(out.color, out.depth, out.alpha) : out.color;
+  const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
+  const bool add_opacity_loss = water != nullptr && store_.steps() % kOpacityInterval == 0;
+  const bool needs_open_water = add_opacity_loss || (water != nullptr && updates_gain(settings));
+  const RenderedView rendered = {.image = image.detach(),
+                                 .alpha = out.alpha.detach(),
+                                 .open_water = needs_open_water ? water->open_water() : Tensor(),
+                                 .horizon = horizon(camera)};
+  const Target target = target_of(keyframes, i, rendered, settings);
+  Tensor loss = gaussians::photometric_loss(image, target.saturation_adjusted(rendered.image),
+                                            options_.ssim_weight);
+  if (options_.depth_curvature_weight > 0.0 &&
+      store_.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
+    loss = loss + options_.depth_curvature_weight *
+                      depth_curvature_loss(out.depth, rendered.alpha, target.image);
+  }
+  if (add_opacity_loss) {
+    const OpacityWeights& weights =
+        water->has_lamp() ? kLampOpacityWeights : kDaylightOpacityWeights;
+    const Tensor opacity_gradient =
+        opacity_loss_gradient(target.saturation_adjusted(rendered.open_water), rendered.open_water,
+                              rendered.alpha, weights);
+    torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_gradient});
+  } else {
+    loss.backward();
+  }
+  statistics_.observe(out.statistics);
+  if (out.sparse_gradient != nullptr) {
+    store_.step(settings.rates, *out.sparse_gradient, options_.sparse_adam);
+  } else {
+    store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
+  }
+  corrections_.step(i, camera.pose_delta);
+  if (update_medium) {
+    medium_->step();
+    const medium::Medium now = *medium();
+    for (auto& [width, view] : medium_views_) view = view.with(now);
+  }
+  return loss.detach();
+}
+
+Tensor MapOptimizer::Target::saturation_adjusted(const Tensor& colors) const {
+  if (!saturated.defined()) return image;
+  return torch::where(saturated, torch::maximum(image, colors), image);
+}
+
+MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std::size_t i,
+                                             const RenderedView& rendered,
+                                             const StepSettings& settings) {
+  const torch::Device device = rendered.image.device();
+  const StepBackend& backend = step_backend(device);
+  TargetInput input = {.image = keyframes[i].image.to(device),
+                       .reduction = settings.reduction,
+                       .falloff = vignetting_ > 0.0
+                                      ? falloff(keyframes.view(i, settings.reduction).intrinsics)
+                                      : Tensor(),
+                       .log_gain = {}};
+  if (options_.gain_compensation) {
+    if (updates_gain(settings)) gains_.track(i, rendered, backend.target(input));
+    input.log_gain = gains_.log_gain(i);
+  }
+  Target target = {.image = backend.target(input), .saturated = {}};
+  if (keyframes[i].saturates) {
+    target.saturated = backend.saturated(input.image, input.reduction);
+  }
+  return target;
+}
+
+DensifyResult MapOptimizer::densify(double extent, std::int64_t limit, std::uint64_t seed,
+                                    std::int64_t passed) {
+  const DensifyResult result =
+      mapping::densify(store_, statistics_, options_.densify, extent, limit, seed);
+  statistics_.begin_round();
+  // The interval is derived from state that checkpoints contain.
+  if (store_.steps() % kReorderInterval < passed) reorder();
+  return result;
+}
+
+void MapOptimizer::reorder() {
+  const Tensor order = gaussians::morton_order(store_.view().means);
+  store_.reorder(order);
+  statistics_.reorder(order);
+}
+
+void MapOptimizer::insert(const gaussians::Gaussians& gaussians, const Tensor& anchors) {
+  store_.insert(gaussians, anchors);
+  statistics_.extend(gaussians.size());
+}
+
+void MapOptimizer::remove(const Tensor& remove) {
+  store_.prune(remove);
+  statistics_.keep(remove.logical_not());
+}
+
+void MapOptimizer::prune_least_important(std::int64_t count, const Tensor& among) {
+  if (count <= 0) return;
+  Tensor order = statistics_.importance();
+  if (among.defined()) order = order.masked_fill(~among, std::numeric_limits<float>::infinity());
+  Tensor pruned = torch::zeros_like(order, order.options().dtype(torch::kBool));
+  pruned.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
+  remove(pruned);
+}
+
+void MapOptimizer::keep_most_important(std::int64_t count) {
+  const torch::NoGradGuard no_grad;
+  if (!statistics_.has_size(size())) statistics_ = DensityStatistics(size());
+  move_to(torch::kCPU);
+  prune_least_important(size() - count);
+  move_to(gaussians::active_device());
+}
+
+void MapOptimizer::move_to(const torch::Device& device) {
+  store_.to(device);
+  statistics_.to(device);
+}
+
+void MapOptimizer::move(const std::map<std::int64_t, Tensor>& motions) {
+  if (motions.empty()) return;
+  // Index of the motion by anchor + 1; entry 0 is for Gaussians that do not move.
+  std::vector<std::int64_t> which(2 + static_cast<std::size_t>(motions.rbegin()->first), -1);
+  std::vector<Tensor> transforms;
+  for (const auto& [anchor, motion] : motions) {
+    which[1 + static_cast<std::size_t>(anchor)] = static_cast<std::int64_t>(transforms.size());
+    transforms.push_back(motion);
+  }
+  const Tensor anchors = store_.anchors();
+  const auto last = static_cast<std::int64_t>(which.size()) - 1;
+  const Tensor lookup = torch::tensor(which, torch::kInt64).to(anchors.device());
+  const Tensor index = lookup.index_select(0, torch::where(anchors < last, anchors + 1, 0));
+  store_.transform(gaussians::rigid_transforms(torch::stack(transforms)), index);
+}
+
+void MapOptimizer::add_view() {
+  corrections_.add_view();
+  gains_.add_view();
+}
+
+Tensor MapOptimizer::falloff(const gaussians::Intrinsics& camera) {
+  Tensor& cached = falloffs_[camera.width];
+  if (!cached.defined()) cached = lens_falloff(camera, vignetting_, gaussians::active_device());
+  return cached;
+}
+
+void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {
+  if (!options_.gain_compensation || size() == 0) return;
+  const torch::NoGradGuard no_grad;
+  const gaussians::View camera = keyframes.view(i, kGainReduction);
+  const MapRendering rendered = render_map(full_map(), camera);
+  const Tensor image =
+      step_backend(rendered.alpha.device())
+          .target({.image = keyframes[i].image.to(rendered.alpha.device()),
+                   .reduction = kGainReduction,
+                   .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
+                   .log_gain = {}});
+  gains_.initialize(i,
+                    {.image = rendered.color,
+                     .alpha = rendered.alpha,
+                     .open_water = medium_ ? medium_view(camera.intrinsics).open_water() : Tensor(),
+                     .horizon = horizon(camera)},
+                    image);
+}
+
+void MapOptimizer::apply_medium(const medium::Medium& medium, const Tensor& resolution,
+                                const KeyframeStore& keyframes) {
+  const torch::NoGradGuard no_grad;
+  Map after = full_map();
+  after.medium = medium;
+  apply_appearance(after, resolution, keyframes);
+}
+
+void MapOptimizer::apply_medium(const MediumEstimation& estimation,
+                                const KeyframeStore& keyframes) {
+  const torch::NoGradGuard no_grad;
+  Map after = full_map();
+  medium::Medium water = estimation.fit.medium;
+  medium_posterior_ = estimation.fit.posterior;
+  if (options_.gain_compensation) {
+    const Tensor logs =
+        interpolate_gains(gains_.logs().to(torch::kCPU, torch::kFloat64), seconds_of(keyframes),
+                          estimation.views, estimation.fit.log_gains);
+    const auto& views = keyframes.training();
+    const double median =
+        logs.index_select(0, torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()),
+                                           torch::kInt64))
+            .median()
+            .item<double>();
+    after.log_gains = (logs - median).to(gains_.logs().options());
+    water.b_inf = water.b_inf * std::exp(median);
+    if (water.lamp) water.lamp->backscatter = water.lamp->backscatter * std::exp(median);
+  }
+  water.b_inf = medium_posterior_
+                    .add_veiling_light(water.b_inf.log(), estimation.fit.sigmas.select(1, 2),
+                                       estimation.sees_open_water)
+                    .exp()
+                    .clamp(kMinVeilingLight, kMaxVeilingLight);
+  after.vignetting = estimation.fit.vignetting;
+  after.medium = water;
+  apply_appearance(after, estimation.fit.resolution, keyframes);
+}
+
+void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
+                                    const KeyframeStore& keyframes) {
+  recolor(full_map(), after, keyframes);
+  if (options_.gain_compensation) gains_.set_logs(after.log_gains);
+  vignetting_ = after.vignetting;
+  falloffs_.clear();
+  if (!medium_) medium_.emplace(on_device(*after.medium));
+  medium_->set_prior(*after.medium, resolution);
+  medium_views_.clear();
+}
+
+void MapOptimizer::set_vio_failing(bool failing) {
+  if (medium_) medium_->set_vio_failing(failing);
+}
+
+gaussians::Gaussians MapOptimizer::map() const {
+  const gaussians::Gaussians& view = store_.view();
+  gaussians::Gaussians map;
+  const auto from = view.tensors();
+  const auto to = map.tensors();
+  for (std::size_t i = 0; i < from.size(); ++i) *to[i] = from[i]->detach();
+  return map;
+}
+
+Map MapOptimizer::full_map() const {
+  return {.gaussians = map(),
+          .medium = medium(),
+          .antialiased = options_.antialiased,
+          .log_gains = options_.gain_compensation ? gains_.logs() : Tensor(),
+          .vignetting = vignetting_};
+}
+
+std::optional<medium::Medium> MapOptimizer::medium() const {
+  if (!medium_) return std::nullopt;
+  const medium::Medium water = medium_->medium();
+  return medium::Medium{.beta_d = water.beta_d.detach(),
+                        .beta_b = water.beta_b.detach(),
+                        .b_inf = water.b_inf.detach(),
+                        .lamp = water.lamp};
+}
+
+std::optional<double> MapOptimizer::medium_rate() const {
+  return medium_ ? std::optional(medium_->rate()) : std::nullopt;
+}
+
+void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
+  const auto child = [&archive](const char* name, const auto& part) {
+    torch::serialize::OutputArchive inner;
+    part.save(inner);
+    archive.write(name, inner);
+  };
+  child("map", store_);
+  child("statistics", statistics_);
+  child("corrections", corrections_);
+  child("gains", gains_);
+  child("water", medium_posterior_);
+  archive.write("vignetting", torch::IValue(vignetting_));
+  if (medium_) child("medium", *medium_);
+  archive.write("has_medium", torch::IValue(medium_.has_value()));
+}
+
+// Prunes on the host first: the device may not have memory for the saved number of Gaussians.
+void MapOptimizer::load(torch::serialize::InputArchive& archive) {
+  torch::serialize::InputArchive part;
+  archive.read("map", part);
+  store_ = gaussians::GaussianStore::load(part);
+  archive.read("statistics", part);
+  statistics_.load(part);
+  TORCH_CHECK(statistics_.has_size(size()),
+              "checkpoint: density statistics do not match the number of Gaussians");
+  prune_least_important(size() - options_.densify.max_gaussians);
+  move_to(gaussians::active_device());
+  archive.read("corrections", part);
+  corrections_.load(part);
+  archive.read("gains", part);
+  gains_.load(part);
+  archive.read("water", part);
+  medium_posterior_.load(part);
+  vignetting_ = gaussians::read_double(archive, "vignetting");
+  falloffs_.clear();
+  medium_views_.clear();
+  if (!gaussians::read_bool(archive, "has_medium")) return medium_.reset();
+  if (!medium_) medium_.emplace(on_device(medium::coastal_medium()));
+  archive.read("medium", part);
+  medium_->load(part);
+}
+
+}  // namespace apvi::mapping

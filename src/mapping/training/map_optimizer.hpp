@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "apvi/mapping/options.hpp"
+#include "gaussians/model/gaussian_store.hpp"
+#include "gaussians/render/render.hpp"
+#include "mapping/appearance/view_corrections.hpp"
+#include "mapping/appearance/view_gains.hpp"
+#include "mapping/density/densify.hpp"
+#include "mapping/keyframes/keyframe_store.hpp"
+#include "mapping/medium/medium_estimation.hpp"
+#include "mapping/rendering.hpp"
+#include "medium/medium_optimizer.hpp"
+#include "medium/medium_view.hpp"
+
+namespace apvi::mapping {
+
+/// Settings of one optimizer step.
+struct StepSettings {
+  int reduction = 1;  ///< image downscale factor
+  int sh_degree = gaussians::kMaxShDegree;
+  bool correct_pose = false;
+  bool match_gain = true;  ///< with TrainerOptions::gain_compensation
+  gaussians::GaussianLearningRates rates;
+};
+
+/// Learning rates at `progress` (0 to 1) of a training, for a scene of `extent` [m].
+gaussians::GaussianLearningRates rates_at(const LearningRates& rates, double extent,
+                                          double progress);
+
+/// Optimizes a map together with its medium and per-view corrections, and holds the optimizer
+/// state. The owner chooses views, schedules and densification: `Trainer` offline, `Mapper` online.
+class MapOptimizer {
+ public:
+  /// Copies the Gaussians. With `medium`, the water is optimized too, starting from it.
+  MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
+               std::size_t views, const std::optional<medium::Medium>& medium = std::nullopt);
+
+  /// One optimizer step on the image of view `i`; returns its loss as a tensor on the map's device,
+  /// without synchronizing.
+  torch::Tensor step(const KeyframeStore& keyframes, std::size_t i, const StepSettings& settings);
+
+  /// Densifies, up to `limit` Gaussians, and prunes. `passed`: steps since the last call.
+  DensifyResult densify(double extent, std::int64_t limit, std::uint64_t seed, std::int64_t passed);
+  /// Adds Gaussians; `anchors` as in GaussianStore.
+  void insert(const gaussians::Gaussians& gaussians, const torch::Tensor& anchors = {});
+  /// Removes the Gaussians where `remove` [size()] (bool) is set.
+  void remove(const torch::Tensor& remove);
+  /// Removes the `count` least important Gaussians among those where `among` [size()] (bool) is
+  /// set, or among all when undefined.
+  void prune_least_important(std::int64_t count, const torch::Tensor& among = {});
+  /// Keeps the `count` most important Gaussians and frees spare capacity. Allocates no device
+  /// memory for it, and repairs the state after an operation that ran out of memory.
+  void keep_most_important(std::int64_t count);
+  /// Sorts the Gaussians along a space-filling curve (see gaussians::morton_order), which speeds up
+  /// rendering on a GPU. `densify` calls it periodically.
+  void reorder();
+  /// Moves the Gaussians of each listed anchor by its rigid motion [4,4] (float64).
+  void move(const std::map<std::int64_t, torch::Tensor>& motions);
+  /// Replaces the medium and sets it as the prior (see medium::MediumOptimizer::set_prior).
+  /// Recolors the Gaussians so that the keyframes' renderings stay the same.
+  void apply_medium(const medium::Medium& medium, const torch::Tensor& resolution,
+                    const KeyframeStore& keyframes);
+  /// Applies a medium estimation with its gains and vignetting. Gains of keyframes it did not use
+  /// are interpolated; afterwards the median gain of the training keyframes is one.
+  void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
+  /// Estimates the gain of a new view before its image is used.
+  void match_gain(const KeyframeStore& keyframes, std::size_t i);
+  void set_vio_failing(bool failing);
+  /// Adds a view.
+  void add_view();
+
+  /// The current Gaussians; share memory with the optimizer.
+  gaussians::Gaussians map() const;
+  /// The same with medium and camera response.
+  Map full_map() const;
+  std::int64_t size() const { return store_.size(); }
+  torch::Tensor anchors() const { return store_.anchors(); }
+  /// See DensityStatistics.
+  torch::Tensor importance() const { return statistics_.importance(); }
+  std::optional<medium::Medium> medium() const;
+  /// Combined result of all applied medium estimations.
+  const medium::MediumPosterior& medium_posterior() const { return medium_posterior_; }
+  /// Adam's learning rate of the medium.
+  std::optional<double> medium_rate() const;
+  const ViewCorrections& corrections() const { return corrections_; }
+
+  void save(torch::serialize::OutputArchive& archive) const;
+  /// Loads at most `max_gaussians` of the options, the most important ones. Throws c10::Error when
+  /// the archive does not match.
+  void load(torch::serialize::InputArchive& archive);
+
+ private:
+  void move_to(const torch::Device& device);
+  const medium::MediumView& medium_view(const gaussians::Intrinsics& camera);
+  bool optimizes_medium() const;
+  bool updates_gain(const StepSettings& settings) const;
+  torch::Tensor falloff(const gaussians::Intrinsics& camera);
+  /// The image of a view with its gain and vignetting removed.
+  struct Target {
+    torch::Tensor image;      ///< [h,w,3]
+    torch::Tensor saturated;  ///< [h,w,3] bool of clipped values; undefined: none
+
+    /// The image with clipped values raised to `colors` [h,w,3] where those are brighter, because a
+    /// clipped value is only a lower bound. Otherwise blue open water that clips in one channel
+    /// would be fitted as a surface of another color.
+    torch::Tensor saturation_adjusted(const torch::Tensor& colors) const;
+  };
+  Target target_of(const KeyframeStore& keyframes, std::size_t i, const RenderedView& rendered,
+                   const StepSettings& settings);
+  void apply_appearance(const Map& after, const torch::Tensor& resolution,
+                        const KeyframeStore& keyframes);
+
+  TrainerOptions options_;
+  gaussians::GaussianStore store_;
+  DensityStatistics statistics_;
+  ViewCorrections corrections_;
+  ViewGains gains_;
+  double vignetting_ = 0.0;
+  medium::MediumPosterior medium_posterior_;
+  std::map<int, torch::Tensor> falloffs_;  ///< by image width
+  std::optional<medium::MediumOptimizer> medium_;
+  /// By image width, without gradients; invalidated when the medium is replaced.
+  std::map<int, medium::MediumView> medium_views_;
+};
+
+}  // namespace apvi::mapping

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <vector>
+
+#include "apvi/medium/lamp.hpp"
+#include "gaussians/render/view.hpp"
+
+namespace apvi::medium {
+
+/// Illumination of a scene by daylight and a lamp that moves with the camera. Without a lamp, Eq.
+/// (8) of the paper holds and its J is a property of the scene. The light of a lamp falls off with
+/// the squared distance and is also attenuated on its way to the scene (near-field image formation
+/// of Jaffe, "Computer modeling and the design of optimal underwater imaging systems", IEEE J.
+/// Oceanic Eng. 15 (2), 1990), so J = C L with
+///
+///     E = beam(angle) (d_1 / d)^2 exp(-beta_d (d - d_1)),  L = daylight + (1 - daylight) E,
+///
+/// where d is the distance from the lamp and C the color stored in the map: the appearance at L =
+/// 1, on the lamp's axis at `unit_range_m`. The angle of incidence is part of C, which may depend
+/// on the viewing direction. The water in front of the camera adds the backscatter
+///
+///     backscatter * integral over t from 0 to z of  beam (d_1 / d)^2 exp(-beta_d (d - d_1 + t))
+///
+/// to the veiling light, with t and z along the ray.
+struct LampLight {
+  Lamp lamp;
+  double unit_range_m = 1.0;  ///< d_1
+  torch::Tensor daylight;     ///< [3] RGB, in [0, 1)
+  torch::Tensor backscatter;  ///< [3] RGB [1/m], not negative
+};
+
+inline constexpr double kLampMinDistance_m = 0.05;  ///< closer, the point-source model is invalid
+/// Sharpness of the beam profile exp(sharpness (cos(angle) - 1)).
+double lamp_sharpness(const Lamp& lamp);
+
+inline constexpr int kLampParameterCount = 14;
+/// As a tensor [kLampParameterCount] float64 on the CPU: position, axis, half beam angle [rad],
+/// unit range, daylight, backscatter.
+torch::Tensor lamp_to_tensor(const LampLight& light);
+/// Inverse of `lamp_to_tensor`. Throws c10::Error for other shapes.
+LampLight lamp_from_tensor(const torch::Tensor& numbers);
+
+/// A quantity by channel, with its derivative with respect to that channel's beta_d.
+struct LampTerm {
+  torch::Tensor value;       ///< [...,3]
+  torch::Tensor derivative;  ///< [...,3]
+};
+/// E above at `points` [...,3] in the camera frame.
+LampTerm lamp_irradiance(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
+                         const torch::Tensor& points);
+
+/// The backscatter integral above as a function of attenuation; the geometry is evaluated once.
+class LampBackscatterIntegral {
+ public:
+  /// Along unit vectors `rays` [...,3] up to the surfaces at `ranges` [...]; ranges are limited to
+  /// kLampMaxRange_m.
+  LampBackscatterIntegral(const Lamp& lamp, double unit_range_m, const torch::Tensor& rays,
+                          const torch::Tensor& ranges);
+  LampTerm at(const torch::Tensor& beta_d) const;
+
+ private:
+  std::vector<torch::Tensor>
+      path_lengths_;  ///< [...,1] by step: path length of the light, minus d_1 [m]
+  std::vector<torch::Tensor> weights_;  ///< [...,1] by step: irradiance times step length
+};
+
+/// The backscatter integral above along unit vectors `rays` [...,3], up to the surfaces at `ranges`
+/// [...]; ranges are limited to kLampMaxRange_m.
+LampTerm lamp_backscatter_integral(const Lamp& lamp, double unit_range_m,
+                                   const torch::Tensor& beta_d, const torch::Tensor& rays,
+                                   const torch::Tensor& ranges);
+
+/// L at `points` [...,3] in the camera frame: [...,3].
+torch::Tensor lamp_light(const LampLight& light, const torch::Tensor& beta_d,
+                         const torch::Tensor& points);
+
+inline constexpr double kLampMaxRange_m = 6.0;  ///< backscatter from beyond is negligible
+/// backscatter * integral for the rays of a camera, as a volume [1,3,steps,nodes,nodes] for
+/// interpolation (BackscatterTable).
+torch::Tensor lamp_backscatter_table(const LampLight& light, const torch::Tensor& beta_d,
+                                     const gaussians::Intrinsics& camera);
+
+}  // namespace apvi::medium

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <optional>
+
+#include "medium/medium.hpp"
+#include "medium/medium_posterior.hpp"
+
+namespace apvi::medium {
+
+/// Colors of the same surface points in several views; n observations, all tensors on the CPU.
+struct Observations {
+  torch::Tensor points;    ///< [n] int64, 0 to `point_count` - 1
+  torch::Tensor views;     ///< [n] int64, 0 to `view_count` - 1
+  torch::Tensor ranges;    ///< [n] float64 along the ray [m]
+  torch::Tensor corners2;  ///< [n] float64 squared distance from the principal point, 1 in a corner
+  torch::Tensor colors;    ///< [n,3] float64 in [0, 1], from the same patch of surface in all views
+  torch::Tensor texture;   ///< [n] float64 local color variation
+  torch::Tensor places;    ///< [n,3] float64 point in the camera frame [m]; for a lamp
+  torch::Tensor normals;   ///< [n,3] float64 unit surface normal, of either sign; for a lamp
+  std::int64_t point_count = 0;
+  std::int64_t view_count = 0;
+};
+
+/// Prior of the medium and camera parameters. Logarithms are normally distributed.
+struct MediumPrior {
+  Medium medium;            ///< median
+  double beta_sigma = 1.0;  ///< of log(beta_d)
+  /// Of log(beta_b / beta_d). Light scattered forward by a few degrees, 0.3 to 0.5 of all scattered
+  /// light (Petzold, "Volume scattering functions for selected ocean waters", 1972), attenuates the
+  /// direct signal but does not contribute to the veiling light. Scattering is a tenth of the
+  /// attenuation in clear water and two thirds in turbid water.
+  double log_ratio = -0.12;
+  double ratio_sigma = 0.15;
+  double b_inf_sigma = 1.0;       ///< of log(b_inf)
+  double gain_sigma = 0.5;        ///< of the logarithm of a view's exposure gain
+  double vignetting_sigma = 0.3;  ///< of the relative light loss in the corners
+  /// Lamp on the vehicle; without it, all light is daylight. Its intensity at one meter is a free
+  /// parameter.
+  std::optional<Lamp> lamp = std::nullopt;
+  double daylight = 0.1;  ///< daylight relative to the total light at unit range
+  double daylight_sigma = 0.1;
+  double lamp_backscatter = 0.02;       ///< [1/m] relative to the light at unit range
+  double lamp_backscatter_sigma = 1.5;  ///< of its logarithm
+  MediumPosterior posterior = {};       ///< what was found before
+};
+
+/// Coastal water. With a lamp, the veiling light only comes from the remaining daylight, which may
+/// be a hundredth of the coastal value; the coastal prior would bias it upward where images are too
+/// dark to constrain it.
+MediumPrior default_medium_prior(const std::optional<Lamp>& lamp = std::nullopt,
+                                 const MediumPosterior& posterior = {});
+
+/// Medium and camera parameters estimated from observations of the same surfaces at different
+/// ranges.
+struct MediumFit {
+  Medium medium;            ///< float64, at the mean gain of the views
+  torch::Tensor log_gains;  ///< [view_count] float64, of zero mean
+  double vignetting = 0.0;  ///< relative light loss in the corners
+  /// [3,3,3] float64, by channel: model resolution matrix of the logarithms of beta_d, beta_b and
+  /// b_inf, 1 - covariance * prior information: the identity where the data determine the
+  /// parameters, zero in directions that only the prior constrains, for example with all
+  /// observations at one range.
+  torch::Tensor resolution;
+  torch::Tensor sigmas;  ///< [3,3] float64, by channel: standard deviations of the same logarithms
+  torch::Tensor noise;   ///< [3] float64 color noise of an observation
+  MediumPosterior posterior;  ///< that of the prior, updated with this fit
+};
+
+/// Maximum a posteriori estimate of the medium. Each observation follows I = g (1 - v r^2) (J
+/// exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) with a color J per point, a gain g per view and one
+/// vignetting coefficient v. With a lamp, the direct light is L J and the backscatter of the lamp
+/// is added (LampLight); L includes the lamp's angle of incidence on the surface. Robust
+/// Gauss-Newton with the colors eliminated (variable projection). Directions that the observations
+/// do not constrain keep the prior. If the prior contains a posterior of earlier fits, attenuation
+/// is fixed to the fused value and the other parameters are fitted again. Returns nothing with too
+/// few observations.
+std::optional<MediumFit> fit_medium(const Observations& observations, const MediumPrior& prior);
+
+}  // namespace apvi::medium

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "medium/medium_normal_equations.hpp"
+
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <tuple>
+
+namespace apvi::medium {
+namespace {
+
+using torch::Tensor;
+using Index = std::int64_t;
+
+constexpr double kMinNoise = 0.003;         // of a color: 8-bit quantization plus a margin
+constexpr double kTextureNoiseScale = 0.5;  // of the local color variation: patch misalignment
+constexpr double kInformationScale =
+    0.3;  // accounts for correlated errors of neighboring observations
+constexpr double kMadToSigma = 1.4826;
+constexpr Index kPartCount = 16;  // of the points, summed in parallel
+
+/// Elements of a contiguous float64 tensor, which must outlive them; null where it is undefined.
+const double* data_of(const Tensor& values) {
+  if (!values.defined()) return nullptr;
+  TORCH_CHECK(values.is_contiguous(), "medium: observations must be contiguous");
+  return values.data_ptr<double>();
+}
+
+}  // namespace
+
+Observations sorted_by_point(const Observations& s) {
+  const Tensor place = s.points * s.view_count + s.views;
+  const Tensor order = std::get<1>(place.sort(/*stable=*/true, 0, /*descending=*/false));
+  const auto sorted = [&order](const Tensor& t) {
+    return t.defined() ? t.index_select(0, order) : Tensor();
+  };
+  return {.points = sorted(s.points),
+          .views = sorted(s.views),
+          .ranges = sorted(s.ranges),
+          .corners2 = sorted(s.corners2),
+          .colors = sorted(s.colors),
+          .texture = sorted(s.texture),
+          .places = sorted(s.places),
+          .normals = sorted(s.normals),
+          .point_count = s.point_count,
+          .view_count = s.view_count};
+}
+
+/// A channel's observations as raw arrays [n].
+struct MediumNormalEquations::Channel {
+  Index first_column;
+  Tensor colors;  ///< minus the backscatter
+  const double *seen, *direct, *backscatter, *corners2, *falloff;
+  double* weights;
+  std::vector<const double*> direct_derivatives,
+      backscatter_derivatives;  ///< by parameter; null: zero
+
+  Channel(const Observations& s, Index column, Index c, const ChannelModel& model,
+          const Tensor& lens, const Tensor& w)
+      : first_column(column),
+        colors(s.colors.select(1, c) - model.backscatter),
+        seen(data_of(colors)),
+        direct(data_of(model.direct)),
+        backscatter(data_of(model.backscatter)),
+        corners2(data_of(s.corners2)),
+        falloff(data_of(lens)),
+        weights(w.data_ptr<double>()) {
+    for (const Tensor& part : model.direct_derivatives) direct_derivatives.push_back(data_of(part));
+    for (const Tensor& part : model.backscatter_derivatives)
+      backscatter_derivatives.push_back(data_of(part));
+  }
+
+  /// Sum of w a^2 over the observations of a point, and the point's weighted least-squares color.
+  std::pair<double, double> color(Index begin, Index end) const {
+    double aa = 0.0;
+    double ay = 0.0;
+    for (Index i = begin; i < end; ++i) {
+      aa += weights[i] * direct[i] * direct[i];
+      ay += weights[i] * direct[i] * seen[i];
+    }
+    aa = std::max(1e-12, aa);
+    return {aa, ay / aa};
+  }
+};
+
+/// Upper triangle of the information matrix, and the gradient.
+struct MediumNormalEquations::Sums {
+  Tensor A, b;
+  double *a, *gradient;
+  Index size;
+
+  explicit Sums(Index m)
+      : A(torch::zeros({m, m}, torch::kFloat64)),
+        b(torch::zeros({m}, torch::kFloat64)),
+        a(A.data_ptr<double>()),
+        gradient(b.data_ptr<double>()),
+        size(m) {}
+
+  /// Adds `scale` times the outer product of the sparse vector (`columns`, `values`) to the upper
+  /// triangle. Columns are in ascending order.
+  void add(double scale, const std::vector<Index>& columns, const std::vector<double>& values) {
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      double* const row = a + columns[k] * size;
+      const double value = scale * values[k];
+      for (std::size_t l = k; l < columns.size(); ++l) row[columns[l]] += value * values[l];
+    }
+  }
+  void add_gradient(double scale, const std::vector<Index>& columns,
+                    const std::vector<double>& values) {
+    for (std::size_t k = 0; k < columns.size(); ++k) gradient[columns[k]] += scale * values[k];
+  }
+};
+
+MediumNormalEquations::MediumNormalEquations(const Observations& observations, Index own)
+    : s_(observations), own_(own) {
+  const Tensor ends = torch::bincount(s_.points, {}, s_.point_count).cumsum(0);
+  first_.assign(ends.data_ptr<Index>(), ends.data_ptr<Index>() + ends.numel());
+  first_.insert(first_.begin(), 0);
+  for (Tensor& weights : weights_) weights = torch::ones_like(s_.ranges);
+}
+
+/// Sum over i of w_i P_i P_i^T, where P_i = D_i - a_i g / s are the derivatives with the color
+/// eliminated, g the sum of w_i a_i D_i and s that of w_i a_i^2. Equals the sum over w_i D_i D_i^T
+/// minus g g^T / s.
+void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index end,
+                                      Sums& sums) const {
+  const auto shared = static_cast<std::size_t>(own_ + 1);
+  const auto [s, J] = channel.color(begin, end);
+  const Index* views = s_.views.data_ptr<Index>();
+  std::vector<Index> columns(shared + 1);
+  for (std::size_t k = 0; k + 1 < shared; ++k) {
+    columns[k] = channel.first_column + static_cast<Index>(k);
+  }
+  columns[shared - 1] = 3 * own_;
+  std::vector<double> D(shared + 1);
+  std::vector<Index> all_columns(columns.begin(), columns.end() - 1);
+  std::vector<double> g(shared, 0.0);
+  for (Index i = begin; i < end; ++i) {
+    const double w = kInformationScale * channel.weights[i];
+    const double a = channel.direct[i];
+    const double predicted = a * J + channel.backscatter[i];
+    for (std::size_t k = 0; k + 1 < shared; ++k) {
+      D[k] =
+          (channel.direct_derivatives[k] != nullptr ? J * channel.direct_derivatives[k][i] : 0.0) +
+          (channel.backscatter_derivatives[k] != nullptr ? channel.backscatter_derivatives[k][i]
+                                                         : 0.0);
+    }
+    D[shared - 1] = -predicted * channel.corners2[i] / channel.falloff[i];
+    D[shared] = predicted;  // by the logarithm of the view's gain
+    columns[shared] = 3 * own_ + 1 + views[i];
+    sums.add(w, columns, D);
+    // The residual is orthogonal to a, so g does not contribute to the gradient.
+    sums.add_gradient(-w * (channel.seen[i] - a * J), columns, D);
+    for (std::size_t k = 0; k < shared; ++k) g[k] += w * a * D[k];
+    g.push_back(w * a * predicted);
+    all_columns.push_back(columns[shared]);
+  }
+  sums.add(-1.0 / (kInformationScale * s), all_columns, g);
+}
+
+void MediumNormalEquations::add_points(const Channel& channel, Index part, Sums& sums) const {
+  const auto count = static_cast<Index>(first_.size()) - 1;
+  const Index end = count * (part + 1) / kPartCount;
+  for (Index p = count * part / kPartCount; p < end; ++p) {
+    const Index* const first = &first_[static_cast<std::size_t>(p)];
+    add_point(channel, first[0], first[1], sums);
+  }
+}
+
+void MediumNormalEquations::add(Index c, const ChannelModel& model, const Tensor& falloff,
+                                Tensor& A, Tensor& b) {
+  const auto number = static_cast<std::size_t>(c);
+  Tensor& weights = weights_[number];
+  const Channel channel(s_, own_ * c, c, model, falloff, weights);
+  Tensor residual = channel.colors.clone();
+  for (std::size_t p = 0; p + 1 < first_.size(); ++p) {
+    const double J = channel.color(first_[p], first_[p + 1]).second;
+    for (Index i = first_[p]; i < first_[p + 1]; ++i) {
+      residual.data_ptr<double>()[i] -= channel.direct[i] * J;
+    }
+  }
+  const double sigma = std::max(kMinNoise, kMadToSigma * residual.abs().median().item<double>());
+  noise_[number] = sigma;
+  // Geman-McClure weights.
+  const Tensor variance = sigma * sigma + (kTextureNoiseScale * s_.texture).square();
+  weights.copy_((1.0 + residual.square() / (4.0 * variance)).square().reciprocal() / variance);
+  // A fixed number of parts, so the sum does not depend on the number of threads.
+  std::vector<Sums> parts;
+  for (Index k = 0; k < kPartCount; ++k) parts.emplace_back(b.size(0));
+  at::parallel_for(0, kPartCount, 1, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k) add_points(channel, k, parts[static_cast<std::size_t>(k)]);
+  });
+  Tensor upper = torch::zeros_like(A);
+  for (const Sums& part : parts) {
+    upper += part.A;
+    b += part.b;
+  }
+  A += upper + upper.triu(1).t();
+}
+
+}  // namespace apvi::medium

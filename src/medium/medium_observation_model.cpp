@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "medium/medium_observation_model.hpp"
+
+#include <torch/torch.h>
+
+#include <cmath>
+
+namespace apvi::medium {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kMaxDaylight = 0.98;
+constexpr double kMinCosIncidence = 0.2;  // limits grazing incidence
+const auto kF64 = torch::dtype(torch::kFloat64);
+
+enum Parameter : std::int64_t { kAttenuation, kRatio, kVeilingLight, kDaylight, kLampBackscatter };
+
+}  // namespace
+
+MediumObservationModel::MediumObservationModel(const Observations& observations,
+                                               const MediumPrior& prior)
+    : sightings_(observations), prior_(prior), lamp_(prior.lamp) {
+  if (!lamp_) return;
+  const Tensor position = torch::tensor(
+      {lamp_->position_m[0], lamp_->position_m[1], lamp_->position_m[2]}, torch::kFloat64);
+  const Tensor from = sightings_.places - position;
+  unit_range_m_ = from.norm(2, 1).median().item<double>();
+  lamp_integral_.emplace(*lamp_, unit_range_m_,
+                         sightings_.places / sightings_.places.norm(2, 1, true).clamp_min(1e-9),
+                         sightings_.ranges);
+  cos_incidence_ = ((from * sightings_.normals).sum(1) / from.norm(2, 1).clamp_min(1e-9))
+                       .abs()
+                       .clamp_min(kMinCosIncidence);
+}
+
+Tensor MediumObservationModel::mean(std::int64_t channel) const {
+  const auto log_of = [channel](const Tensor& t) {
+    return std::log(t[channel].to(torch::kFloat64).item<double>());
+  };
+  return torch::tensor({log_of(prior_.medium.beta_d), prior_.log_ratio, log_of(prior_.medium.b_inf),
+                        prior_.daylight, std::log(prior_.lamp_backscatter)},
+                       torch::kFloat64)
+      .slice(0, 0, parameters());
+}
+
+Tensor MediumObservationModel::sigma() const {
+  return torch::tensor({prior_.beta_sigma, prior_.ratio_sigma, prior_.b_inf_sigma,
+                        prior_.daylight_sigma, prior_.lamp_backscatter_sigma},
+                       torch::kFloat64)
+      .slice(0, 0, parameters());
+}
+
+void MediumObservationModel::confine(Tensor& parameters) const {
+  if (lamp_) parameters.select(1, kDaylight).clamp_(0.0, kMaxDaylight);
+}
+
+std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& parameters,
+                                                           const Tensor& responses) const {
+  std::vector<ChannelModel> models;
+  for (std::int64_t c = 0; c < 3; ++c) {
+    const Tensor beta_d = parameters[c][kAttenuation].exp();
+    const Tensor beta_b = beta_d * parameters[c][kRatio].exp();
+    const Tensor b_inf = parameters[c][kVeilingLight].exp();
+    const Tensor back = torch::exp(-beta_b * sightings_.ranges);
+    ChannelModel m;
+    m.direct = responses * torch::exp(-beta_d * sightings_.ranges);
+    m.backscatter = responses * b_inf * (1.0 - back);
+    m.direct_derivatives = {-beta_d * sightings_.ranges * m.direct, Tensor(), Tensor()};
+    const Tensor by_ratio = responses * b_inf * beta_b * sightings_.ranges * back;
+    m.backscatter_derivatives = {by_ratio, by_ratio, m.backscatter};
+    models.push_back(std::move(m));
+  }
+  if (lamp_) add_lamp(parameters, responses, models);
+  return models;
+}
+
+void MediumObservationModel::add_lamp(const Tensor& parameters, const Tensor& responses,
+                                      std::vector<ChannelModel>& models) const {
+  const Tensor betas = parameters.select(1, kAttenuation).exp();
+  const auto irradiance = lamp_irradiance(*lamp_, unit_range_m_, betas, sightings_.places);
+  const auto integral = lamp_integral_->at(betas);
+  for (std::int64_t c = 0; c < 3; ++c) {
+    ChannelModel& m = models[static_cast<std::size_t>(c)];
+    const Tensor daylight = parameters[c][kDaylight];
+    const Tensor lamp_gain = responses * parameters[c][kLampBackscatter].exp();
+    const Tensor lamp = cos_incidence_ * irradiance.value.select(1, c);
+    const Tensor light = daylight + (1.0 - daylight) * lamp;
+    const Tensor light_by_beta =
+        (1.0 - daylight) * cos_incidence_ * irradiance.derivative.select(1, c) * betas[c];
+    m.direct_derivatives[kAttenuation] =
+        m.direct_derivatives[kAttenuation] * light + m.direct * light_by_beta;
+    m.direct_derivatives.push_back(m.direct * (1.0 - lamp));
+    m.direct_derivatives.emplace_back();
+    m.direct = m.direct * light;
+    const Tensor backscatter = lamp_gain * integral.value.select(1, c);
+    m.backscatter_derivatives[kAttenuation] =
+        m.backscatter_derivatives[kAttenuation] +
+        lamp_gain * integral.derivative.select(1, c) * betas[c];
+    m.backscatter_derivatives.emplace_back();
+    m.backscatter_derivatives.push_back(backscatter);
+    m.backscatter = m.backscatter + backscatter;
+  }
+}
+
+Medium MediumObservationModel::medium(const Tensor& parameters) const {
+  const auto log_of = [&parameters](Parameter p) { return parameters.select(1, p); };
+  Medium water = {.beta_d = log_of(kAttenuation).exp(),
+                  .beta_b = (log_of(kAttenuation) + log_of(kRatio)).exp(),
+                  .b_inf = log_of(kVeilingLight).exp().clamp(1e-3, 0.98)};
+  if (!lamp_) return water;
+  water.lamp = LampLight{.lamp = *lamp_,
+                         .unit_range_m = unit_range_m_,
+                         .daylight = log_of(kDaylight).clone(),
+                         .backscatter = log_of(kLampBackscatter).exp()};
+  return water;
+}
+
+}  // namespace apvi::medium

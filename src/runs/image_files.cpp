@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/image_files.hpp"
+
+#include <torch/torch.h>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+#include "core/atomic_file.hpp"
+#include "slam/camera_conversion.hpp"
+
+namespace apvi::runs {
+namespace {
+
+constexpr double kMillimeters = 1000.0;
+constexpr double kMaxMillimeters = 65535.0;
+
+void write_png_file(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(".png", image, bytes)) fail_run("{}: cannot be encoded", path.string());
+  write_file_atomically(path, [&bytes](std::ostream& out) {
+    out.write(reinterpret_cast<const char*>(bytes.data()),
+              static_cast<std::streamsize>(bytes.size()));
+  });
+}
+
+}  // namespace
+
+void write_png(const std::filesystem::path& path, const torch::Tensor& image) {
+  write_png_file(path, slam::to_image(image));
+}
+
+void write_depth_png(const std::filesystem::path& path, const torch::Tensor& depth_m) {
+  const torch::Tensor mm = (depth_m.detach().to(torch::kCPU, torch::kFloat32) * kMillimeters + 0.5)
+                               .clamp(0.0, kMaxMillimeters)
+                               .to(torch::kInt32)
+                               .contiguous();
+  cv::Mat image;
+  cv::Mat(static_cast<int>(mm.size(0)), static_cast<int>(mm.size(1)), CV_32S, mm.data_ptr())
+      .convertTo(image, CV_16U);
+  write_png_file(path, image);
+}
+
+void write_pfm(const std::filesystem::path& path, const torch::Tensor& image) {
+  const bool color = image.dim() == 3;
+  // PFM stores rows bottom to top.
+  const torch::Tensor rows = image.detach().to(torch::kCPU, torch::kFloat32).flip({0}).contiguous();
+  write_file_atomically(path, [&](std::ostream& out) {
+    out << (color ? "PF\n" : "Pf\n") << rows.size(1) << " " << rows.size(0) << "\n-1.0\n";
+    out.write(reinterpret_cast<const char*>(rows.data_ptr<float>()),
+              static_cast<std::streamsize>(rows.nbytes()));
+  });
+}
+
+}  // namespace apvi::runs

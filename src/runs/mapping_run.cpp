@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/mapping_run.hpp"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "apvi/core/log.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "core/status_line.hpp"
+#include "core/stopwatch.hpp"
+#include "eval/metrics_file.hpp"
+#include "mapping/density/initial_map.hpp"
+#include "mapping/medium/initial_medium.hpp"
+#include "mapping/training/trainer.hpp"
+#include "medium/medium_initialization.hpp"
+#include "runs/held_out_report.hpp"
+#include "runs/image_files.hpp"
+#include "runs/initial_points.hpp"
+#include "runs/map_files.hpp"
+#include "runs/posed_images.hpp"
+#include "runs/run_folder.hpp"
+#include "runs/simulated_truth.hpp"
+#include "slam/camera_conversion.hpp"
+#include "slam/mapper_options.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Training of one run, with its checkpoints and progress log.
+class Training {
+ public:
+  Training(const RunConfig& config, const MappingRunOptions& options, const PosedImages& images)
+      : config_(config),
+        options_(options),
+        images_(images),
+        trainer_(make_trainer(config, images)),
+        log_(options.folder / "mapping.csv", config.mapping.report_every_s, options.resume) {
+    const fs::path checkpoint = options.folder / kCheckpointFile;
+    if (options.resume && fs::exists(checkpoint)) {
+      trainer_.resume(checkpoint);
+      log::info("resumed at iteration {}", trainer_.iteration());
+    }
+    log_.start_at(trainer_.seconds());
+  }
+
+  bool run() {
+    StatusLine status("mapping");
+    double loss = 0.0;
+    Stopwatch since_checkpoint;
+    while (!trainer_.done()) {
+      const double latest = trainer_.step();
+      loss = loss == 0.0 ? latest : 0.98 * loss + 0.02 * latest;
+      status.update(trainer_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
+                                                     trainer_.iteration(), trainer_.size(), loss));
+      if (options_.interrupted()) return false;
+      if (log_.due(trainer_.seconds())) {
+        log_.write(trainer_.seconds(), trainer_.iteration(), map(), images_.store);
+      }
+      if (config_.mapping.checkpoint_every_s > 0.0 &&
+          since_checkpoint.seconds() > config_.mapping.checkpoint_every_s) {
+        save_checkpoint();
+        since_checkpoint.reset();
+      }
+    }
+    return true;
+  }
+
+  void save() {
+    save_checkpoint();
+    write_map(options_.folder, map());
+    io::write_tum(options_.folder / "keyframes.tum", keyframes());
+    log_.close();
+  }
+
+  mapping::Map map() const { return trainer_.full_map(); }
+  const mapping::Trainer& trainer() const { return trainer_; }
+
+ private:
+  static mapping::Trainer make_trainer(const RunConfig& config, const PosedImages& images) {
+    const mapping::KeyframeStore& store = images.store;
+    const mapping::TrainerOptions options =
+        slam::trainer_options(config.mapping, config.run.seed, make_rig(images.rig));
+    const mapping::InitialMapOptions initial = {.sh_degree = options.sh_degree,
+                                                .opacity = config.mapping.initial_opacity};
+    const gaussians::Gaussians map = mapping::initial_map(initial_points(config, store), initial);
+    std::optional<medium::Medium> water;
+    if (config.mapping.medium) {
+      // With a lamp, images also darken with distance because of the light's falloff.
+      water = options.lamp ? medium::coastal_medium() : mapping::initial_medium(map, store);
+    }
+    return {store, map, options, water};
+  }
+
+  void save_checkpoint() const { trainer_.save(options_.folder / kCheckpointFile); }
+
+  // Body poses, with the optimized corrections of the training images.
+  Trajectory keyframes() const {
+    Trajectory trajectory;
+    const mapping::KeyframeStore& store = images_.store;
+    for (std::size_t i = 0; i < store.size(); ++i) {
+      const torch::Tensor delta = trainer_.corrections().pose_delta(i, /*learn=*/false);
+      const SE3 T_camera_world =
+          slam::to_se3(mapping::corrected_pose(store[i].T_camera_world, delta));
+      trajectory.poses.push_back({Stamp{store[i].stamp_ns} - images_.camera_delay,
+                                  T_camera_world.inverse() * images_.T_body_camera.inverse()});
+    }
+    return trajectory;
+  }
+
+  const RunConfig& config_;
+  const MappingRunOptions& options_;
+  const PosedImages& images_;
+  mapping::Trainer trainer_;
+  MappingLog log_;
+};
+
+MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& options) {
+  const Stopwatch watch;
+  torch::set_num_threads(config.run.threads);
+  const PosedImages images = load_posed_images(config);
+  if (!options.resume) prepare_folder(options.folder, options.overwrite);
+  const fs::path renders = make_renders_folder(options.folder);
+  log::open_file(options.folder / "log.txt");
+  io::write_text_file(options.folder / "resolved.yaml",
+                      config::to_yaml(config::to_node(resolved(config, images.rig))));
+  log::info("{} -> {}", config.dataset.path, options.folder.string());
+  Training training(config, options, images);
+  bool finished = false;
+  try {
+    finished = training.run();
+  } catch (...) {
+    save_or_log([&] { training.save(); });
+    throw;
+  }
+  training.save();
+  const auto truth =
+      SimulatedTruth::open(config.dataset.path, images.camera, config.mapping.image_scale);
+  const eval::Json figures =
+      report_held_out(training.map(), images.store, renders, truth ? &*truth : nullptr);
+  const mapping::Trainer& trainer = training.trainer();
+  write_map_metrics(options.folder / "metrics.json",
+                    {.held_out = figures,
+                     .gaussians = trainer.size(),
+                     .most_gaussians = reduced_limit(trainer.most_gaussians(), config),
+                     .iterations = trainer.iteration(),
+                     .training_s = trainer.seconds(),
+                     .wall_s = watch.seconds(),
+                     .medium = trainer.medium(),
+                     .true_medium = truth ? truth->medium() : std::nullopt});
+  return {.interrupted = !finished,
+          .iterations = trainer.iteration(),
+          .gaussians = trainer.size(),
+          .wall_s = watch.seconds(),
+          .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
+}
+
+}  // namespace
+
+MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options) {
+  return with_oom_message(config, options.folder, [&] { return train_map(config, options); });
+}
+
+}  // namespace apvi::runs

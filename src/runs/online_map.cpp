@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/online_map.hpp"
+
+#include <torch/torch.h>
+
+#include <future>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/io/tum.hpp"
+#include "gaussians/device.hpp"
+#include "slam/mapper_options.hpp"
+
+namespace apvi::runs {
+OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options, const Rig& rig)
+    : config_(config),
+      options_(options),
+      mapper_(slam::async_mapper_options(slam_options(config), rig), rig,
+              {.interrupted = options.interrupted,
+               .progress = [this] { write_periodic_output(); },
+               .failed = [this] { report_failure(); }}) {}
+
+void OnlineMap::open_files() {
+  log_.emplace(options_.folder / "mapping.csv", config_.mapping.report_every_s, options_.resume);
+  watch_.reset();
+}
+
+void OnlineMap::write_periodic_output() {
+  const mapping::Mapper& mapper = mapper_.mapper();
+  if (log_->due(watch_.seconds()) && mapper.size() > 0) {
+    log_->write(watch_.seconds(), mapper.iteration(), mapper.map(), mapper.keyframes());
+  }
+  const double every = config_.mapping.checkpoint_every_s;
+  if (every <= 0.0 || since_save_.seconds() < every) return;
+  write_map(options_.folder, mapper.map());
+  since_save_.reset();
+}
+
+// The two large files are written at the same time.
+void OnlineMap::save() {
+  const Stopwatch watch;
+  const mapping::Mapper& mapper = mapper_.mapper();
+  if (mapper.size() > 0) {
+    auto checkpoint =
+        std::async(std::launch::async, [&] { mapper.save(options_.folder / kCheckpointFile); });
+    write_map(options_.folder, mapper.map());
+    io::write_tum(options_.folder / "keyframes.tum", mapper_.keyframes());
+    checkpoint.get();
+  }
+  if (log_) log_->close();
+  saving_s_ += watch.seconds();
+}
+
+void OnlineMap::report_failure() {
+  save_or_log([this] { save(); });
+  try {
+    rethrow_failure();
+  } catch (const std::exception& error) {
+    log::error("mapping disabled: {}; localization continues", error.what());
+  }
+}
+
+// LibTorch's own messages are long.
+void OnlineMap::rethrow_failure() const {
+  if (!mapper_.failure()) return;
+  try {
+    std::rethrow_exception(mapper_.failure());
+  } catch (const c10::Error& error) {
+    if (gaussians::is_out_of_memory(error)) fail_out_of_memory(config_, options_.folder);
+    fail_run("mapping: {}", error.what_without_backtrace());
+  }
+}
+
+std::map<std::string, double> OnlineMap::times() const {
+  std::map<std::string, double> all = mapper_.times();
+  all["saving"] = saving_s_;
+  return all;
+}
+
+}  // namespace apvi::runs

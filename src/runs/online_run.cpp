@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/online_run.hpp"
+
+#include <torch/torch.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/io/sequence.hpp"
+#include "core/stopwatch.hpp"
+#include "runs/held_out_report.hpp"
+#include "runs/map_files.hpp"
+#include "runs/online_map.hpp"
+#include "runs/simulated_truth.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+
+Rig rig_with_camera(const RunConfig& config) {
+  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  Rig rig = make_rig(runs::resolve_rig(config, reader->rig()));
+  if (rig.cameras.empty()) {
+    fail_input("{}: the rig has no cam0; mapping requires its calibration", config.dataset.path);
+  }
+  return rig;
+}
+
+std::optional<RunResult> localize(const RunConfig& config, const MappingRunOptions& options,
+                                  OnlineMap& map) {
+  const RunOptions run{.folder = options.folder,
+                       .overwrite = options.overwrite,
+                       .interrupted = options.interrupted,
+                       .folder_ready = [&] { map.open_files(); },
+                       .map = &map.mapper()};
+  std::optional<RunResult> result;
+  try {
+    result = runs::run(config, run);
+  } catch (...) {
+    map.mapper().stop();
+    save_or_log([&] { map.save(); });
+    throw;
+  }
+  map.rethrow_failure();
+  return result;
+}
+
+void continue_map(const RunConfig& config, const MappingRunOptions& options, OnlineMap& map) {
+  if (!fs::exists(options.folder / kCheckpointFile)) {
+    fail_input("{}: no {} found; run without --resume", options.folder.string(), kCheckpointFile);
+  }
+  log::open_file(options.folder / "log.txt");
+  map.open_files();
+  map.mapper().resume(options.folder / kCheckpointFile);
+  log::info("{}: resuming the refinement of {} Gaussians at iteration {}", options.folder.string(),
+            map.mapper().mapper().size(), map.mapper().mapper().iteration());
+  if (config.mapping.trainer.final_iterations == 0) {
+    log::warning("mapping.final_iterations: 0: nothing to do");
+  }
+}
+
+MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& options,
+                            const Rig& rig, OnlineMap& map, bool interrupted,
+                            const Stopwatch& watch) {
+  bool refined = false;
+  try {
+    refined = !interrupted && map.mapper().refine();
+  } catch (...) {
+    save_or_log([&] { map.save(); });
+    throw;
+  }
+  map.save();
+  const double wall_s = watch.seconds();
+  const fs::path renders = make_renders_folder(options.folder);
+  const slam::AsyncMapper& async = map.mapper();
+  const mapping::Mapper& mapper = async.mapper();
+  const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
+                                          config.mapping.image_scale);
+  const mapping::Map made = mapper.map();
+  const eval::Json figures =
+      report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
+  write_map_metrics(options.folder / "metrics.json",
+                    {.held_out = figures,
+                     .gaussians = mapper.size(),
+                     .most_gaussians = reduced_limit(mapper.most_gaussians(), config),
+                     .iterations = mapper.iteration(),
+                     .training_s = async.training_s(),
+                     .wall_s = wall_s,
+                     .medium = made.medium,
+                     .true_medium = truth ? truth->medium() : std::nullopt,
+                     .dropped_keyframes = async.dropped_keyframes(),
+                     .closed_loops = async.closed_loops(),
+                     .not_mapped = async.rejected(),
+                     .times = map.times()});
+  return {.interrupted = !refined,
+          .iterations = mapper.iteration(),
+          .gaussians = mapper.size(),
+          .wall_s = wall_s,
+          .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
+}
+
+OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOptions& options) {
+  const Stopwatch watch;
+  torch::set_num_threads(config.run.threads);
+  const Rig rig = rig_with_camera(config);
+  OnlineMap map(config, options, rig);
+  OnlineRunResult result;
+  if (options.resume) {
+    continue_map(config, options, map);
+  } else {
+    result.localization = localize(config, options, map);
+  }
+  const bool interrupted = result.localization && result.localization->interrupted;
+  if (map.mapper().mapper().size() == 0 && interrupted) {
+    result.map = {.interrupted = true, .psnr_db = std::numeric_limits<double>::quiet_NaN()};
+    return result;
+  }
+  if (map.mapper().mapper().size() == 0) {
+    fail_run("{}: no map: vision was never stable enough for a keyframe; {}", config.dataset.path,
+             "see health.csv");
+  }
+  result.map = finish_map(config, options, rig, map, interrupted, watch);
+  return result;
+}
+
+}  // namespace
+
+OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
+  return with_oom_message(config, options.folder,
+                          [&] { return localize_and_map(config, options); });
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/posed_images.hpp"
+
+#include <fmt/format.h>
+
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/io/sequence.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "mapping/keyframes/image_visibility.hpp"
+#include "slam/camera_conversion.hpp"
+
+namespace apvi::runs {
+namespace {
+
+constexpr double kMaxPoseGap_s = 0.1;  // between two poses used for interpolation
+
+Trajectory given_poses(const RunConfig& config, const io::SequenceReader& reader) {
+  if (!config.localization.poses_file.empty())
+    return io::read_trajectory(config.localization.poses_file);
+  auto reference = reader.reference();
+  if (!reference) {
+    fail_input("{}: the recording has no reference poses; set localization.poses_file",
+               config.dataset.path);
+  }
+  return *std::move(reference);
+}
+
+CameraCalibration first_camera(const RunConfig& config, const io::SequenceReader& reader) {
+  const Rig rig = make_rig(runs::resolve_rig(config, reader.rig()));
+  if (rig.cameras.empty()) {
+    fail_input("{}: the rig has no cam0; mapping requires its calibration", config.dataset.path);
+  }
+  return rig.cameras.front();
+}
+
+class Loader {
+ public:
+  Loader(const RunConfig& config, io::SequenceReader& reader)
+      : heldout_every_(config.eval.heldout_every),
+        camera_(first_camera(config, reader)),
+        poses_(given_poses(config, reader)),
+        undistort_(camera_.model, config.mapping.image_scale) {
+    if (!poses_.has_rotation) {
+      fail_input("{}: the given poses have no rotations; mapping requires them",
+                 config.dataset.path);
+    }
+    images_.rig = runs::resolve_rig(config, reader.rig());
+    images_.camera = camera_.model;
+    images_.T_body_camera = camera_.T_body_camera;
+    images_.camera_delay = Duration::from_seconds(camera_.time_offset_s);
+  }
+
+  void add(const ImageFrame& frame) {
+    const std::size_t index = count_++;
+    const Stamp taken = frame.stamp - images_.camera_delay;
+    const auto T_world_body = poses_.at(taken, Duration::from_seconds(kMaxPoseGap_s));
+    if (!T_world_body) {
+      ++images_.missing_pose;
+      return;
+    }
+    const auto decoded = decode(frame);
+    if (!decoded) return;
+    if (mapping::is_black(decoded->image)) {
+      if (images_.black++ == 0) log::warning("image {}: black; skipped", frame.stamp.ns);
+      return;
+    }
+    if (decoded->low_visibility) {
+      if (images_.low_visibility++ == 0)
+        log::warning("image {}: low visibility; skipped", frame.stamp.ns);
+      return;
+    }
+    mapping::Keyframe keyframe;
+    keyframe.stamp_ns = frame.stamp.ns;
+    keyframe.name = std::to_string(frame.stamp.ns);
+    keyframe.intrinsics = undistort_.intrinsics();
+    keyframe.T_camera_world = slam::to_tensor((*T_world_body * camera_.T_body_camera).inverse());
+    keyframe.image = decoded->image;
+    keyframe.held_out = heldout_every_ > 0 && index % static_cast<std::size_t>(heldout_every_) == 0;
+    images_.store.add(std::move(keyframe));
+  }
+
+  std::size_t count() const { return count_; }
+  PosedImages result() { return std::move(images_); }
+
+ private:
+  struct DecodedImage {
+    torch::Tensor image;  ///< undistorted
+    bool low_visibility = false;
+  };
+
+  std::optional<DecodedImage> decode(const ImageFrame& frame) {
+    try {
+      const cv::Mat raw = frame.decode();
+      return DecodedImage{slam::to_tensor(undistort_(raw)),
+                          mapping::has_low_visibility(slam::to_tensor(raw))};
+    } catch (const RunError& e) {
+      if (images_.damaged++ == 0) log::warning("image {}: {}; skipped", frame.stamp.ns, e.what());
+      return std::nullopt;
+    }
+  }
+
+  int heldout_every_;
+  CameraCalibration camera_;
+  Trajectory poses_;
+  slam::Undistorter undistort_;
+  PosedImages images_;
+  std::size_t count_ = 0;
+};
+
+void report(const PosedImages& images, std::size_t count, const std::string& path) {
+  const auto& store = images.store;
+  if (count == 0) fail_input("{}: the recording has no images of cam0", path);
+  if (store.training().empty()) {
+    fail_input(
+        "{}: none of {} images is usable: {} without a pose, {} damaged, {} black, {} with low "
+        "visibility",
+        path, count, images.missing_pose, images.damaged, images.black, images.low_visibility);
+  }
+  if (store.size() < count) {
+    log::warning(
+        "skipped {} of {} images: {} without a pose, {} damaged, {} black, {} with low visibility",
+        count - store.size(), count, images.missing_pose, images.damaged, images.black,
+        images.low_visibility);
+  }
+  const auto& camera = store[0].intrinsics;
+  log::info("{} images of {} x {}, {} of them held out", store.size(), camera.width, camera.height,
+            store.held_out().size());
+}
+
+}  // namespace
+
+PosedImages load_posed_images(const RunConfig& config) {
+  if (config.dataset.path.empty()) {
+    fail_input("dataset.path: not given; add --set dataset.path=FOLDER");
+  }
+  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  Loader loader(config, *reader);
+  while (const auto event = reader->next()) {
+    const auto* const frame = std::get_if<ImageFrame>(&*event);
+    if (frame != nullptr && frame->camera == 0) loader.add(*frame);
+  }
+  const std::size_t count = loader.count();
+  PosedImages images = loader.result();
+  report(images, count, config.dataset.path);
+  return images;
+}
+
+}  // namespace apvi::runs

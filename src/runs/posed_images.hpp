@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+
+#include "apvi/core/stamp.hpp"
+#include "apvi/geometry/se3.hpp"
+#include "apvi/sensors/camera_model.hpp"
+#include "mapping/keyframes/keyframe_store.hpp"
+#include "runs/run_config.hpp"
+
+namespace apvi::runs {
+
+/// The usable images of a recording with their poses, and counts of the discarded ones.
+struct PosedImages {
+  mapping::KeyframeStore store;
+  config::Node rig;  ///< as used
+  CameraModel camera;
+  SE3 T_body_camera;
+  Duration camera_delay;  ///< delay of the image stamps
+  std::size_t missing_pose = 0;
+  std::size_t damaged = 0;
+  std::size_t black = 0;           ///< black images
+  std::size_t low_visibility = 0;  ///< images that show only water, silt or glare
+};
+
+/// Loads the images of camera 0 with given poses, undistorted and downscaled; every
+/// `eval.heldout_every`-th is held out. Images without a pose and damaged, black or low-visibility
+/// images are skipped, counted and logged. Throws InputError when the recording has no images, no
+/// poses or no camera in its rig, or when no image is usable.
+PosedImages load_posed_images(const RunConfig& config);
+
+}  // namespace apvi::runs

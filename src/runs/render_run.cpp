@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/render_run.hpp"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "core/status_line.hpp"
+#include "gaussians/device.hpp"
+#include "map_io/ply.hpp"
+#include "mapping/rendering.hpp"
+#include "mapping/surface_depth.hpp"
+#include "runs/image_files.hpp"
+#include "runs/run_config.hpp"
+#include "slam/camera_conversion.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct NamedView {
+  std::string name;
+  gaussians::View view;
+};
+
+/// Camera intrinsics and extrinsics.
+struct CameraMount {
+  gaussians::Intrinsics intrinsics;
+  SE3 T_body_camera;
+};
+
+CameraMount mount_of_run(const RunConfig& config) {
+  const Rig rig = make_rig(config.rig);
+  if (rig.cameras.empty()) fail_input("{}: the run's rig has no cam0", config.dataset.path);
+  const CameraCalibration& camera = rig.cameras.front();
+  return {slam::Undistorter(camera.model, config.mapping.image_scale).intrinsics(),
+          camera.T_body_camera};
+}
+
+std::vector<NamedView> views_along(const fs::path& path, const CameraMount& mount) {
+  const Trajectory trajectory = io::read_trajectory(path);
+  if (!trajectory.has_rotation) fail_input("{}: has positions only", path.string());
+  std::vector<NamedView> views;
+  for (const StampedPose& pose : trajectory.poses) {
+    gaussians::View view;
+    view.intrinsics = mount.intrinsics;
+    view.T_camera_world = slam::to_tensor((pose.T_world_body * mount.T_body_camera).inverse());
+    views.push_back({std::to_string(pose.stamp.ns), view});
+  }
+  if (views.empty()) fail_input("{}: contains no poses", path.string());
+  return views;
+}
+
+std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map) {
+  const bool is_run = fs::is_directory(r.source);
+  if (!r.camera.empty()) {
+    const gaussians::View view = read_camera_json(r.camera);
+    if (r.path.empty()) return {{map.stem().string(), view}};
+    return views_along(r.path, {view.intrinsics, SE3::identity()});
+  }
+  if (!is_run) {
+    fail_input(
+        "{}: a map file has no cameras: use --camera FILE, and --path FILE for more than one view",
+        r.source.string());
+  }
+  const CameraMount mount = mount_of_run(load_recorded_run_config(r.source / "resolved.yaml"));
+  return views_along(r.path.empty() ? r.source / "keyframes.tum" : r.path, mount);
+}
+
+mapping::Map load_map(const RenderRequest& r, const fs::path& file) {
+  mapping::Map map;
+  map.gaussians = map_io::read_ply(file);
+  for (torch::Tensor* tensor : map.gaussians.tensors())
+    *tensor = tensor->to(gaussians::active_device());
+  map.medium = map_io::read_ply_medium(file);
+  if (fs::is_directory(r.source)) {
+    map.antialiased =
+        load_recorded_run_config(r.source / "resolved.yaml").mapping.trainer.antialiased;
+  }
+  if (r.restore && !map.medium) {
+    log::warning("{}: the map has no medium; --restore has no effect", file.string());
+  }
+  return map;
+}
+
+void write_rendering(const mapping::MapRendering& rendering, const RenderRequest& r,
+                     const std::string& name) {
+  const char* const extension = r.as_float ? ".pfm" : ".png";
+  const auto file = [&](const char* kind) { return r.out / (name + kind + extension); };
+  const auto color = r.as_float ? write_pfm : write_png;
+  const auto depth = r.as_float ? write_pfm : write_depth_png;
+  color(file(""), rendering.color);
+  if (r.restore) color(file("_restored"), rendering.restored);
+  if (r.depth) depth(file("_depth"), rendering.depth);
+}
+
+}  // namespace
+
+std::size_t render_run(const RenderRequest& request) {
+  const bool is_run = fs::is_directory(request.source);
+  const fs::path file = is_run ? request.source / "map.ply" : request.source;
+  const mapping::Map map = load_map(request, file);
+  const auto views = choose_views(request, file);
+  std::error_code error;
+  fs::create_directories(request.out, error);
+  if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
+  StatusLine status("rendering");
+  std::size_t done = 0;
+  for (const auto& [name, view] : views) {
+    mapping::MapRendering rendering = mapping::render_map(map, view);
+    if (request.depth) {
+      rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
+    }
+    write_rendering(rendering, request, name);
+    status.update(static_cast<double>(++done) / static_cast<double>(views.size()), name);
+  }
+  return done;
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/run.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/io/tum.hpp"
+#include "apvi/localization/system.hpp"
+#include "apvi/version.hpp"
+#include "core/memory.hpp"
+#include "core/status_line.hpp"
+#include "core/stopwatch.hpp"
+#include "eval/metrics_file.hpp"
+#include "localization/map_sink.hpp"
+#include "localization/sensor_monitor.hpp"
+#include "localization/synchronizer.hpp"
+#include "localization/visual_pipeline.hpp"
+#include "runs/run_folder.hpp"
+
+namespace apvi::runs {
+namespace {
+
+std::size_t total_dropped(const io::StreamReport& report) {
+  std::size_t sum = 0;
+  for (const auto& [reason, count] : report.dropped) sum += count;
+  return sum;
+}
+
+eval::Json counts_json(const localization::System& system, const io::SequenceReader& reader) {
+  const localization::Synchronizer& synchronizer = system.synchronizer();
+  eval::Json json = eval::Json::object();
+  for (const localization::Outage& outage : system.sensor_monitor().outages()) {
+    eval::Json& count = json["outages"][outage.sensor];
+    count = count.is_null() ? 1 : count.get<int>() + 1;
+  }
+  for (const auto& [sensor, report] : reader.report()) {
+    json["dropped_samples"][sensor] = total_dropped(report);
+  }
+  json["abandoned_frames"] = synchronizer.abandoned_frames();
+  if (!synchronizer.has_acoustic_odometry()) return json;
+  const localization::AcousticOdometry& acoustic_odometry = synchronizer.acoustic_odometry();
+  for (const auto& [verdict, count] : acoustic_odometry.counts().pings) {
+    json["dvl"][std::string(dipo::to_string(verdict))] = count;
+  }
+  for (const auto& [verdict, count] : acoustic_odometry.counts().depths) {
+    json["depth"][std::string(dipo::to_string(verdict))] = count;
+  }
+  json["imu_gaps"] = acoustic_odometry.dipo().gaps();
+  json["imu_saturated"] = acoustic_odometry.dipo().saturated_samples();
+  json["zero_velocity_updates"] = acoustic_odometry.dipo().zero_velocity_updates();
+  return json;
+}
+
+eval::Json speed_json(const RunResult& result) {
+  eval::Json json{{"wall_s", result.wall_s},
+                  {"sequence_s", result.sequence_s},
+                  {"rss_peak_mib", peak_memory_mib()}};
+  if (result.wall_s > 0.0) json["realtime_factor"] = result.sequence_s / result.wall_s;
+  return json;
+}
+
+// Empty when the recording has no reference.
+std::optional<Trajectory> reference_of(const RunConfig& config, const io::SequenceReader& reader,
+                                       std::optional<Stamp> first) {
+  auto reference = reader.reference();
+  const bool whole = config.dataset.start_s == 0.0 && config.dataset.duration_s == 0.0;
+  if (!reference || whole || !first) return reference;
+  return eval::clip_to_run(*reference, *first, config.dataset.duration_s);
+}
+
+eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
+                                 const std::optional<Trajectory>& reference,
+                                 const Trajectory& estimate) {
+  if (!reference || estimate.empty()) return eval::evaluate_without_reference(estimate);
+  eval::EvalOptions options = config.eval;
+  options.estimate_world = rig.world;
+  options.reference_world = eval::reference_world(*reference, rig.world);
+  return eval::evaluate(*reference, estimate, options);
+}
+
+// Results of one pass over the recording.
+struct Pass {
+  Trajectory fused;
+  Trajectory dipo;
+  Trajectory vio;
+  double length_m = 0.0;
+  double accel_factor = 1.0;    // final value of the adaptive noise
+  std::vector<double> frame_s;  // tracking and estimation time per frame
+  std::optional<Stamp> first;
+  Stamp last;
+  bool interrupted = false;
+};
+
+StampedPose stamped(Stamp stamp, const imu::NavState& nav) {
+  return {stamp, nav.pose()};
+}
+
+void add_pose(Pass& pass, const StampedPose& pose) {
+  std::vector<StampedPose>& poses = pass.fused.poses;
+  if (!poses.empty()) {
+    const Eigen::Vector3d& before = poses.back().T_world_body.translation;
+    pass.length_m += (pose.T_world_body.translation - before).norm();
+  }
+  poses.push_back(pose);
+}
+
+/// One run over a recording: feeds the system, writes the run's files and collects the results for
+/// the evaluation.
+class Runner {
+ public:
+  Runner(const RunConfig& config, const Rig& rig, const localization::ActiveSensors& sensors,
+         RunFolder& folder, localization::MapSink* map)
+      : config_(config),
+        map_(sensors.cameras > 0 ? map : nullptr),
+        folder_(folder),
+        system_(localization_options(config), rig, sensors,
+                {.pose = {},
+                 .ping = [this](const localization::PingOutput& o) { record(o); },
+                 .frame = [this](const localization::FrameOutput& o) { record(o); },
+                 .map = map_}) {}
+
+  Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
+    StatusLine status("localizing");
+    std::size_t count = 0;
+    while (const auto event = reader.next()) {
+      pass_.last = stamp_of(*event);
+      if (!pass_.first) pass_.first = pass_.last;
+      if (config_.run.mode == localization::RunMode::realtime) wait_until_due();
+      system_.process(*event);
+      if (++count % 256 == 0) status.update(reader.fraction(), detail());
+      if (interrupted()) {
+        pass_.interrupted = true;
+        break;
+      }
+    }
+    system_.finish();
+    if (map_ != nullptr) map_->finish();
+    return std::move(pass_);
+  }
+
+  const localization::System& system() const { return system_; }
+
+ private:
+  void record(const localization::PingOutput& output) {
+    folder_.write(output);
+    const StampedPose pose = stamped(output.estimate.stamp, output.estimate.state.nav);
+    pass_.dipo.poses.push_back(pose);
+    if (system_.visual() == nullptr) add_pose(pass_, pose);
+    pass_.accel_factor = output.ping.accel_factor;
+  }
+
+  // Called from the last stage's thread; the status line reads the guarded members.
+  void record(const localization::FrameOutput& output) {
+    folder_.write(output);
+    const std::scoped_lock lock(mutex_);
+    if (const auto pose = output.fused()) add_pose(pass_, *pose);
+    if (output.vio.has_state()) pass_.vio.poses.push_back(stamped(output.stamp, output.vio.state));
+    if (!output.dropped) {
+      pass_.frame_s.push_back(output.timing.track_s + output.timing.localize_s);
+    }
+    awaited_ = output.fused() ? "" : output.vio.detail;
+  }
+
+  void wait_until_due() const {
+    const double due = seconds_between(*pass_.first, pass_.last) / config_.run.playback_rate;
+    const double ahead = due - watch_.seconds();
+    if (ahead > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(ahead));
+  }
+
+  std::string detail() {
+    const std::scoped_lock lock(mutex_);
+    if (!pass_.fused.empty()) {
+      const std::string map = map_ == nullptr ? "" : ", " + map_->status();
+      return fmt::format("{} poses, {:.1f} m{}", pass_.fused.size(), pass_.length_m, map);
+    }
+    const localization::Synchronizer& synchronizer = system_.synchronizer();
+    if (synchronizer.has_acoustic_odometry() &&
+        !synchronizer.acoustic_odometry().dipo().initialized()) {
+      return "waiting for " + synchronizer.acoustic_odometry().dipo().waiting_for();
+    }
+    return "waiting for " + awaited_;
+  }
+
+  const RunConfig& config_;
+  localization::MapSink* map_;
+  RunFolder& folder_;
+  Stopwatch watch_;
+  std::mutex mutex_;
+  Pass pass_;
+  std::string awaited_ = "the camera";
+  localization::System system_;  // last member: its threads use the others
+};
+
+eval::Json vio_json(const localization::VisualPipeline& visual, const Pass& pass) {
+  const fusion::FreezePolicy& policy = visual.fusion_stage().freeze_policy();
+  eval::Json json{{"failures", policy.counts().failures},
+                  {"freeze_frames", policy.counts().freeze_frames},
+                  {"drop_frames", policy.counts().drop_frames},
+                  {"resets", policy.counts().resets},
+                  {"reinit_times_s", policy.reinit_times()},
+                  {"success", !pass.vio.empty() &&
+                                  (policy.outages().empty() || policy.outages().back().recovered)}};
+  if (const auto start = visual.fusion_stage().vio_init_time_s()) json["init_time_s"] = *start;
+  return json;
+}
+
+// Innovations too large even for the maximum accelerometer noise have another cause.
+void warn_if_sensors_disagree(const RunConfig& config, const Pass& pass) {
+  if (pass.accel_factor < 0.5 * config.dipo.adaptation.max_accel_factor) return;
+  log::warning(
+      "DVL and IMU disagree at the end of the run: check the DVL's mounting and axes with "
+      "`apvi doctor`, and dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
+}
+
+std::string awaited(const localization::Synchronizer& synchronizer) {
+  if (!synchronizer.has_acoustic_odometry())
+    return "the initialization of visual-inertial odometry";
+  return synchronizer.acoustic_odometry().dipo().waiting_for();
+}
+
+eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
+                               const io::SequenceReader& reader, const Pass& pass,
+                               const localization::ActiveSensors& sensors) {
+  const std::optional<Trajectory> reference = reference_of(config, reader, pass.first);
+  eval::RunTrajectories metrics;
+  metrics.fused = evaluate(config, rig, reference, pass.fused);
+  if (sensors.dvl) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
+  if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reference, pass.vio);
+  return metrics;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+RunResult run(const RunConfig& config, const RunOptions& options) {
+  if (config.dataset.path.empty()) {
+    fail_input("dataset.path: not given; add --set dataset.path=FOLDER");
+  }
+  const auto reader = io::open_sequence(config.dataset, config.sensors.use);
+  return run(config, *reader, options);
+}
+
+RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options) {
+  const config::Node rig_node = runs::resolve_rig(config, reader.rig());
+  const Rig rig = make_rig(rig_node);
+  const localization::ActiveSensors sensors = localization::select_sensors(
+      localization_options(config), rig, reader.report().contains("camera"));
+  if (options.map != nullptr && sensors.cameras == 0) {
+    fail_input("{}: no images of cam0; mapping requires them", config.dataset.path);
+  }
+  RunFolder folder(options.folder, options.overwrite, sensors.cameras > 0);
+  log::open_file(folder.file("log.txt"));
+  const RunConfig effective_config = resolved(config, rig_node);
+  io::write_text_file(folder.file("resolved.yaml"),
+                      config::to_yaml(config::to_node(effective_config)));
+  log::info("{} -> {}", config.dataset.path, folder.path().string());
+  options.folder_ready();
+
+  const Stopwatch watch;
+  Runner runner(config, rig, sensors, folder, options.map);
+  const Pass pass = runner.run(reader, options.interrupted);
+  const localization::System& system = runner.system();
+  folder.close();
+  warn_if_sensors_disagree(config, pass);
+  RunResult result{.interrupted = pass.interrupted,
+                   .poses = pass.fused.size(),
+                   .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
+                   .wall_s = watch.seconds(),
+                   .metrics = evaluate(config, rig, reader, pass, sensors)};
+  eval::Json speed = speed_json(result);
+  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
+  eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
+                      {"counts", counts_json(system, reader)},
+                      {"speed", speed},
+                      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
+  if (const localization::VisualPipeline* visual = system.visual()) {
+    sections["vio"] = vio_json(*visual, pass);
+    sections["dropped"]["images"] = visual->dropped_images();
+  }
+  eval::merge_metrics(folder.file("metrics.json"), sections);
+  if (result.poses == 0 && !result.interrupted) {
+    fail_run("{}: no pose was estimated: still waiting for {} at the end; run `apvi doctor`",
+             config.dataset.path, awaited(system.synchronizer()));
+  }
+  return result;
+}
+
+}  // namespace apvi::runs

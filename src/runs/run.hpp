@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+
+#include "eval/metrics_file.hpp"
+#include "localization/map_sink.hpp"
+#include "runs/run_config.hpp"
+
+namespace apvi::runs {
+
+struct RunOptions {
+  std::filesystem::path folder;
+  bool overwrite = false;
+  std::function<bool()> interrupted = [] { return false; };  ///< polled after every sample
+  /// Called once the folder exists, before the first sample.
+  std::function<void()> folder_ready = [] {};
+  localization::MapSink* map = nullptr;  ///< receives map frames when the run has a camera
+};
+
+struct RunResult {
+  bool interrupted = false;
+  std::size_t poses = 0;
+  double sequence_s = 0.0;  ///< span of the samples that were read
+  double wall_s = 0.0;      ///< processing time
+  eval::RunTrajectories metrics;
+};
+
+/// Runs localization on a recording into a run folder and evaluates it against the recording's
+/// reference, if it has one. Results so far are in the folder even when this throws. Throws
+/// InputError for a bad recording or configuration, RunError when nothing could be estimated or
+/// written.
+RunResult run(const RunConfig& config, const RunOptions& options);
+/// The same for any sequence, including a live one; `config.dataset` is ignored.
+RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options);
+
+}  // namespace apvi::runs

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/run_config.hpp"
+
+#include "apvi/core/error.hpp"
+#include "config/renamed_keys.hpp"
+
+namespace apvi::runs {
+namespace {
+
+std::string absolute_path(const std::string& path) {
+  return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
+}
+
+void check_given_poses(const RunConfig& config) {
+  const slam::MappingOptions& m = config.mapping;
+  if (!m.enabled) {
+    fail_input("localization.enabled: false with mapping.enabled: false: nothing to do");
+  }
+  if (m.trainer.densify.kind == mapping::Densification::quadtree) {
+    fail_input(
+        "mapping.densification: quadtree needs localization; with given poses use none, "
+        "gradient or random");
+  }
+  if (m.trainer.iterations + m.trainer.final_iterations == 0) {
+    fail_input("mapping.iterations: must be positive for a map");
+  }
+  m.check();
+}
+
+}  // namespace
+
+localization::Options localization_options(const RunConfig& config) {
+  return {.sensors = config.sensors,
+          .run = config.run,
+          .dipo = config.dipo,
+          .vio = config.vio,
+          .fusion = config.fusion,
+          .freeze = config.freeze,
+          .gravity = config.localization.gravity,
+          .heldout_every = config.eval.heldout_every};
+}
+
+slam::Options slam_options(const RunConfig& config) {
+  return {.localization = localization_options(config), .mapping = config.mapping};
+}
+
+void check(const RunConfig& config) {
+#if !APVI_WITH_MAPPING
+  if (config.mapping.enabled) {
+    fail_input("mapping.enabled: true: this build has no mapping (APVI_MAPPING=OFF)");
+  }
+#endif
+  if (!config.localization.enabled) return check_given_poses(config);
+  slam_options(config).check();
+}
+
+RunConfig load_run_config(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides) {
+  RunConfig config;
+  config::read(config::load_config(file, overrides, config::run_renames()), config);
+  check(config);
+  return config;
+}
+
+RunConfig load_recorded_run_config(const std::filesystem::path& file) {
+  RunConfig config;
+  config::read(config::load_recorded_config(file, config::run_renames()), config);
+  return config;
+}
+
+RunConfig resolved(const RunConfig& config, const config::Node& rig) {
+  RunConfig copy = config;
+  copy.dataset.path = absolute_path(config.dataset.path);
+  copy.localization.poses_file = absolute_path(config.localization.poses_file);
+  copy.dataset.rig.clear();  // its content is in `rig`
+  copy.rig = rig;
+  const std::string& points = config.mapping.initial_points;
+  if (points != "sift" && points != "random") {
+    copy.mapping.initial_points = absolute_path(points);
+  }
+  return copy;
+}
+
+config::Node resolve_rig(const RunConfig& config, const config::Node& recorded) {
+  config::Node rig = recorded;
+  if (!config.dataset.rig.empty()) rig = config::load_with_inheritance(config.dataset.rig);
+  if (!config.rig.is_null()) config::merge(rig, config.rig);
+  if (rig.is_null()) {
+    fail_input("{}: no calibration: add a rig.yaml there, or set dataset.rig", config.dataset.path);
+  }
+  return rig;
+}
+
+}  // namespace apvi::runs

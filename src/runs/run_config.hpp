@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apvi/config/fields.hpp"
+#include "apvi/core/constants.hpp"
+#include "apvi/io/sequence.hpp"
+#include "apvi/slam/options.hpp"
+#include "eval/trajectory_metrics.hpp"
+
+namespace apvi::runs {
+
+/// Where poses come from.
+struct LocalizationSection {
+  bool enabled = true;
+  std::string poses_file;
+  double gravity = kStandardGravity;
+  template <typename V>
+  void visit(V& v) {
+    v("enabled", enabled, "estimate poses; false: use given poses");
+    v("poses_file", poses_file,
+      "given body poses as a TUM or EuRoC file; empty: the recording's reference");
+    v("gravity", gravity, config::Range{9.0, 10.5}, "local gravitational acceleration [m/s²]");
+  }
+};
+
+/// Configuration file of a run: the options of localization and mapping, with the recording, its
+/// calibration and its evaluation.
+struct RunConfig {
+  io::DatasetConfig dataset;
+  config::Node rig;
+  localization::SensorOptions sensors;
+  localization::ExecutionOptions run;
+  LocalizationSection localization;
+  dipo::Config dipo;
+  vio::Config vio;
+  fusion::Config fusion;
+  fusion::FreezeConfig freeze;
+  eval::EvalOptions eval;
+  slam::MappingOptions mapping;
+
+  template <typename V>
+  void visit(V& v) {
+    v("dataset", dataset, "recording to process");
+    v("rig", rig, "keys that override the recording's rig.yaml");
+    v("sensors", sensors, "sensors to use");
+    v("run", run, "execution");
+    v("localization", localization, "pose estimation");
+    v("dipo", dipo, "odometry from DVL, IMU and pressure (error-state Kalman filter)");
+    v("vio", vio, "visual-inertial odometry");
+    v("fusion", fusion, "fusion and failure detection");
+    v("freeze", freeze, "VIO window during a vision failure");
+    v("eval", eval, "evaluation against the reference");
+    v("mapping", mapping, "3-D Gaussian map");
+  }
+};
+
+/// The options of localization alone, and of localization with mapping.
+localization::Options localization_options(const RunConfig& config);
+slam::Options slam_options(const RunConfig& config);
+
+/// Reads a configuration file with its inherited files, applies the overrides "key=value" in order,
+/// and checks constraints between keys. Throws InputError.
+RunConfig load_run_config(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides);
+/// Reads the resolved.yaml of a run, also of an older version. Throws InputError.
+RunConfig load_recorded_run_config(const std::filesystem::path& file);
+/// Throws InputError for contradictory values, or a map that this build cannot make.
+void check(const RunConfig& config);
+
+/// The configuration for resolved.yaml: with the rig as used, and absolute paths.
+RunConfig resolved(const RunConfig& config, const config::Node& rig);
+
+/// The rig of a run: `dataset.rig` or the recording's own, with the configuration's `rig` merged
+/// over it. Throws InputError when there is none.
+config::Node resolve_rig(const RunConfig& config, const config::Node& recorded);
+
+}  // namespace apvi::runs

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/simulated_truth.hpp"
+
+#include <torch/torch.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <utility>
+#include <vector>
+
+#include "apvi/core/error.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Empty when the file does not exist; avoids OpenCV's warning.
+cv::Mat read_image(const fs::path& file, int how) {
+  return fs::exists(file) ? cv::imread(file.string(), how) : cv::Mat();
+}
+
+torch::Tensor channels(const nlohmann::json& json, const char* key) {
+  return torch::tensor(json.at(key).get<std::vector<double>>(), torch::kFloat64);
+}
+
+}  // namespace
+
+SimulatedTruth::SimulatedTruth(fs::path folder, slam::Undistorter undistort)
+    : folder_(std::move(folder)), undistort_(std::move(undistort)) {}
+
+std::optional<SimulatedTruth> SimulatedTruth::open(const fs::path& recording,
+                                                   const CameraModel& camera, double scale) {
+  const fs::path folder = recording / "truth";
+  if (!fs::is_directory(folder)) return std::nullopt;
+  return SimulatedTruth(folder, slam::Undistorter(camera, scale));
+}
+
+std::optional<torch::Tensor> SimulatedTruth::depth(const std::string& stamp) const {
+  const cv::Mat image = read_image(folder_ / "depth" / (stamp + ".pfm"), cv::IMREAD_UNCHANGED);
+  if (image.empty() || image.type() != CV_32F) return std::nullopt;
+  const cv::Mat depth = undistort_.nearest(image);
+  return torch::from_blob(depth.data, {depth.rows, depth.cols}, torch::kFloat32).clone();
+}
+
+std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) const {
+  const cv::Mat image = read_image(folder_ / "clear" / (stamp + ".png"), cv::IMREAD_COLOR);
+  if (image.empty()) return std::nullopt;
+  return slam::to_tensor(undistort_(image));
+}
+
+std::optional<medium::Medium> SimulatedTruth::medium() const {
+  const fs::path file = folder_ / "medium.json";
+  std::ifstream in(file);
+  if (!in) return std::nullopt;
+  try {
+    const auto json = nlohmann::json::parse(in);
+    return medium::Medium{.beta_d = channels(json, "beta_d"),
+                          .beta_b = channels(json, "beta_b"),
+                          .b_inf = channels(json, "b_inf")};
+  } catch (const nlohmann::json::exception& e) {
+    fail_input("{}: {}", file.string(), e.what());
+  }
+}
+
+}  // namespace apvi::runs

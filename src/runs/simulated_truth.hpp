@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "medium/medium.hpp"
+#include "slam/camera_conversion.hpp"
+
+namespace apvi::runs {
+
+/// Ground truth of a simulated recording (its folder `truth`), undistorted to the map's camera.
+class SimulatedTruth {
+ public:
+  /// Empty when the recording has none.
+  static std::optional<SimulatedTruth> open(const std::filesystem::path& recording,
+                                            const CameraModel& camera, double scale);
+
+  /// Depth along the optical axis [H,W] float32 [m], 0 where there is no surface; empty without the
+  /// file.
+  std::optional<torch::Tensor> depth(const std::string& stamp) const;
+  /// The image without water [H,W,3] uint8.
+  std::optional<torch::Tensor> clear(const std::string& stamp) const;
+  std::optional<medium::Medium> medium() const;
+
+ private:
+  SimulatedTruth(std::filesystem::path folder, slam::Undistorter undistort);
+  std::filesystem::path folder_;
+  slam::Undistorter undistort_;
+};
+
+}  // namespace apvi::runs

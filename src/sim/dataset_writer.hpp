@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "sim/scene_config.hpp"
+#include "sim/simulation.hpp"
+
+/// Writes the files of a simulated recording in the layouts that the readers support.
+namespace apvi::sim {
+
+/// folder: this project's dataset folder; euroc: as published, with a sensor.yaml per sensor;
+/// rosbag: a ROS 1 bag with the topics of the Tank dataset; tank: its raw folder; colmap: images
+/// and a text model with the ground-truth poses.
+enum class OutputFormat { folder, euroc, rosbag, tank, colmap };
+
+/// Path of a frame below the dataset folder. Frames for a bag are kept in `frames` until the bag is
+/// written.
+std::filesystem::path image_path(const std::filesystem::path& root, OutputFormat format,
+                                 std::size_t camera, Stamp stamp);
+
+/// Writes everything except images and ground truth: the sensor files and calibration of the
+/// format. For `rosbag` and `colmap` the frames must exist. Throws RunError when a file cannot be
+/// written.
+void write_recording(const std::filesystem::path& root, OutputFormat format, const Scene& scene,
+                     const Recording& recording);
+
+/// Writes truth/: rig.yaml, events.csv, trajectory.tum, mesh.ply (if the scene requests it), and
+/// medium.json from the per-frame files in truth/medium, or from the scene when there are none.
+void write_truth(const std::filesystem::path& root, const Scene& scene, const EventSchedule& events,
+                 const Recording& recording, const TriangleMesh& mesh);
+
+}  // namespace apvi::sim

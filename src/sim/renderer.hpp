@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+
+#include "apvi/core/stamp.hpp"
+#include "apvi/geometry/se3.hpp"
+#include "apvi/sensors/camera_model.hpp"
+#include "sim/camera_effects.hpp"
+#include "sim/light.hpp"
+#include "sim/mesh.hpp"
+#include "sim/ray_caster.hpp"
+#include "sim/water.hpp"
+
+namespace apvi::sim {
+
+/// Disturbance at one instant; the defaults mean undisturbed.
+struct Disturbance {
+  std::optional<double> attenuation_length_m{};  ///< replaces that of the water [m]
+  double darkness = 0.0;                         ///< scales all light by 1 - darkness; 1: blackout
+  double silt = 0.0;      ///< density of a cloud of stirred-up silt; 1: hides nearly everything
+  double exposure = 1.0;  ///< factor on the gain after metering; 4 saturates the image
+};
+
+struct ImageRequest {
+  Stamp stamp;              ///< mid-exposure; of the middle row with a rolling shutter
+  std::uint64_t frame = 0;  ///< seeds the noise; frames may be rendered in any order
+  std::function<SE3(Stamp)> T_world_camera;  ///< camera: x right, y down, z forward
+  Disturbance disturbance;
+};
+
+struct RenderedFrame {
+  cv::Mat image;  ///< CV_8UC3 BGR, the camera image
+  cv::Mat depth;  ///< CV_32F, meters along the optical axis at mid-exposure, 0 for no surface
+  cv::Mat range;  ///< CV_32F, meters along the ray, 0 for no surface
+  cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J with gain and response of this frame
+  Medium medium;  ///< of this frame; b_inf in image units (includes gain and white balance)
+  double gain = 1.0;
+};
+
+struct RendererConfig {
+  WaterConfig water;
+  LightConfig light;
+  CameraEffectsConfig camera;
+};
+
+/// Renders camera images. `render` is thread-safe; the result depends only on the seed and the
+/// request, bit by bit.
+class Renderer {
+ public:
+  /// `mesh` and `caster` must outlive the renderer. Bakes ambient occlusion with `threads` threads.
+  Renderer(const TriangleMesh& mesh, const RayCaster& caster, const CameraModel& camera,
+           const RendererConfig& config, std::uint64_t seed, int threads = 1);
+  ~Renderer();
+  Renderer(Renderer&&) noexcept;
+  Renderer& operator=(Renderer&&) noexcept;
+
+  /// Renders one frame, with its tiles distributed over `threads` threads.
+  RenderedFrame render(const ImageRequest& request, int threads = 1) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace apvi::sim

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "slam/async_mapper.hpp"
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "apvi/core/log.hpp"
+#include "core/status_line.hpp"
+#include "gaussians/device.hpp"
+#include "mapping/keyframes/image_visibility.hpp"
+
+namespace apvi::slam {
+namespace {
+
+using torch::Tensor;
+
+constexpr std::size_t kQueueSize = 16;
+// A CPU in real time never catches up: frames that wait longer are outdated when their turn comes.
+// On a GPU only fits of the medium keep frames waiting.
+constexpr std::size_t kRealtimeCpuQueueSize = 4;
+
+Tensor to_rows(const std::vector<Eigen::Vector3d>& points) {
+  Tensor rows = torch::empty({static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
+  double* x = rows.data_ptr<double>();
+  for (const Eigen::Vector3d& p : points) x = std::copy_n(p.data(), 3, x);
+  return rows;
+}
+
+mapping::SparsePoints to_points(const std::vector<localization::MapPoint>& points) {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<std::int64_t> ids;
+  std::vector<double> sigmas;
+  for (const localization::MapPoint& point : points) {
+    positions.push_back(point.position);
+    ids.push_back(point.id);
+    sigmas.push_back(point.sigma_m);
+  }
+  return {.ids = torch::tensor(ids, torch::kInt64),
+          .positions = to_rows(positions),
+          .sigmas = torch::tensor(sigmas, torch::kFloat64)};
+}
+
+bool is_rejected(mapping::KeyframeDecision decision) {
+  using enum mapping::KeyframeDecision;
+  return decision != accepted && decision != held_out && decision != no_image;
+}
+
+std::size_t queue_size(MappingThread thread) {
+  const bool keeps_up = thread == MappingThread::blocking || gaussians::active_device().is_cuda();
+  return keeps_up ? kQueueSize : kRealtimeCpuQueueSize;
+}
+
+}  // namespace
+
+AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
+                         AsyncMapperCallbacks callbacks)
+    : options_(options),
+      callbacks_(std::move(callbacks)),
+      undistort_(rig.cameras.front().model, options.image_scale),
+      T_body_camera_(rig.cameras.front().T_body_camera),
+      mapper_(options.mapper),
+      scheduler_({.realtime = options.thread == MappingThread::dropping,
+                  .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
+  const bool may_drop = options_.thread == MappingThread::dropping;
+  if (options_.loop_closure) {
+    const gaussians::Intrinsics& k = undistort_.intrinsics();
+    const loop_closure::Pinhole pinhole{k.fx, k.fy, k.cx, k.cy, k.width, k.height};
+    loop_closer_.emplace(*options_.loop_closure, pinhole, may_drop);
+  }
+  if (options_.thread == MappingThread::none) return;
+  worker_ = std::make_unique<Worker<localization::MapFrame>>(
+      queue_size(options_.thread), may_drop ? Overflow::drop_oldest : Overflow::block,
+      [this](const localization::MapFrame& frame) { run_guarded([&] { process(frame); }); });
+}
+
+void AsyncMapper::push(localization::MapFrame frame) {
+  if (!worker_) return run_guarded([&] { process(frame); });
+  worker_->push(std::move(frame));
+}
+
+void AsyncMapper::finish() {
+  scheduler_.finish();
+  if (worker_) {
+    worker_->wait();
+    dropped_ = worker_->dropped();
+  }
+  run_guarded([this] { finish_map(); });
+}
+
+void AsyncMapper::stop() {
+  if (worker_) worker_->stop();
+}
+
+// The trajectory is useful without a map too.
+void AsyncMapper::run_guarded(const std::function<void()>& work) {
+  if (failed_) return;
+  try {
+    work();
+  } catch (...) {
+    failure_ = std::current_exception();
+    failed_ = true;
+    callbacks_.failed();
+  }
+}
+
+void AsyncMapper::finish_map() {
+  if (loop_closer_) loop_closer_->finish();
+  for (auto moved = next_loop_corrections(); !moved.empty(); moved = next_loop_corrections()) {
+    mapping::MapperInput input;
+    input.loop_corrections = std::move(moved);
+    const std::scoped_lock lock(mutex_);
+    mapper_.add(input);
+  }
+  flush_depth();
+}
+
+// The newest keyframes wait for neighbors that do not come anymore.
+void AsyncMapper::flush_depth() {
+  const auto count = static_cast<int>(mapper_.waiting());
+  if (count == 0 || !mapper_.ready() || callbacks_.interrupted()) return;
+  const int steps = scheduler_.flush_steps(count, static_cast<double>(keyframe_count_),
+                                           static_cast<double>(mapper_.iteration()));
+  if (steps == 0) return;
+  StatusLine status_line("settling");
+  {
+    const std::scoped_lock lock(mutex_);
+    mapper_.flush_depth_queue();
+  }
+  for (int k = 0; k < steps && mapper_.ready() && !callbacks_.interrupted(); ++k) {
+    step();
+    status_line.update(static_cast<double>(k) / steps, status());
+  }
+  gaussian_count_ = mapper_.size();
+}
+
+std::string AsyncMapper::status() const {
+  return fmt::format("{}{} keyframes, {} Gaussians", failed_ ? "mapping disabled: " : "",
+                     keyframe_count_.load(), gaussian_count_.load());
+}
+
+void AsyncMapper::process(const localization::MapFrame& frame) {
+  torch::set_num_threads(options_.threads);  // a property of the calling thread
+  const mapping::KeyframeDecision decision = add_frame(frame);
+  const bool accepted = decision == mapping::KeyframeDecision::accepted;
+  if (accepted) ++keyframe_count_;
+  if (is_rejected(decision) && mapper_.counts().at(decision) == 1) {
+    log::warning("image {}: not mapped: {}", frame.image_stamp.ns, mapping::to_string(decision));
+  }
+  if (accepted || options_.thread == MappingThread::dropping) optimize();
+  gaussian_count_ = mapper_.size();
+  callbacks_.progress();
+}
+
+mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& frame) {
+  const auto entry = times_.scope("intake");
+  return scheduler_.measure_intake([&] {
+    mapping::MapperInput input = to_input(frame);
+    input.loop_corrections = next_loop_corrections();
+    input.skip_depth = scheduler_.should_skip_depth(queued_frames());
+    input.skip_medium_fit = scheduler_.should_skip_medium_fit(queued_frames());
+    const std::scoped_lock lock(mutex_);
+    const double depth_s = mapper_.depth_s();
+    const mapping::KeyframeDecision decision = mapper_.add(input);
+    scheduler_.add_depth_time(mapper_.depth_s() - depth_s);
+    return decision;
+  });
+}
+
+void AsyncMapper::optimize() {
+  for (int steps = 0; mapper_.ready() && !callbacks_.interrupted(); ++steps) {
+    if (!scheduler_.may_step(steps, queued_frames())) return;
+    step();
+  }
+}
+
+double AsyncMapper::step() {
+  const std::scoped_lock lock(mutex_);
+  return scheduler_.measure_step([this] { return mapper_.step(); });
+}
+
+// Only in real time do queued frames shorten the work on the present one.
+std::size_t AsyncMapper::queued_frames() const {
+  return options_.thread == MappingThread::dropping ? worker_->waiting() : 0;
+}
+
+MapCopy AsyncMapper::snapshot() const {
+  const std::scoped_lock lock(mutex_);
+  return {.map = mapper_.snapshot(), .keyframes = keyframes(), .iteration = mapper_.iteration()};
+}
+
+mapping::MapRendering AsyncMapper::render(const gaussians::View& view) const {
+  const std::scoped_lock lock(mutex_);
+  if (mapper_.size() == 0) return {};
+  return mapping::render_map(mapper_.map(), view);
+}
+
+std::map<std::string, double> AsyncMapper::times() const {
+  std::map<std::string, double> all(times_.seconds().begin(), times_.seconds().end());
+  all.insert(mapper_.times().seconds().begin(), mapper_.times().seconds().end());
+  return all;
+}
+
+std::map<std::string, std::size_t> AsyncMapper::rejected() const {
+  std::map<std::string, std::size_t> counts;
+  for (const auto& [decision, count] : mapper_.counts()) {
+    if (is_rejected(decision)) counts[std::string(mapping::to_string(decision))] = count;
+  }
+  return counts;
+}
+
+std::optional<std::size_t> AsyncMapper::closed_loops() const {
+  return loop_closer_ ? std::optional(loop_closer_->closures()) : std::nullopt;
+}
+
+mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) {
+  const auto entry = times_.scope("images");
+  mapping::MapperInput input;
+  input.vio_failing = frame.vio_failing;
+  for (const StampedPose& kept : frame.window) {
+    input.moved.push_back({kept.stamp.ns, camera_pose(kept.T_world_body)});
+  }
+  if (frame.image.empty()) return input;
+  input.keyframe.stamp_ns = frame.stamp.ns;
+  input.keyframe.name = std::to_string(frame.image_stamp.ns);
+  input.keyframe.intrinsics = undistort_.intrinsics();
+  input.keyframe.T_camera_world = camera_pose(frame.T_world_body);
+  const cv::Mat undistorted = undistort_(frame.image);
+  input.keyframe.image = to_tensor(undistorted);
+  input.low_visibility = mapping::has_low_visibility(to_tensor(frame.image));
+  input.keyframe.held_out = frame.held_out;
+  input.keyframe.number = frame.heldout_index;
+  input.points = to_points(frame.points);
+  if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;
+  if (options_.use_dvl_ranges) input.depth_samples = to_rows(frame.range_points);
+  if (!frame.held_out && !input.low_visibility) close_loops(frame, undistorted);
+  return input;
+}
+
+void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted) {
+  if (!loop_closer_) return;
+  const auto entry = times_.scope("loops");
+  LoopInput job;
+  job.stamp = frame.stamp;
+  job.T_world_camera = frame.T_world_body * T_body_camera_;
+  for (const StampedPose& kept : frame.window) {
+    job.moved.push_back({kept.stamp, kept.T_world_body * T_body_camera_});
+  }
+  job.gray = undistorted;
+  if (undistorted.channels() == 3) cv::cvtColor(undistorted, job.gray, cv::COLOR_BGR2GRAY);
+  loop_closer_->push(std::move(job));
+}
+
+std::vector<mapping::LoopCorrection> AsyncMapper::next_loop_corrections() {
+  std::vector<mapping::LoopCorrection> loop_corrections;
+  if (!loop_closer_) return loop_corrections;
+  for (const loop_closure::KeyframeCorrection& moved : loop_closer_->pop_corrections()) {
+    loop_corrections.push_back({moved.stamp.ns, to_tensor(moved.T_after_before)});
+  }
+  return loop_corrections;
+}
+
+Tensor AsyncMapper::camera_pose(const SE3& T_world_body) const {
+  return to_tensor((T_world_body * T_body_camera_).inverse());
+}
+
+bool AsyncMapper::refine() {
+  torch::set_num_threads(options_.threads);
+  mapper_.begin_final();
+  StatusLine status("refining");
+  double loss = 0.0;
+  while (!mapper_.final_done()) {
+    if (callbacks_.interrupted()) return false;
+    const double latest = step();
+    loss = loss == 0.0 ? latest : 0.98 * loss + 0.02 * latest;
+    status.update(mapper_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
+                                                  mapper_.iteration(), mapper_.size(), loss));
+    callbacks_.progress();
+  }
+  return true;
+}
+
+void AsyncMapper::resume(const std::filesystem::path& checkpoint) {
+  mapper_.resume(checkpoint);
+}
+
+Trajectory AsyncMapper::keyframes() const {
+  Trajectory trajectory;
+  const mapping::KeyframeStore& store = mapper_.keyframes();
+  for (std::size_t i = 0; i < store.size(); ++i) {
+    const SE3 T_camera_world = to_se3(mapper_.pose(i));
+    trajectory.poses.push_back(
+        {Stamp{store[i].stamp_ns}, T_camera_world.inverse() * T_body_camera_.inverse()});
+  }
+  return trajectory;
+}
+
+}  // namespace apvi::slam

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+
+#include "core/stopwatch.hpp"
+
+namespace apvi::slam {
+
+/// Divides the time of the mapping thread between new keyframes and optimization.
+///
+/// In real time both get a share while frames are queued, and frames are lost instead: a map that
+/// only takes in keyframes never improves. Otherwise every keyframe gets a fixed number of steps.
+/// One thread measures and asks; `finish` may be called from another.
+class MappingScheduler {
+ public:
+  struct Options {
+    bool realtime = false;
+    int steps_per_keyframe = 30;      ///< when not in real time
+    double training_fraction = 0.5;   ///< of the busy time, while frames are queued
+    double max_depth_fraction = 0.3;  ///< of the busy time, while frames are queued
+    double max_final_s = 1.0;         ///< for what is queued when the recording ends
+    int steps_per_flushed_keyframe = 100;
+    std::size_t max_queue_for_medium_fit = 4;  ///< with more, some would be lost during the fit
+  };
+
+  explicit MappingScheduler(const Options& options) : options_(options) {}
+
+  /// Measures work: taking in a keyframe, of which depth estimation, or an optimization step.
+  template <typename Work>
+  auto measure_intake(const Work& work) {
+    return measure(intake_s_, work);
+  }
+  template <typename Work>
+  auto measure_step(const Work& work) {
+    return measure(training_s_, work);
+  }
+  void add_depth_time(double seconds) { depth_s_ += seconds; }
+
+  /// The recording has ended: what is begun from now on is late.
+  void finish() {
+    since_finish_.reset();
+    finishing_ = true;
+  }
+
+  /// Whether another step may follow `steps_done` steps for the present keyframe.
+  bool may_step(int steps_done, std::size_t queued) const;
+  bool should_skip_depth(std::size_t queued) const;
+  bool should_skip_medium_fit(std::size_t queued) const {
+    return queued > options_.max_queue_for_medium_fit;
+  }
+  /// Steps for `keyframes` whose depth is estimated last, out of `accepted` keyframes and
+  /// `iterations` steps so far; 0 when there is no time left for them.
+  int flush_steps(int keyframes, double accepted, double iterations) const;
+
+  double training_s() const { return training_s_; }
+
+ private:
+  template <typename Work>
+  auto measure(double& seconds, const Work& work) {
+    const Stopwatch watch;
+    struct Add {
+      double& seconds;
+      const Stopwatch& watch;
+      ~Add() { seconds += watch.seconds(); }
+    } add{seconds, watch};
+    return work();
+  }
+  double busy_s() const { return intake_s_ + training_s_; }
+
+  Options options_;
+  double intake_s_ = 0.0;
+  double depth_s_ = 0.0;
+  double training_s_ = 0.0;
+  Stopwatch since_finish_;  // written before finishing_ is
+  std::atomic<bool> finishing_ = false;
+};
+
+}  // namespace apvi::slam

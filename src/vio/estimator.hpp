@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <deque>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/sensors/rig.hpp"
+#include "apvi/vio/config.hpp"
+#include "imu/sample_buffer.hpp"
+#include "vio/state_prior.hpp"
+#include "vio/window/window.hpp"
+
+namespace apvi::vio {
+
+enum class Status {
+  waiting,   ///< not initialized
+  started,   ///< initialized at this frame
+  tracking,  ///< normal operation
+  blind,     ///< no landmark in the graph: inertial (and DVL) propagation only
+  frozen,    ///< older frames are held fixed, the state prior supplies the poses
+  lost,      ///< failed at this frame; re-initializes at the next
+};
+std::string_view to_string(Status status);
+
+/// Result of one frame.
+struct Result {
+  Stamp stamp;
+  Status status = Status::waiting;
+  std::string detail = {};  ///< what initialization is waiting for, or the reason of a failure
+  imu::NavState state = {};
+  /// Marginal information of the newest pose; tangent [rotation, position].
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  /// The same with the oldest pose held fixed: information about the motion over the window. Zero
+  /// with one frame.
+  Eigen::Matrix<double, 6, 6> window_information = Eigen::Matrix<double, 6, 6>::Zero();
+  double window_s = 0.0;  ///< time from the oldest to the newest frame [s]
+  int landmarks = 0;      ///< landmarks in the graph
+  int observations = 0;
+  double reprojection_rms_px = 0.0;  ///< over the observations of the newest frame
+  bool keyframe = false;
+  double solve_s = 0.0;
+  double information_s = 0.0;
+  double marginalize_s = 0.0;
+
+  bool has_state() const { return status != Status::waiting && status != Status::lost; }
+};
+
+/// Sliding-window visual-inertial odometry (mostly as Qin, Li, Shen, "VINS-Mono", T-RO 2018),
+/// optionally with DVL and pressure depth in the same graph. Add inertial samples first: a frame is
+/// processed once they cover its stamp. World z as given by the rig, gravity along it; with a state
+/// prior the world frame is that of the prior, otherwise yaw and position start at zero.
+class Estimator {
+ public:
+  Estimator(const Config& config, const Rig& rig);
+  Estimator(const Estimator&) = delete;  // window_.prior points into the window
+  Estimator& operator=(const Estimator&) = delete;
+
+  void add(const ImuSample& sample);
+  void add(const DvlMeasurement& measurement);
+  void add(const PressureDepthMeasurement& measurement);
+
+  /// Processes one frame. Pass the state prior if available; it initializes the window. Without it,
+  /// the window is initialized with its newest frame at the position and heading of `start_pose`,
+  /// or with its first frame at the origin.
+  Result process(const TrackedFrame& tracked, const std::optional<StatePrior>& prior,
+                 const std::optional<SE3>& start_pose = std::nullopt);
+
+  /// Resets everything except the buffered sensor samples.
+  void reset();
+
+  /// Freezes the window as in the paper: its frames and landmarks are held fixed, and new frames
+  /// take their poses from the state prior until `release`. With DVL and depth in the graph the
+  /// window keeps running instead, and frames with few tracks are excluded from the visual terms.
+  void freeze();
+  /// Releases the window: frozen frames are removed without marginalization, and the window
+  /// continues from the first frame since the freeze, at the pose of its state prior.
+  void release();
+  bool frozen() const { return frozen_; }
+
+  bool started() const { return !window_.frames.empty(); }
+  const Window& window() const { return window_; }
+
+ private:
+  Result start_with_prior(const TrackedFrame& tracked, const StatePrior& prior);
+  Result start_alone(const TrackedFrame& tracked, const std::optional<SE3>& start_pose);
+  bool should_restart(const TrackedFrame& tracked) const;
+  void insert_start_frames(const std::vector<TrackedFrame>& frames,
+                           const std::vector<imu::NavState>& states);
+  Result track(const TrackedFrame& tracked, const std::optional<StatePrior>& prior);
+  void use_prior(const StatePrior& prior);
+  void limit_window(const class Graph& graph);
+
+  void estimate(Result& result, int iterations);
+  bool append(const TrackedFrame& tracked);
+  void drop_newest();
+  Frame& push_frame(Stamp stamp, const FrameState& state,
+                    std::shared_ptr<imu::Preintegration> from_previous);
+  std::shared_ptr<imu::Preintegration> preintegrate_from_newest(Stamp to) const;
+  std::shared_ptr<imu::Preintegration> preintegrate(Stamp from, Stamp to,
+                                                    const FrameState& state) const;
+  void refresh_preintegrations();
+  bool uses_pings(Stamp stamp) const;
+  void attach_measurements();
+  void attach(Frame& frame, const DvlMeasurement& measured);
+  void attach_pressure_depth(Frame& frame);
+  std::string divergence_reason(const Result& result);
+
+  Config config_;
+  Rig rig_;
+  imu::Noise noise_;
+  imu::SampleBuffer imu_;
+  double max_step_s_ = std::numeric_limits<double>::infinity();  // largest gap between inertial
+                                                                 // samples without extra noise
+  std::deque<DvlMeasurement> pings_;
+  std::deque<PressureDepthMeasurement> depths_;
+  std::vector<TrackedFrame> waiting_;  // frames collected for initialization
+  int start_attempts_ = 0;
+  std::string last_init_failure_;
+  Window window_;
+  bool newest_is_keyframe_ = false;
+  bool frozen_ = false;
+  bool vision_failed_ = false;
+  bool has_used_landmarks_ = false;  // a landmark has been in the graph since initialization
+  bool started_with_prior_ = false;
+  std::optional<Stamp> first_ping_;  // first ping in the graph since initialization or release
+  int bad_frames_ = 0;
+};
+
+}  // namespace apvi::vio

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loop_closure/loop_closer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "apvi/geometry/so3.hpp"
+#include "support/textured_floor.hpp"
+
+namespace apvi::loop_closure {
+namespace {
+
+constexpr int kKeyframes = 100;
+constexpr int kLap = 84;         // keyframes per lap
+constexpr double kRadius = 3.0;  // [m]
+constexpr double kDrift = 4e-4;  // heading drift per keyframe [rad]
+
+Stamp stamp_of(int i) {
+  return Stamp{1'000'000'000 + static_cast<std::int64_t>(i) * 500'000'000};
+}
+
+std::size_t index_of(Stamp stamp) {
+  return static_cast<std::size_t>((stamp.ns - stamp_of(0).ns) / 500'000'000);
+}
+
+SE3 truth(int i) {
+  const double a = 2.0 * M_PI * i / kLap;
+  return test::camera_looking_down({kRadius * std::cos(a), kRadius * std::sin(a), 2.0}, a);
+}
+
+/// Odometry poses with heading drift.
+SE3 odometry(int i) {
+  Eigen::Vector3d place = truth(0).translation;
+  for (int k = 0; k < i; ++k) {
+    place += so3::exp({0.0, 0.0, kDrift * k}) * (truth(k + 1).translation - truth(k).translation);
+  }
+  return {so3::exp({0.0, 0.0, kDrift * i}) * truth(i).rotation, place};
+}
+
+/// Keyframe poses of a map that applies all corrections.
+struct SimulatedRun {
+  std::vector<SE3> poses;
+  std::size_t closures = 0;
+  std::size_t reported = 0;
+  bool has_loops_at_flush = false;
+  SE3 now;  ///< correction for new keyframes
+
+  void apply(const std::vector<KeyframeCorrection>& keyframe_corrections) {
+    if (keyframe_corrections.empty()) return;
+    ++reported;
+    for (const KeyframeCorrection& moved : keyframe_corrections) {
+      SE3& pose = poses.at(index_of(moved.stamp));
+      pose = moved.T_after_before * pose;
+    }
+    EXPECT_EQ(index_of(keyframe_corrections.back().stamp) + 1, poses.size());
+    now = keyframe_corrections.back().T_after_before * now;
+  }
+};
+
+SimulatedRun simulate(const LoopOptions& options, int keyframes) {
+  LoopCloser closer(options, test::floor_camera());
+  SimulatedRun result;
+  for (int i = 0; i < keyframes; ++i) {
+    result.poses.push_back(result.now * odometry(i));
+    result.apply(closer.add(stamp_of(i), test::render_floor(truth(i)), odometry(i)));
+  }
+  const std::size_t reported = result.reported;
+  result.apply(closer.flush());
+  result.has_loops_at_flush = result.reported > reported;
+  EXPECT_TRUE(closer.flush().empty());
+  result.closures = closer.closures();
+  return result;
+}
+
+double max_position_error(const std::vector<SE3>& poses) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const SE3 there = truth(static_cast<int>(i));
+    largest = std::max(largest, (poses[i].translation - there.translation).norm());
+  }
+  return largest;
+}
+
+TEST(LoopCloser, CorrectsDriftOverALap) {
+  const SimulatedRun open = simulate({.min_age_s = 1000.0}, kKeyframes);
+  EXPECT_EQ(open.closures, 0U);
+  EXPECT_EQ(open.reported, 0U);
+  const SimulatedRun closed = simulate({}, kKeyframes);
+  EXPECT_GT(closed.closures, 5U);
+  ASSERT_GT(max_position_error(open.poses), 0.1);
+  EXPECT_LT(max_position_error(closed.poses), 0.35 * max_position_error(open.poses));
+  const SE3 last = closed.poses.back();
+  EXPECT_LT(so3::angle_between(last.rotation, truth(kKeyframes - 1).rotation), 0.01);
+  EXPECT_LT(closed.reported, 10U);  // few optimizations
+}
+
+// Loops found within 4 s of the last optimization are pending.
+TEST(LoopCloser, FlushReportsPendingLoops) {
+  const SimulatedRun end = simulate({}, kLap + 2);
+  EXPECT_TRUE(end.has_loops_at_flush);
+  EXPECT_LT(max_position_error(end.poses), 0.03);
+}
+
+TEST(LoopCloser, ReportsNothingWithoutARevisit) {
+  const SimulatedRun part = simulate({}, kLap / 2);
+  EXPECT_EQ(part.closures, 0U);
+  EXPECT_EQ(part.reported, 0U);
+}
+
+TEST(LoopCloser, ClosesLoopsWithALimitedNumberOfPlaces) {
+  const SimulatedRun closed = simulate({.max_places = 40}, kKeyframes);
+  EXPECT_GT(closed.closures, 0U);
+  EXPECT_LT(max_position_error(closed.poses),
+            0.5 * max_position_error(simulate({.min_age_s = 1000.0}, kKeyframes).poses));
+}
+
+TEST(LoopCloser, IgnoresRepeatedAndOutOfOrderKeyframes) {
+  LoopCloser closer({}, test::floor_camera());
+  const cv::Mat image = test::render_floor(truth(0));
+  closer.add(stamp_of(3), image, odometry(3));
+  EXPECT_TRUE(closer.add(stamp_of(3), image, odometry(3)).empty());
+  EXPECT_TRUE(closer.add(stamp_of(2), image, odometry(2)).empty());
+  closer.update_pose(stamp_of(77), odometry(77));  // unknown keyframes are ignored
+}
+
+}  // namespace
+}  // namespace apvi::loop_closure

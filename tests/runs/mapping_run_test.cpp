@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/mapping_run.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "apvi/core/error.hpp"
+#include "apvi/io/tum.hpp"
+#include "eval/metrics_file.hpp"
+#include "map_io/ply.hpp"
+#include "runs/export.hpp"
+#include "runs/image_files.hpp"
+#include "runs/render_run.hpp"
+#include "slam/camera_conversion.hpp"
+#include "support/out_of_memory.hpp"
+#include "support/posed_scene.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+/// A recording of nine images of a known wall, with poses and initial points.
+class MappingRunTest : public testing::Test {
+ protected:
+  MappingRunTest() {
+    const mapping::KeyframeStore images = test::render_keyframes(test::gaussian_wall());
+    std::string csv = "#timestamp [ns],filename\n";
+    Trajectory trajectory;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      const std::string& name = images[i].name;
+      csv += name + "," + name + ".png\n";
+      cv::imwrite(data_.write("mav0/cam0/data/" + name + ".png", "").string(),
+                  slam::to_image(images[i].image));
+      trajectory.poses.push_back(
+          {Stamp{images[i].stamp_ns}, slam::to_se3(images[i].T_camera_world).inverse()});
+    }
+    data_.write("mav0/cam0/data.csv", csv);
+    fs::create_directories(data_.path() / "mav0/state_groundtruth_estimate0");
+    io::write_euroc(data_.path() / "mav0/state_groundtruth_estimate0/data.csv", trajectory);
+    data_.write("rig.yaml",
+                "body: imu0\ncam0:\n  model: pinhole\n  intrinsics: [40, 40, 23.5, 15.5]\n"
+                "  resolution: [48, 32]\n"
+                "  T_body_sensor: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n");
+    map_io::write_ply(data_.path() / "points.ply", test::gaussian_wall());
+  }
+
+  RunConfig config(int iterations) const {
+    RunConfig config;
+    config.dataset.path = data_.path().string();
+    config.localization.enabled = false;
+    config.mapping.enabled = true;
+    config.mapping.initial_points = (data_.path() / "points.ply").string();
+    config.mapping.trainer.iterations = iterations;
+    config.mapping.trainer.sh_degree = 0;
+    config.mapping.trainer.initial_downscale = 1;
+    config.mapping.trainer.densify.kind =
+        mapping::Densification::none;  // the initial points are complete
+    config.eval.heldout_every = 4;
+    return config;
+  }
+  fs::path run_folder() const { return data_.path() / "run"; }
+  MappingRunOptions options() const { return {.folder = run_folder()}; }
+
+  test::TmpDir data_;
+};
+
+TEST_F(MappingRunTest, WritesAllRunFiles) {
+  const MappingRunResult result = run_mapping(config(200), options());
+  EXPECT_EQ(result.iterations, 200);
+  EXPECT_GT(result.psnr_db, 19.0);
+  const eval::Json metrics = eval::read_metrics(run_folder() / "metrics.json");
+  EXPECT_EQ(metrics["mapping"]["heldout_views"], 3);
+  EXPECT_DOUBLE_EQ(metrics["mapping"]["psnr_db"].get<double>(), result.psnr_db);
+  EXPECT_GT(metrics["mapping"]["ssim"].get<double>(), 0.5);
+  EXPECT_FALSE(metrics["mapping"].contains("ms_ssim"));  // the images are too small for it
+  for (const char* file : {"map.ply", "keyframes.tum", "resolved.yaml", "log.txt", "mapping.csv",
+                           "checkpoint.pt", "renders/1000000000_truth.png",
+                           "renders/1000000000_render.png", "renders/1000000000_depth.png"}) {
+    EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
+  }
+  EXPECT_FALSE(fs::exists(run_folder() / "medium.json"));
+  EXPECT_EQ(map_io::read_ply(run_folder() / "map.ply").size(), result.gaussians);
+}
+
+TEST_F(MappingRunTest, MetricsReportReducedGaussianLimit) {
+  APVI_SKIP_ON_GPU();
+  map_io::write_ply(data_.path() / "points.ply", test::gaussian_wall(1500));
+  test::OutOfMemoryAllocator memory;
+  MappingRunOptions ends = options();
+  ends.interrupted = [&memory, steps = 0]() mutable {
+    if (++steps == 20) memory.fail_after(0);
+    return false;
+  };
+  const MappingRunResult result = run_mapping(config(60), ends);
+  EXPECT_EQ(result.iterations, 60);
+  EXPECT_EQ(result.gaussians, 1200);
+  EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["most_gaussians"], 1200);
+}
+
+TEST_F(MappingRunTest, ResumedTrainingGivesSameMap) {
+  run_mapping(config(40), {.folder = data_.path() / "whole"});
+  int steps = 0;
+  MappingRunOptions interrupted = options();
+  interrupted.interrupted = [&steps] { return ++steps == 17; };
+  const MappingRunResult half = run_mapping(config(40), interrupted);
+  EXPECT_TRUE(half.interrupted);
+  EXPECT_EQ(half.iterations, 17);
+  EXPECT_TRUE(fs::exists(run_folder() / "map.ply"));
+  MappingRunOptions resume = options();
+  resume.resume = true;
+  EXPECT_EQ(run_mapping(config(40), resume).iterations, 40);
+  EXPECT_TRUE(torch::equal(map_io::read_ply(run_folder() / "map.ply").means,
+                           map_io::read_ply(data_.path() / "whole/map.ply").means));
+}
+
+TEST_F(MappingRunTest, WritesMediumFile) {
+  RunConfig with_water = config(10);
+  with_water.mapping.medium = true;
+  run_mapping(with_water, options());
+  EXPECT_TRUE(fs::exists(run_folder() / "medium.json"));
+  EXPECT_TRUE(map_io::read_ply_medium(run_folder() / "map.ply"));
+  EXPECT_TRUE(eval::read_metrics(run_folder() / "metrics.json").contains("medium"));
+  EXPECT_TRUE(fs::exists(run_folder() / "renders/1000000000_restored.png"));
+}
+
+TEST_F(MappingRunTest, RefusesToOverwriteRun) {
+  run_mapping(config(1), options());
+  EXPECT_THROW(run_mapping(config(1), options()), InputError);
+  MappingRunOptions overwrite = options();
+  overwrite.overwrite = true;
+  EXPECT_NO_THROW(run_mapping(config(1), overwrite));
+}
+
+// Without gain compensation, so that rendered and held-out images have the same exposure.
+TEST_F(MappingRunTest, RendersRunFromItsKeyframes) {
+  RunConfig one_exposure = config(30);
+  one_exposure.mapping.trainer.gain_compensation = false;
+  run_mapping(one_exposure, options());
+  const fs::path out = data_.path() / "out";
+  EXPECT_EQ(render_run({.source = run_folder(), .out = out, .depth = true}), 9U);
+  const cv::Mat drawn = cv::imread((out / "1000000000.png").string());
+  const cv::Mat kept = cv::imread((run_folder() / "renders/1000000000_render.png").string());
+  EXPECT_EQ(cv::norm(drawn, kept, cv::NORM_INF), 0.0);
+  const cv::Mat depth = cv::imread((out / "5000000000_depth.png").string(), cv::IMREAD_UNCHANGED);
+  EXPECT_NEAR(depth.at<std::uint16_t>(16, 24), 3000, 400);  // [mm]
+}
+
+TEST_F(MappingRunTest, RendersMapFileFromCameraFile) {
+  const fs::path camera = data_.write("camera.json",
+                                      "{\"width\": 48, \"height\": 32, \"K\": "
+                                      "[[40,0,23.5],[0,40,15.5],[0,0,1]], \"pixel_center\": 0}");
+  const fs::path out = data_.path() / "out";
+  render_run(
+      {.source = data_.path() / "points.ply", .camera = camera, .out = out, .as_float = true});
+  const cv::Mat image = cv::imread((out / "points.pfm").string(), cv::IMREAD_UNCHANGED);
+  gaussians::View view;
+  view.intrinsics = test::small_camera();
+  view.T_camera_world = torch::eye(4, torch::kFloat64);
+  const torch::Tensor expected = gaussians::render(test::gaussian_wall(), view, {}).color;
+  EXPECT_NEAR(image.at<cv::Vec3f>(3, 5)[2], expected[3][5][0].item<float>(), 1e-5);
+  EXPECT_NEAR(image.at<cv::Vec3f>(30, 40)[0], expected[30][40][2].item<float>(), 1e-5);
+  EXPECT_THROW(render_run({.source = data_.path() / "points.ply", .out = out}), InputError);
+}
+
+TEST_F(MappingRunTest, RejectsInvalidCameraFiles) {
+  EXPECT_THROW(read_camera_json(data_.write("c.json", "{}")), InputError);
+  EXPECT_THROW(read_camera_json(data_.write("c.json", "nonsense")), InputError);
+  EXPECT_THROW(
+      read_camera_json(data_.write(
+          "c.json",
+          "{\"width\": 4, \"height\": 4, \"K\": [[1,0,1],[0,1,1],[0,0,1]], \"T_cam_world\": "
+          "[[2,0,0,0],[0,2,0,0],[0,0,2,0],[0,0,0,1]]}")),
+      InputError);
+  EXPECT_THROW(read_camera_json(data_.path() / "missing.json"), InputError);
+}
+
+TEST_F(MappingRunTest, ExportsColmapModelOfInputs) {
+  run_mapping(config(1), options());
+  const FinishedRun run = load_finished_run(run_folder());
+  const gaussians::Gaussians map = map_io::read_ply(run.map);
+  export_colmap(data_.path() / "colmap", run.keyframes, map);
+  std::ifstream images(data_.path() / "colmap/sparse/0/images.txt");
+  std::string line;
+  std::getline(images, line);
+  std::getline(images, line);
+  EXPECT_EQ(line, "1 1 0 0 0 0.4 0.3 0 1 1000000000.png");
+  std::ifstream cameras(data_.path() / "colmap/sparse/0/cameras.txt");
+  std::getline(cameras, line);
+  std::getline(cameras, line);
+  EXPECT_EQ(line, "1 PINHOLE 48 32 40 40 24 16");
+  EXPECT_TRUE(fs::exists(data_.path() / "colmap/images/9000000000.png"));
+}
+
+TEST_F(MappingRunTest, ExportsNerfstudioWithOpenGlAxes) {
+  run_mapping(config(1), options());
+  const FinishedRun run = load_finished_run(run_folder());
+  export_nerfstudio(data_.path() / "ns", run.keyframes, map_io::read_ply(run.map));
+  std::ifstream in(data_.path() / "ns/transforms.json");
+  const auto json = nlohmann::json::parse(in);
+  EXPECT_EQ(json["frames"].size(), 9U);
+  const auto& m = json["frames"][0]["transform_matrix"];
+  EXPECT_DOUBLE_EQ(m[0][3].get<double>(), -0.4);
+  EXPECT_DOUBLE_EQ(m[1][1].get<double>(), -1.0);
+  EXPECT_DOUBLE_EQ(m[2][2].get<double>(), -1.0);
+  EXPECT_EQ(map_io::read_ply_points(data_.path() / "ns/points.ply").positions.size(0), 400);
+}
+
+TEST_F(MappingRunTest, ExportRejectsFolderWithoutMap) {
+  try {
+    load_finished_run(data_.path());
+    FAIL() << "nothing was thrown";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("map.ply: missing; is this a mapping run folder?"));
+  }
+}
+
+}  // namespace
+}  // namespace apvi::runs

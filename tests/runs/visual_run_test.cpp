@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "runs/run.hpp"
+#include "support/source_dir.hpp"
+#include "support/test_data.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+using test::TmpDir;
+
+constexpr std::size_t kFrames = 320;
+// The recording continues without images for 2.9 s.
+constexpr std::size_t kAfterwards = 25;
+
+// EuRoC MH_01 with 16 seconds of images, moving from the first frame on, with DVL and pressure
+// sensor simulated from its ground truth.
+class RealImages : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto folder = test::real_data("euroc_mh01_apvi");
+    if (!folder) GTEST_SKIP() << "no real recordings: set APVI_TEST_DATA";
+    data_ = *folder;
+  }
+
+  RunResult run_with(const std::string& name, std::vector<std::string> overrides) {
+    overrides.push_back("dataset.path=" + data_.string());
+    const RunConfig config =
+        load_run_config(test::source_dir() / "configs/datasets/euroc_apvi.yaml", overrides);
+    return run(config, {.folder = tmp_.path() / name});
+  }
+  std::string text(const std::string& name) const {
+    std::ifstream file(tmp_.path() / name);
+    return (std::stringstream() << file.rdbuf()).str();
+  }
+
+  fs::path data_;
+  TmpDir tmp_;
+};
+
+TEST_F(RealImages, CameraAndImuAteIsBelow1cm) {
+  const RunResult result = run_with("run", {"sensors.use=[camera, imu]"});
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.010);
+  EXPECT_FALSE(result.metrics.dipo);
+  EXPECT_GT(result.poses, 290U);
+}
+
+TEST_F(RealImages, EveryFrameHasPoseWithDvlAndPressureInGraph) {
+  const RunResult result = run_with("run", {});
+  EXPECT_EQ(result.poses, kFrames + kAfterwards);
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.008);
+  for (const char* name : {"vio.tum", "keyframes.tum", "dipo.tum", "health.csv", "timing.csv"}) {
+    EXPECT_GT(fs::file_size(tmp_.path() / "run" / name), 1000U) << name;
+  }
+}
+
+TEST_F(RealImages, AteIsBelow2cmWithEightSecondsOfBlackImages) {
+  const RunResult result = run_with("run", {"dataset.blackout_s=[[6, 14]]"});
+  EXPECT_EQ(result.poses, kFrames + kAfterwards);
+  EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.02);
+}
+
+TEST_F(RealImages, ReplayOnThreadsIsBitIdenticalToSequential) {
+  run_with("one", {"dataset.duration_s=10"});
+  run_with("three", {"dataset.duration_s=10", "run.mode=replay"});
+  for (const char* name :
+       {"trajectory.tum", "vio.tum", "keyframes.tum", "dipo.tum", "health.csv"}) {
+    EXPECT_EQ(text(std::string("one/") + name), text(std::string("three/") + name)) << name;
+  }
+}
+
+TEST_F(RealImages, AStopKeepsResults) {
+  const RunConfig config = load_run_config(test::source_dir() / "configs/datasets/euroc_apvi.yaml",
+                                           {"dataset.path=" + data_.string(), "run.mode=replay"});
+  int asked = 0;
+  const RunResult result =
+      run(config, {.folder = tmp_.path() / "run", .interrupted = [&] { return ++asked > 3000; }});
+  EXPECT_TRUE(result.interrupted);
+  EXPECT_GT(result.poses, 20U);
+  EXPECT_TRUE(fs::exists(tmp_.path() / "run" / "metrics.json"));
+}
+
+}  // namespace
+}  // namespace apvi::runs
