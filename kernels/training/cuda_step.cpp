@@ -119,13 +119,13 @@ class CudaStepBackend final : public StepBackend {
   Tensor classify_water(const Tensor& image, const Tensor& water) const override {
     const c10::cuda::CUDAGuard guard(image.device());
     const Tensor shown = image.contiguous();
-    const Tensor veil = water.contiguous();
+    const Tensor veiling_light = water.contiguous();
     Tensor kinds =
         torch::empty({shown.size(0), shown.size(1)}, shown.options().dtype(torch::kInt8));
     C10_CUDA_CHECK(cuda::launch_classify_water({.width = as_int(shown.size(1)),
                                                 .height = as_int(shown.size(0)),
                                                 .image = shown.data_ptr<float>(),
-                                                .water = veil.data_ptr<float>(),
+                                                .water = veiling_light.data_ptr<float>(),
                                                 .kinds = kinds.data_ptr<std::int8_t>()},
                                                at::cuda::getCurrentCUDAStream()));
     return kinds;

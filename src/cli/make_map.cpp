@@ -26,7 +26,6 @@ void report(const runs::MappingRunResult& result, const MappingRequest& request)
   if (!std::isnan(result.psnr_db)) {
     log::info("{:.2f} dB PSNR on held-out images", result.psnr_db);
   }
-  log::info("results in {}", request.folder.string());
 }
 
 }  // namespace

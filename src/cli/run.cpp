@@ -8,7 +8,9 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "cli/mapping_support.hpp"
+#include "cli/report.hpp"
 #include "core/interrupt.hpp"
 #include "eval/metrics_file.hpp"
 #include "runs/run.hpp"
@@ -19,22 +21,42 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  fs::path config;
+  fs::path target;
   std::vector<std::string> overrides;
   fs::path folder;
   bool overwrite = false;
   bool resume = false;
+  bool no_report = false;
 };
 
-// runs/<configuration>-<dataset>, with a numeric suffix when that folder exists.
+// A recording is run by the default configuration.
+struct Source {
+  fs::path configuration;
+  std::vector<std::string> overrides;
+};
+
+Source source_of(const Arguments& a) {
+  const bool recording = fs::is_directory(a.target) || a.target.extension() == ".bag";
+  if (!recording) return {find_configuration(a.target), a.overrides};
+  Source source{find_configuration("default.yaml"), {"dataset.path=" + a.target.string()}};
+  source.overrides.insert(source.overrides.end(), a.overrides.begin(), a.overrides.end());
+  return source;
+}
+
+std::string name_of(const fs::path& path) {
+  const fs::path normal = path.lexically_normal();
+  return (normal.has_filename() ? normal.stem() : normal.parent_path().stem()).string();
+}
+
+// runs/<dataset>, or runs/<configuration>-<dataset>, with a numeric suffix when that folder exists.
 fs::path default_folder(const Arguments& a, const runs::RunConfig& config) {
-  const fs::path data = fs::path(config.dataset.path).lexically_normal();
-  const std::string name =
-      data.has_filename() ? data.stem().string() : data.parent_path().filename().string();
-  const std::string base = a.config.stem().string() + "-" + name;
+  const std::string data = name_of(config.dataset.path);
+  const std::string target = name_of(a.target);
+  const std::string base = target == data ? data : target + "-" + data;
   fs::path folder = fs::path("runs") / base;
-  for (int i = 2; fs::exists(folder); ++i)
+  for (int i = 2; fs::exists(folder); ++i) {
     folder = fs::path("runs") / fmt::format("{}-{}", base, i);
+  }
   return folder;
 }
 
@@ -45,20 +67,26 @@ void report(const runs::RunResult& result) {
   std::fputs(eval::to_table(result.metrics).c_str(), stdout);
 }
 
-void run(const Arguments& a) {
-  const runs::RunConfig config = runs::load_run_config(a.config, a.overrides);
+void run_into(const fs::path& folder, const runs::RunConfig& config, const Arguments& a) {
   const InterruptGuard guard;
   const auto interrupted = [&guard] { return guard.interrupted(); };
-  const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
   const MappingRequest map{
       .folder = folder, .overwrite = a.overwrite, .resume = a.resume, .interrupted = interrupted};
   if (!config.localization.enabled) return make_map(config, map);
-  if (config.mapping.enabled) {
+  if (a.resume || runs::makes_map(config)) {
     if (const auto result = localize_and_map(config, map)) report(*result);
     return;
   }
   report(
       runs::run(config, {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted}));
+}
+
+void run(const Arguments& a) {
+  const Source source = source_of(a);
+  const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
+  const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
+  run_into(folder, config, a);
+  if (!a.no_report) write_report(folder);
   log::info("results in {}", folder.string());
 }
 
@@ -67,8 +95,12 @@ void run(const Arguments& a) {
 void add_run(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "run", "run localization, mapping or both on a recording, into a run folder");
-  command->add_option("CONFIG", a->config, "configuration file, for example configs/default.yaml")
+      "run", "localize a recording and, if it has a camera, map it, into a run folder");
+  command
+      ->add_option(
+          "DIVE|CONFIG", a->target,
+          "recording (folder or .bag), or a configuration file that names one; a name like "
+          "datasets/akit.yaml is also looked for among the program's own configurations")
       ->required();
   command
       ->add_option("--set", a->overrides,
@@ -78,9 +110,11 @@ void add_run(CLI::App& app) {
       ->expected(1)
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("-o,--output", a->folder, "run folder (default: runs/CONFIG-DATASET)");
+  command->add_option("-o,--output", a->folder,
+                      "run folder (default: runs/DIVE or runs/CONFIG-DIVE)");
   command->add_flag("--overwrite", a->overwrite, "replace an existing run in the folder");
   command->add_flag("--resume", a->resume, "resume the folder's map from its checkpoint");
+  command->add_flag("--no-report", a->no_report, "do not write report.html");
   command->callback([a] { run(*a); });
 }
 

@@ -85,7 +85,9 @@ std::vector<std::string> arguments_of(const SweepTask& task, const fs::path& con
   std::vector<std::string> arguments{current_executable().string(),
                                      task.command == Command::sim ? "sim" : "run",
                                      configuration.string(), "-o", task.folder.string()};
-  if (task.command == Command::run) arguments.emplace_back("--overwrite");
+  if (task.command == Command::run) {
+    arguments.insert(arguments.end(), {"--overwrite", "--no-report"});
+  }
   return arguments;
 }
 

@@ -97,7 +97,7 @@ std::string lamp_json(const medium::LampLight& light) {
   return fmt::format(
       ",\n  \"lamp\": {{\n    \"position_m\": [{}],\n    \"axis\": [{}],\n    \"half_beam_deg\": "
       "{:.9g},\n"
-      "    \"unit_range_m\": {:.9g},\n    \"daylight\": [{}],\n    \"glow\": [{}]\n  }}",
+      "    \"unit_range_m\": {:.9g},\n    \"daylight\": [{}],\n    \"backscatter\": [{}]\n  }}",
       three(light.lamp.position_m), three(light.lamp.axis),
       light.lamp.half_beam_rad * 180.0 / std::acos(-1.0), light.unit_range_m,
       join_numbers(light.daylight, ", "), join_numbers(light.backscatter, ", "));

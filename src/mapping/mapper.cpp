@@ -27,7 +27,7 @@ using torch::Tensor;
 constexpr std::size_t kMaxDepthQueue = 8;  // while depth estimation is deferred
 
 // Silt clouds last a second or two. Images at their edges pass the visibility check but would still
-// add haze to the map.
+// leave semi-transparent Gaussians in the map.
 constexpr std::int64_t kLowVisibilityMargin_ns = 700'000'000;
 constexpr std::size_t kMinTrainingKeyframes = 2;  // that are always kept
 constexpr std::int64_t kOutage_ns = 2'000'000'000;

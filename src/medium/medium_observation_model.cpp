@@ -20,16 +20,17 @@ enum Parameter : std::int64_t { kAttenuation, kRatio, kVeilingLight, kDaylight, 
 
 MediumObservationModel::MediumObservationModel(const Observations& observations,
                                                const MediumPrior& prior)
-    : sightings_(observations), prior_(prior), lamp_(prior.lamp) {
+    : observations_(observations), prior_(prior), lamp_(prior.lamp) {
   if (!lamp_) return;
   const Tensor position = torch::tensor(
       {lamp_->position_m[0], lamp_->position_m[1], lamp_->position_m[2]}, torch::kFloat64);
-  const Tensor from = sightings_.places - position;
+  const Tensor from = observations_.places - position;
   unit_range_m_ = from.norm(2, 1).median().item<double>();
-  lamp_integral_.emplace(*lamp_, unit_range_m_,
-                         sightings_.places / sightings_.places.norm(2, 1, true).clamp_min(1e-9),
-                         sightings_.ranges);
-  cos_incidence_ = ((from * sightings_.normals).sum(1) / from.norm(2, 1).clamp_min(1e-9))
+  lamp_integral_.emplace(
+      *lamp_, unit_range_m_,
+      observations_.places / observations_.places.norm(2, 1, true).clamp_min(1e-9),
+      observations_.ranges);
+  cos_incidence_ = ((from * observations_.normals).sum(1) / from.norm(2, 1).clamp_min(1e-9))
                        .abs()
                        .clamp_min(kMinCosIncidence);
 }
@@ -62,12 +63,12 @@ std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& paramet
     const Tensor beta_d = parameters[c][kAttenuation].exp();
     const Tensor beta_b = beta_d * parameters[c][kRatio].exp();
     const Tensor b_inf = parameters[c][kVeilingLight].exp();
-    const Tensor back = torch::exp(-beta_b * sightings_.ranges);
+    const Tensor back = torch::exp(-beta_b * observations_.ranges);
     ChannelModel m;
-    m.direct = responses * torch::exp(-beta_d * sightings_.ranges);
+    m.direct = responses * torch::exp(-beta_d * observations_.ranges);
     m.backscatter = responses * b_inf * (1.0 - back);
-    m.direct_derivatives = {-beta_d * sightings_.ranges * m.direct, Tensor(), Tensor()};
-    const Tensor by_ratio = responses * b_inf * beta_b * sightings_.ranges * back;
+    m.direct_derivatives = {-beta_d * observations_.ranges * m.direct, Tensor(), Tensor()};
+    const Tensor by_ratio = responses * b_inf * beta_b * observations_.ranges * back;
     m.backscatter_derivatives = {by_ratio, by_ratio, m.backscatter};
     models.push_back(std::move(m));
   }
@@ -78,7 +79,7 @@ std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& paramet
 void MediumObservationModel::add_lamp(const Tensor& parameters, const Tensor& responses,
                                       std::vector<ChannelModel>& models) const {
   const Tensor betas = parameters.select(1, kAttenuation).exp();
-  const auto irradiance = lamp_irradiance(*lamp_, unit_range_m_, betas, sightings_.places);
+  const auto irradiance = lamp_irradiance(*lamp_, unit_range_m_, betas, observations_.places);
   const auto integral = lamp_integral_->at(betas);
   for (std::int64_t c = 0; c < 3; ++c) {
     ChannelModel& m = models[static_cast<std::size_t>(c)];

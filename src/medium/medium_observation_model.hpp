@@ -45,7 +45,7 @@ class MediumObservationModel {
   void add_lamp(const torch::Tensor& parameters, const torch::Tensor& responses,
                 std::vector<ChannelModel>& models) const;
 
-  const Observations& sightings_;
+  const Observations& observations_;
   MediumPrior prior_;
   std::optional<Lamp> lamp_;
   double unit_range_m_ = 1.0;

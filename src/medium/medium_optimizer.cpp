@@ -121,10 +121,10 @@ void MediumOptimizer::save(torch::serialize::OutputArchive& archive) const {
     archive.write(std::string("second.") + kNames[k], second_[k]);
   }
   archive.write("lamp", lamp_ ? lamp_to_tensor(*lamp_) : torch::empty({0}, torch::kFloat64));
-  archive.write("held", c10::IValue(has_prior()));
+  archive.write("has_prior", c10::IValue(has_prior()));
   if (!has_prior()) return;
-  archive.write("believed", prior_);
-  archive.write("known", resolution_);
+  archive.write("prior", prior_);
+  archive.write("resolution", resolution_);
 }
 
 void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
@@ -141,13 +141,13 @@ void MediumOptimizer::load(torch::serialize::InputArchive& archive) {
     second[k] = read(archive, std::string("second.") + kNames[k], first_[k]);
   }
   c10::IValue held;
-  archive.read("held", held);
+  archive.read("has_prior", held);
   Tensor prior;
   Tensor resolution;
   if (held.toBool()) {
     const auto like = first_[0].options();
-    prior = read(archive, "believed", torch::empty({3, 3}, like));
-    resolution = read(archive, "known", torch::empty({3, 3, 3}, like));
+    prior = read(archive, "prior", torch::empty({3, 3}, like));
+    resolution = read(archive, "resolution", torch::empty({3, 3, 3}, like));
   }
   Tensor lamp;
   archive.read("lamp", lamp);

@@ -54,8 +54,8 @@ void MediumPosterior::save(torch::serialize::OutputArchive& archive) const {
   archive.write("empty", torch::IValue(empty()));
   if (empty()) return;
   archive.write("information", information_);
-  archive.write("weighted", information_mean_);
-  archive.write("veil", veiling_light_);
+  archive.write("information_mean", information_mean_);
+  archive.write("veiling_light", veiling_light_);
 }
 
 void MediumPosterior::load(torch::serialize::InputArchive& archive) {
@@ -64,8 +64,8 @@ void MediumPosterior::load(torch::serialize::InputArchive& archive) {
     return;
   }
   archive.read("information", information_);
-  archive.read("weighted", information_mean_);
-  archive.read("veil", veiling_light_);
+  archive.read("information_mean", information_mean_);
+  archive.read("veiling_light", veiling_light_);
   TORCH_CHECK(information_.sizes() == at::IntArrayRef({3, 2, 2}) &&
                   information_mean_.sizes() == at::IntArrayRef({3, 2}) &&
                   veiling_light_.sizes() == at::IntArrayRef({2, 3}),

@@ -11,9 +11,20 @@ std::string absolute_path(const std::string& path) {
   return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
 }
 
+// Depth estimation needs localization: with given poses a map densifies by gradient.
+RunConfig defaults_for(const config::Node& node) {
+  RunConfig config;
+  const config::Node* localization = node.find("localization");
+  if (localization == nullptr) return config;
+  LocalizationSection section;
+  config::read(*localization, section);
+  if (!section.enabled) config.mapping.trainer.densify.kind = mapping::Densification::gradient;
+  return config;
+}
+
 void check_given_poses(const RunConfig& config) {
   const slam::MappingOptions& m = config.mapping;
-  if (!m.enabled) {
+  if (m.enabled == slam::MapSwitch::off) {
     fail_input("localization.enabled: false with mapping.enabled: false: nothing to do");
   }
   if (m.trainer.densify.kind == mapping::Densification::quadtree) {
@@ -46,7 +57,7 @@ slam::Options slam_options(const RunConfig& config) {
 
 void check(const RunConfig& config) {
 #if !APVI_WITH_MAPPING
-  if (config.mapping.enabled) {
+  if (config.mapping.enabled == slam::MapSwitch::on) {
     fail_input("mapping.enabled: true: this build has no mapping (APVI_MAPPING=OFF)");
   }
 #endif
@@ -54,17 +65,29 @@ void check(const RunConfig& config) {
   slam_options(config).check();
 }
 
+bool makes_map(const RunConfig& config) {
+  if (config.mapping.enabled != slam::MapSwitch::automatic) {
+    return config.mapping.enabled == slam::MapSwitch::on;
+  }
+  if (!APVI_WITH_MAPPING || !config.sensors.includes("camera")) return false;
+  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  const Rig rig = make_rig(resolve_rig(config, reader->rig()));
+  return !rig.cameras.empty() && reader->report().contains("camera");
+}
+
 RunConfig load_run_config(const std::filesystem::path& file,
                           const std::vector<std::string>& overrides) {
-  RunConfig config;
-  config::read(config::load_config(file, overrides, config::run_renames()), config);
+  const config::Node node = config::load_config(file, overrides, config::run_renames());
+  RunConfig config = defaults_for(node);
+  config::read(node, config);
   check(config);
   return config;
 }
 
 RunConfig load_recorded_run_config(const std::filesystem::path& file) {
-  RunConfig config;
-  config::read(config::load_recorded_config(file, config::run_renames()), config);
+  const config::Node node = config::load_recorded_config(file, config::run_renames());
+  RunConfig config = defaults_for(node);
+  config::read(node, config);
   return config;
 }
 

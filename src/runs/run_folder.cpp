@@ -30,7 +30,7 @@ constexpr const char* kPingHeader =
 
 constexpr const char* kHealthHeader =
     "#timestamp [ns],state,level,reason,measured,threshold,vio,tracked,detected,stable,spread,"
-    "brightness,landmarks,sightings,reprojection [px],rotation_eigenvalue_1 [rad^-2],"
+    "brightness,landmarks,observations,reprojection [px],rotation_eigenvalue_1 [rad^-2],"
     "rotation_eigenvalue_2 [rad^-2],rotation_eigenvalue_3 [rad^-2],position_eigenvalue_1 [m^-2],"
     "position_eigenvalue_2 [m^-2],position_eigenvalue_3 "
     "[m^-2],dipo,dipo_measured,phase,action,window "

@@ -52,8 +52,8 @@ void MappingOptions::check() const {
 
 void Options::check() const {
   localization.check();
-  if (!mapping.enabled) return;
-  if (!localization.sensors.includes("camera")) {
+  if (mapping.enabled == MapSwitch::off) return;
+  if (mapping.enabled == MapSwitch::on && !localization.sensors.includes("camera")) {
     fail_input("sensors.use: camera is missing; mapping.enabled: true requires it");
   }
   mapping.check();

@@ -79,7 +79,11 @@ gaussians::View to_view(const RenderView& view) {
 struct System::Implementation {
   Implementation(const Options& options, const Rig& rig, SystemCallbacks callbacks)
       : callbacks_(std::move(callbacks)) {
-    if (options.mapping.enabled && !rig.cameras.empty()) {
+    const bool camera = options.localization.sensors.includes("camera") && !rig.cameras.empty();
+    if (options.mapping.enabled == MapSwitch::on && !camera) {
+      fail_input("mapping.enabled: true: the rig has no camera");
+    }
+    if (options.mapping.enabled != MapSwitch::off && camera) {
       mapper_.emplace(async_mapper_options(options, rig), rig, AsyncMapperCallbacks{});
     }
     localization::SystemCallbacks out;

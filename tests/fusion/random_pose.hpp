@@ -9,9 +9,9 @@
 
 namespace apvi::test {
 
+using apvi::kRadiansPerDegree;
 using fusion::boxminus;
 using fusion::boxplus;
-using apvi::kRadiansPerDegree;
 using fusion::Matrix6;
 using fusion::PoseEstimate;
 using fusion::symmetric;

@@ -57,7 +57,8 @@ class MappingRunTest : public testing::Test {
     RunConfig config;
     config.dataset.path = data_.path().string();
     config.localization.enabled = false;
-    config.mapping.enabled = true;
+    config.mapping.enabled = slam::MapSwitch::on;
+    config.mapping.medium = false;
     config.mapping.initial_points = (data_.path() / "points.ply").string();
     config.mapping.trainer.iterations = iterations;
     config.mapping.trainer.sh_degree = 0;

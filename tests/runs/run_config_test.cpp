@@ -6,6 +6,8 @@
 
 #include "apvi/core/error.hpp"
 #include "gaussians/device.hpp"
+#include "mapping/density/gaussian_limit.hpp"
+#include "slam/mapper_options.hpp"
 #include "support/rename_table.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -32,9 +34,11 @@ constexpr const char* kGiven = "localization: {enabled: false}\nmapping:\n  enab
 
 TEST(MappingConfig, DefaultGaussianLimitDependsOnDevice) {
   const bool gpu = gaussians::active_device().is_cuda();
-  EXPECT_EQ(most_gaussians(load(kGiven)), gpu ? 1000000 : 100000);
-  EXPECT_EQ(mapper_options(load(kGiven)).trainer.densify.max_gaussians, gpu ? 1000000 : 100000);
-  EXPECT_EQ(most_gaussians(load(std::string(kGiven) + "  max_gaussians: 5\n")), 5);
+  const auto limit = [](const std::string& yaml) {
+    return mapping::gaussian_limit(load(yaml).mapping.trainer.densify);
+  };
+  EXPECT_EQ(limit(kGiven), gpu ? 600000 : 100000);
+  EXPECT_EQ(limit(std::string(kGiven) + "  max_gaussians: 5\n"), 5);
 }
 
 TEST(MappingConfig, SetsTrainerOptions) {
@@ -42,7 +46,8 @@ TEST(MappingConfig, SetsTrainerOptions) {
       load(std::string(kGiven) +
            "  iterations: 17\n  max_gaussians: 99\n  densification: random\n"
            "  learning_rates: {means: 0.5}\n  pose_refinement: {enabled: true}\nrun: {seed: 4}\n");
-  const mapping::TrainerOptions options = trainer_options(config);
+  const mapping::TrainerOptions options =
+      slam::trainer_options(config.mapping, config.run.seed, Rig{});
   EXPECT_EQ(options.iterations, 17);
   EXPECT_EQ(options.densify.max_gaussians, 99);
   EXPECT_EQ(options.densify.kind, mapping::Densification::random);
@@ -57,13 +62,24 @@ TEST(MappingConfig, AutoLoopClosureIsPoseGraphUnlessRigHasLamp) {
   Rig lamplight = daylight;
   lamplight.lamp.emplace();
   const RunConfig usual = load("mapping: {enabled: true}\n");
-  EXPECT_EQ(resolve_loop_closure_method(usual, daylight), LoopClosureMethod::pose_graph);
-  EXPECT_FALSE(mapper_options(usual, daylight).online.align);
-  EXPECT_EQ(resolve_loop_closure_method(usual, lamplight), LoopClosureMethod::alignment);
-  EXPECT_TRUE(mapper_options(usual, lamplight).online.align);
+  EXPECT_EQ(slam::resolve_loop_closure_method(usual.mapping, daylight),
+            slam::LoopClosureMethod::pose_graph);
+  EXPECT_FALSE(slam::async_mapper_options(slam_options(usual), daylight).mapper.online.align);
+  EXPECT_EQ(slam::resolve_loop_closure_method(usual.mapping, lamplight),
+            slam::LoopClosureMethod::alignment);
+  EXPECT_TRUE(slam::async_mapper_options(slam_options(usual), lamplight).mapper.online.align);
   const RunConfig none = load("mapping: {enabled: true, loop_closure: {method: none}}\n");
-  EXPECT_EQ(resolve_loop_closure_method(none, lamplight), LoopClosureMethod::none);
-  EXPECT_FALSE(mapper_options(none, lamplight).online.align);
+  EXPECT_EQ(slam::resolve_loop_closure_method(none.mapping, lamplight),
+            slam::LoopClosureMethod::none);
+  EXPECT_FALSE(slam::async_mapper_options(slam_options(none), lamplight).mapper.online.align);
+}
+
+TEST(MappingConfig, DefaultIsMapWithDepthAndMediumWhereThereIsCamera) {
+  const slam::MappingOptions usual = load("run: {seed: 1}\n").mapping;
+  EXPECT_EQ(usual.enabled, slam::MapSwitch::automatic);
+  EXPECT_TRUE(usual.medium);
+  EXPECT_EQ(usual.trainer.densify.kind, mapping::Densification::quadtree);
+  EXPECT_EQ(load(kGiven).mapping.trainer.densify.kind, mapping::Densification::gradient);
 }
 
 TEST(MappingConfig, SuggestsKeyForTypo) {
@@ -76,7 +92,8 @@ TEST(MappingConfig, RejectsIncompatibleSettings) {
               HasSubstr("mapping.densification: quadtree"));
   EXPECT_THAT(error_of("mapping: {enabled: true}\nsensors: {use: [imu, dvl]}\n"),
               HasSubstr("sensors.use: camera is missing"));
-  EXPECT_THAT(error_of("localization: {enabled: false}\n"), HasSubstr("nothing to do"));
+  EXPECT_THAT(error_of("localization: {enabled: false}\nmapping: {enabled: false}\n"),
+              HasSubstr("nothing to do"));
 }
 
 TEST(MappingConfig, RejectsContradictoryValues) {
@@ -100,7 +117,7 @@ TEST(RenamedKeys, OldKeysSetTheirFields) {
       "vio: {start: {gyro_bias_sigma: 0.2}, gravity: 9.81}\n");
   EXPECT_EQ(config.mapping.loop_closure.min_age_s, 30.0);
   EXPECT_EQ(config.mapping.loop_closure.pixel_sigma, 2.0);
-  EXPECT_EQ(config.mapping.loop_closure.method, LoopClosureMethod::pose_graph);
+  EXPECT_EQ(config.mapping.loop_closure.method, slam::LoopClosureMethod::pose_graph);
   EXPECT_EQ(config.vio.initialization.gyro_bias_sigma, 0.2);
   EXPECT_EQ(config.localization.gravity, 9.81);
   EXPECT_THAT(testing::internal::GetCapturedStderr(),

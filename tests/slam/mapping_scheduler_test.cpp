@@ -9,7 +9,9 @@
 namespace apvi::slam {
 namespace {
 
-void work(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
+void work(double seconds) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+}
 
 TEST(MappingScheduler, GivesEveryKeyframeItsStepsWhenNotInRealTime) {
   const MappingScheduler scheduler({.realtime = false, .steps_per_keyframe = 3});

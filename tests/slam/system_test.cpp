@@ -25,9 +25,9 @@ class SlamSystem : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     data_ = std::make_unique<test::TmpDir>();
-    const std::vector<std::string> overrides = {
-        "duration_s=6", "rig.cam0.rate_hz=10", "rig.cam0.resolution=[200, 150]",
-        "rig.cam0.intrinsics=[131, 131, 99.5, 74.5]"};
+    const std::vector<std::string> overrides = {"duration_s=6", "rig.cam0.rate_hz=10",
+                                                "rig.cam0.resolution=[200, 150]",
+                                                "rig.cam0.intrinsics=[131, 131, 99.5, 74.5]"};
     sim::simulate(
         sim::load_scene(test::source_dir() / "configs/scenes/seabed_easy.yaml", overrides),
         data_->path() / "reef", {.threads = 2});
@@ -46,7 +46,7 @@ class SlamSystem : public testing::Test {
     Options out;
     out.localization.run.mode = mode;
     out.localization.vio.tracker.min_distance_px = 14.0;  // few pixels
-    out.mapping.enabled = true;
+    out.mapping.enabled = MapSwitch::on;
     out.mapping.medium = true;
     out.mapping.trainer.densify.kind = mapping::Densification::quadtree;
     out.mapping.trainer.densify.max_gaussians = 3000;
@@ -147,7 +147,7 @@ TEST_F(SlamSystem, SnapshotsAndRendersWhileItRuns) {
 
 TEST_F(SlamSystem, LocalizesWithoutMapWhenMappingIsDisabled) {
   Options without = options();
-  without.mapping.enabled = false;
+  without.mapping.enabled = MapSwitch::off;
   System system(without, rig_);
   process_all(system);
   EXPECT_GT(system.trajectory().size(), 40U);

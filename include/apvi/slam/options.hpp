@@ -37,10 +37,19 @@ struct LoopClosureOptions : loop_closure::LoopOptions {
   }
 };
 
+/// Whether a map is built.
+enum class MapSwitch {
+  automatic,  ///< if there is a camera, and this build has LibTorch
+  on,
+  off,
+};
+
 /// The map: what is built, from what, and how.
 struct MappingOptions {
-  bool enabled = false;
-  bool medium = false;
+  MappingOptions() { trainer.densify.kind = mapping::Densification::quadtree; }
+
+  MapSwitch enabled = MapSwitch::automatic;
+  bool medium = true;
   bool lamp = true;
   std::string initial_points = "sift";
   int initial_random_points = 30000;
@@ -60,14 +69,17 @@ struct MappingOptions {
     using config::Choices;
     using config::Range;
     using mapping::Densification;
-    v("enabled", enabled, "build a map");
+    v("enabled", enabled,
+      Choices<MapSwitch>{
+          {"auto", MapSwitch::automatic}, {"true", MapSwitch::on}, {"false", MapSwitch::off}},
+      "build a map; auto: if the recording has camera images");
     v("densification", trainer.densify.kind,
       Choices<Densification>{{"none", Densification::none},
                              {"gradient", Densification::gradient},
                              {"random", Densification::random},
                              {"quadtree", Densification::quadtree}},
       "source of new Gaussians: none; gradient: clone and split; random: also at random pixels; "
-      "quadtree: also from depth estimation");
+      "quadtree: also from depth estimation; with given poses the default is gradient");
     v("medium", medium, "estimate attenuation and backscatter of the water");
     v("lamp", lamp, "with medium: model the light of the rig's lamp0 if it has one");
     v("max_gaussians", trainer.densify.max_gaussians, Range{0, 100000000},

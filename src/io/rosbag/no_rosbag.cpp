@@ -3,7 +3,7 @@
 #include "io/readers.hpp"
 #include "io/rosbag/bag_writer.hpp"
 
-// Stubs for a build without rosbag_storage.
+// What a build without rosbag_storage has instead: errors that say so.
 namespace apvi::io {
 
 struct BagWriter::Impl {};
