@@ -12,7 +12,8 @@
 
 namespace {
 
-constexpr double kSpeed = 0.5;  // [m/s]
+constexpr double kSpeed = 0.5;   // mean [m/s]
+constexpr double kSurge = 0.05;  // amplitude of the speed, at 1 rad/s [m/s]
 constexpr double kDepth_m = 5.0;
 constexpr std::int64_t kPeriod_ns = 5'000'000;  // of the IMU, 200 Hz
 constexpr int kSamplesPerPing = 25;
@@ -20,6 +21,7 @@ constexpr double kDuration_s = 20.0;
 
 apvi::Rig make_rig() {
   apvi::Rig rig;
+  rig.imu.emplace();       // defines the body frame
   rig.dvl.emplace();       // at the body's origin, axes aligned with the body's
   rig.pressure.emplace();  // the same
   return rig;
@@ -36,11 +38,13 @@ double run() {
   const int count = static_cast<int>(kDuration_s * 1e9 / static_cast<double>(kPeriod_ns));
   for (int k = 0; k < count; ++k) {
     const apvi::Stamp stamp{k * kPeriod_ns};
-    system.process(apvi::ImuSample{stamp, {0.0, 0.0, 0.0}, {0.0, 0.0, apvi::kStandardGravity}});
+    const double t = 1e-9 * static_cast<double>(stamp.ns);
+    system.process(apvi::ImuSample{
+        stamp, {0.0, 0.0, 0.0}, {kSurge * std::cos(t), 0.0, apvi::kStandardGravity}});
     if (k % kSamplesPerPing != 0) continue;
     apvi::DvlSample ping;
     ping.stamp = stamp;
-    ping.velocity = {kSpeed, 0.0, 0.0};
+    ping.velocity = {kSpeed + kSurge * std::sin(t), 0.0, 0.0};
     ping.valid = true;
     system.process(ping);
     system.process(

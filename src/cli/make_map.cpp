@@ -17,7 +17,7 @@ runs::MappingRunOptions options_of(const MappingRequest& request) {
           .interrupted = request.interrupted};
 }
 
-void report(const runs::MappingRunResult& result, const MappingRequest& request) {
+void report(const runs::MappingRunResult& result) {
   if (result.interrupted) {
     log::warning("interrupted; results so far are saved, --resume continues from them");
   }
@@ -33,12 +33,12 @@ void report(const runs::MappingRunResult& result, const MappingRequest& request)
 std::optional<runs::RunResult> localize_and_map(const runs::RunConfig& config,
                                                 const MappingRequest& request) {
   const runs::OnlineRunResult result = runs::run_online(config, options_of(request));
-  report(result.map, request);
+  report(result.map);
   return result.localization;
 }
 
 void make_map(const runs::RunConfig& config, const MappingRequest& request) {
-  report(runs::run_mapping(config, options_of(request)), request);
+  report(runs::run_mapping(config, options_of(request)));
 }
 
 }  // namespace apvi::cli

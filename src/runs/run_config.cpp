@@ -70,7 +70,8 @@ bool makes_map(const RunConfig& config) {
     return config.mapping.enabled == slam::MapSwitch::on;
   }
   if (!APVI_WITH_MAPPING || !config.sensors.includes("camera")) return false;
-  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  if (config.dataset.path.empty()) fail_input("dataset.path: not given; add a recording");
+  const auto reader = io::open_sequence(config.dataset, config.sensors.use);
   const Rig rig = make_rig(resolve_rig(config, reader->rig()));
   return !rig.cameras.empty() && reader->report().contains("camera");
 }

@@ -99,7 +99,7 @@ TEST_F(EvalTrajectory, ReportsTimeDistanceWithoutOverlap) {
 
 TEST_F(EvalTrajectory, ReportsNumberOfMatchesWhenTooFew) {
   expect_input_error(evaluate_files({"--associate", "nearest", "--max-difference", "1e-9"}),
-                     "poses match the reference, 3 are needed");
+                     "poses match the reference, 3 required");
 }
 
 TEST_F(EvalTrajectory, RequiresBothFiles) {

@@ -163,7 +163,7 @@ TEST(MediumView, IlluminationUsesCameraFrameOnEveryDevice) {
   torch::manual_seed(8);
   const gaussians::Intrinsics camera = {
       .fx = 50.0, .fy = 50.0, .cx = 4.0, .cy = 3.0, .width = 8, .height = 6};
-  const gaussians::View view = test::make_view(8, 6);
+  const gaussians::View view = gaussians::test::make_view(8, 6);
   const Tensor world = torch::rand({500, 3}, kF64) * 4.0 - 2.0;
   const Tensor T = view.T_camera_world;
   const Tensor points =
@@ -187,13 +187,13 @@ struct Lit {
   std::vector<Tensor> gradients;
 };
 Lit draw(const gaussians::Gaussians& from, const Tensor& light) {
-  const gaussians::Gaussians map =
-      test::map_tensors(from, [](const Tensor& t) { return t.detach().requires_grad_(true); });
+  const gaussians::Gaussians map = gaussians::test::map_tensors(
+      from, [](const Tensor& t) { return t.detach().requires_grad_(true); });
   const auto members = map.tensors();
   std::vector<Tensor> leaves;
   for (const Tensor* tensor : members) leaves.push_back(*tensor);
-  const gaussians::RenderOutput out =
-      gaussians::render(map, test::make_view(61, 47), {.background = {}, .light = light});
+  const gaussians::RenderOutput out = gaussians::render(map, gaussians::test::make_view(61, 47),
+                                                        {.background = {}, .light = light});
   return {out.color.detach(), torch::autograd::grad({out.color.sum()}, leaves)};
 }
 
@@ -201,8 +201,8 @@ Lit draw(const gaussians::Gaussians& from, const Tensor& light) {
 TEST(RenderWithLight, EqualsScalingTheColors) {
   for (const torch::Device& device : apvi::test::available_devices()) {
     const auto type = device.is_cuda() ? torch::kFloat32 : torch::kFloat64;
-    const gaussians::Gaussians map = test::map_tensors(
-        test::make_gaussians(60), [&](const Tensor& t) { return t.to(device, type); });
+    const gaussians::Gaussians map = gaussians::test::map_tensors(
+        gaussians::test::make_gaussians(60), [&](const Tensor& t) { return t.to(device, type); });
     const Tensor light = torch::rand({60, 3}, kF64).to(device, type) * 2.0 + 0.1;
     gaussians::Gaussians lit = map;
     lit.sh_dc = map.sh_dc * light + 0.5 * (light - 1.0) / gaussians::kSh0;
@@ -221,7 +221,7 @@ TEST(RenderWithLight, EqualsScalingTheColors) {
 }
 
 TEST(RenderWithLight, RejectsLightOfWrongSize) {
-  const gaussians::Gaussians map = test::make_gaussians(6);
+  const gaussians::Gaussians map = gaussians::test::make_gaussians(6);
   EXPECT_THROW(draw(map, torch::ones({5, 3}, kF64)), c10::Error);
   EXPECT_THROW(draw(map, torch::ones({6, 3}, torch::kFloat32)), c10::Error);
 }

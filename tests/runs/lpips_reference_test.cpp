@@ -8,7 +8,7 @@
 #include "gaussians/metrics/lpips.hpp"
 #include "support/test_data.hpp"
 
-namespace apvi::splat {
+namespace apvi::gaussians {
 namespace {
 
 torch::Tensor read_rgb(const std::filesystem::path& path) {
@@ -44,4 +44,4 @@ INSTANTIATE_TEST_SUITE_P(Nets, LpipsReference,
                          });
 
 }  // namespace
-}  // namespace apvi::splat
+}  // namespace apvi::gaussians

@@ -116,7 +116,8 @@ TEST_F(PosedImagesTest, ReportsMissingPath) {
   RunConfig missing;
   missing.dataset.path = "/nowhere/at/all";
   EXPECT_THAT(error_of(missing), HasSubstr("/nowhere/at/all"));
-  EXPECT_THAT(error_of({}), HasSubstr("dataset.path: not given"));
+  missing.dataset.path.clear();
+  EXPECT_THAT(error_of(missing), HasSubstr("dataset.path: not given"));
 }
 
 }  // namespace
