@@ -24,7 +24,9 @@ void map(const char* path) {
   apvi::slam::System system(options, apvi::make_rig(recording->rig()));
   while (const auto sample = recording->next()) system.process(*sample);
   system.finish();
-  if (const auto snapshot = system.map()) print(*snapshot);
+  const auto snapshot = system.map();
+  if (!snapshot) throw apvi::RunError("no map: vision was never stable enough for a keyframe");
+  print(*snapshot);
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 
 "$apvi" -q sim "$source_dir/configs/scenes/seabed_easy.yaml" -o dive --set duration_s=6 \
-  --set 'rig.cam0.resolution=[160, 120]' --set 'rig.cam0.intrinsics=[105, 105, 79.5, 59.5]'
+  --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]'
 
 fail() {
   echo "error: $*" >&2

@@ -96,7 +96,8 @@ TEST_F(SlamSystem, GivesPosesMapAndRendersWithoutFiles) {
   EXPECT_GT(map->count, 500U);
   EXPECT_EQ(map->means.size(), 3 * map->count);
   EXPECT_EQ(map->spherical_harmonics.size(), 3 * map->sh_coefficients * map->count);
-  EXPECT_EQ(map->keyframes.size(), system.status().keyframes);
+  EXPECT_GT(system.status().keyframes, 4U);
+  EXPECT_GT(map->keyframes.size(), system.status().keyframes);  // held-out views too
   ASSERT_TRUE(map->medium);
   for (const double beta : map->medium->beta_d) EXPECT_GT(beta, 0.0);
 

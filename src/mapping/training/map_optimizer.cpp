@@ -13,6 +13,7 @@
 #include "gaussians/model/archive.hpp"
 #include "gaussians/model/morton.hpp"
 #include "mapping/appearance/recolor.hpp"
+#include "mapping/density/gaussian_limit.hpp"
 #include "mapping/depth_curvature_loss.hpp"
 #include "mapping/medium/open_water.hpp"
 #include "mapping/training/step_backend.hpp"
@@ -81,7 +82,7 @@ gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent,
 
 MapOptimizer::MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
                            std::size_t views, const std::optional<medium::Medium>& medium)
-    : options_(options),
+    : options_(with_gaussian_limit(options)),
       store_(on_device(initial)),
       statistics_(initial.size(), gaussians::active_device()),
       corrections_(views, options.pose_refinement, options.exposure_correction),
