@@ -119,6 +119,17 @@ def torch_chain(name, seen=None):
     return []
 
 
+def reached_files(name, seen=None):
+    """Our files that a file includes, directly or not, itself among them."""
+    seen = set() if seen is None else seen
+    seen.add(name)
+    for header, _ in includes_of(name):
+        path = resolve(header, name)
+        if path and path not in seen:
+            reached_files(path, seen)
+    return seen
+
+
 def library_problem(name, module, header):
     """Reason why a file must not include a library's header, or None."""
     if IS_TORCH.match(header):
