@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -51,30 +52,37 @@ class QuadtreeBuilder {
     const int max_blocks = (width_ + options_.min_block_px - 1) / options_.min_block_px *
                            (options_.max_block_px / options_.min_block_px);
     blocks_.reserve(static_cast<std::size_t>(max_blocks));
-    for (int x = 0; x < width_; x += options_.max_block_px) add(x, y, options_.max_block_px);
+    const Block image = {.width = width_, .height = height_};
+    for (int x = 0; x < width_; x += options_.max_block_px) {
+      add(block_in(image, x, y, options_.max_block_px));
+    }
     return std::move(blocks_);
   }
 
  private:
+  /// A block that is cut off by its parent.
+  static Block block_in(const Block& parent, int x, int y, int size) {
+    return {.x = x,
+            .y = y,
+            .size = size,
+            .width = std::min(size, parent.x + parent.width - x),
+            .height = std::min(size, parent.y + parent.height - y)};
+  }
+
   /// Appends a block or its children. Children are appended first and removed again if the parent
   /// is uniform, so that every pixel is read once.
-  IntensityRange add(int x, int y, int size) {
-    if (x >= width_ || y >= height_) return {};
-    const Block block = {.x = x,
-                         .y = y,
-                         .size = size,
-                         .width = std::min(size, width_ - x),
-                         .height = std::min(size, height_ - y)};
-    if (size <= options_.min_block_px) {
+  IntensityRange add(const Block& block) {
+    if (block.width <= 0 || block.height <= 0) return {};
+    if (block.size <= options_.min_block_px) {
       const IntensityRange spread = intensity_range(block);
       keep(block, spread);
       return spread;
     }
     const std::size_t before = blocks_.size();
-    const int half = size / 2;
+    const int side = std::max(block.size / 2, options_.min_block_px);
     IntensityRange spread;
-    for (const auto& [dx, dy] : {std::pair{0, 0}, {half, 0}, {0, half}, {half, half}}) {
-      spread.add(add(x + dx, y + dy, half));
+    for (const auto& [dx, dy] : {std::pair{0, 0}, {side, 0}, {0, side}, {side, side}}) {
+      spread.add(add(block_in(block, block.x + dx, block.y + dy, side)));
     }
     if (is_uniform(block, spread)) {
       blocks_.resize(before);
@@ -117,7 +125,7 @@ class QuadtreeBuilder {
   std::vector<Block> blocks_;
 };
 
-/// Block index of each cell, with cells of the smallest block's size.
+/// Block index of each cell. No cell contains pixels of two blocks.
 class BlockIndexGrid {
  public:
   BlockIndexGrid(const std::vector<Block>& blocks, int width, int height)
@@ -143,14 +151,14 @@ class BlockIndexGrid {
            static_cast<std::size_t>(x >> shift_);
   }
 
-  /// Logarithm of the smallest block's size, a power of two.
+  /// Logarithm of the largest power of two that divides all positions, at most the smallest side.
   static int shift_of(const std::vector<Block>& blocks) {
-    const auto smallest =
-        std::min_element(blocks.begin(), blocks.end(),
-                         [](const Block& a, const Block& b) { return a.size < b.size; });
-    int shift = 0;
-    while (1 << shift < smallest->size) ++shift;
-    return shift;
+    auto divided = static_cast<unsigned>(blocks.front().size);
+    for (const Block& b : blocks) {
+      divided = std::min(divided, std::bit_floor(static_cast<unsigned>(b.size)));
+    }
+    for (const Block& b : blocks) divided |= static_cast<unsigned>(b.x | b.y);
+    return std::countr_zero(divided);
   }
 
   int shift_;  ///< a shift is faster than a division by the side
@@ -175,10 +183,10 @@ std::vector<Block> build_quadtree(const torch::Tensor& gray, const QuadtreeOptio
   TORCH_CHECK(gray.dim() == 2 && gray.scalar_type() == torch::kFloat32 && gray.is_contiguous() &&
                   gray.device().is_cpu(),
               "quadtree: the image must be [H,W] float32 on the CPU");
-  TORCH_CHECK(is_power_of_two(options.max_block_px) && is_power_of_two(options.min_block_px) &&
+  TORCH_CHECK(is_power_of_two(options.max_block_px) && options.min_block_px > 0 &&
                   options.min_block_px <= options.max_block_px,
-              "quadtree: block sizes must be powers of two, not ", options.min_block_px, " to ",
-              options.max_block_px);
+              "quadtree: expected block sizes up to a power of two, got ", options.min_block_px,
+              " to ", options.max_block_px);
   const std::int64_t side = options.max_block_px;
   const std::int64_t count = (gray.size(0) + side - 1) / side;
   std::vector<std::vector<Block>> strips(static_cast<std::size_t>(count));

@@ -8,19 +8,15 @@
 namespace apvi::slam {
 namespace {
 
-void check_power_of_two(const char* key, int value) {
-  if ((value & (value - 1)) != 0)
-    fail_input("mapping.depth.quadtree.{}: {} is not a power of two", key, value);
-}
-
 void check_depth(const depth::DepthOptions& options) {
   if (options.min_depth_m >= options.max_depth_m) {
     fail_input("mapping.depth.min_depth_m: {} m must be less than mapping.depth.max_depth_m, {} m",
                options.min_depth_m, options.max_depth_m);
   }
   const depth::QuadtreeOptions& q = options.quadtree;
-  check_power_of_two("max_block_px", q.max_block_px);
-  check_power_of_two("min_block_px", q.min_block_px);
+  if ((q.max_block_px & (q.max_block_px - 1)) != 0) {
+    fail_input("mapping.depth.quadtree.max_block_px: {} is not a power of two", q.max_block_px);
+  }
   if (q.min_block_px > q.max_block_px) {
     fail_input("mapping.depth.quadtree.min_block_px: {} exceeds max_block_px, {}", q.min_block_px,
                q.max_block_px);

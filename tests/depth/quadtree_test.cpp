@@ -81,11 +81,41 @@ TEST(Quadtree, SplitsOnlyNonUniformBlocks) {
   EXPECT_EQ(with_dot->size, 4);
 }
 
-TEST(Quadtree, NeighborsShareAnEdge) {
+/// Levels of 16, 8 and 6 px as in the paper.
+constexpr QuadtreeOptions kPaper = {.max_block_px = 16, .min_block_px = 6};
+
+TEST(Quadtree, LastSplitLeavesNarrowBlocksIfTheSmallestDoesNotDivideItsParent) {
+  Tensor image = torch::full({16, 16}, 0.5, torch::kFloat32);
+  image[9][10] = 0.9;
+  const std::vector<Block> blocks = build_quadtree(image, kPaper);
+  ASSERT_EQ(blocks.size(), 3U + 4U);
+  const auto area = [](const Block& b) { return std::array<int, 4>{b.x, b.y, b.width, b.height}; };
+  EXPECT_EQ(area(blocks[3]), (std::array<int, 4>{8, 8, 6, 6}));
+  EXPECT_EQ(area(blocks[4]), (std::array<int, 4>{14, 8, 2, 6}));
+  EXPECT_EQ(area(blocks[5]), (std::array<int, 4>{8, 14, 6, 2}));
+  EXPECT_EQ(area(blocks[6]), (std::array<int, 4>{14, 14, 2, 2}));
+}
+
+TEST(Quadtree, CoversEveryPixelOnceForEverySmallestBlock) {
+  Random random(5);
+  for (int smallest = 1; smallest <= 16; ++smallest) {
+    Tensor covered = torch::zeros({31, 83}, torch::kInt32);
+    for (const Block& b : build_quadtree(patchwork(random, 83, 31),
+                                         {.max_block_px = 16, .min_block_px = smallest})) {
+      covered.slice(0, b.y, b.y + b.height).slice(1, b.x, b.x + b.width) += 1;
+    }
+    ASSERT_TRUE((covered == 1).all().item<bool>()) << smallest;
+  }
+}
+
+class QuadtreeGraph : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(SmallestBlocks, QuadtreeGraph, testing::Values(4, 5, 6));
+
+TEST_P(QuadtreeGraph, NeighborsShareAnEdge) {
   Random random(3);
   for (const Size size : kSizes) {
-    const auto blocks =
-        build_quadtree(patchwork(random, size.width, size.height), QuadtreeOptions{});
+    const auto blocks = build_quadtree(patchwork(random, size.width, size.height),
+                                       {.max_block_px = 16, .min_block_px = GetParam()});
     const BlockGraph graph = neighbor_graph(blocks, size.width, size.height);
     ASSERT_EQ(graph.offsets.size(), blocks.size() + 1);
     ASSERT_EQ(static_cast<std::size_t>(graph.offsets.back()), graph.neighbors.size());
@@ -124,7 +154,7 @@ TEST(Quadtree, ReverseEdgesAreConsistent) {
 
 TEST(Quadtree, RejectsInvalidBlockSizes) {
   const Tensor image = torch::zeros({16, 16}, torch::kFloat32);
-  EXPECT_THROW(build_quadtree(image, QuadtreeOptions{.max_block_px = 16, .min_block_px = 6}),
+  EXPECT_THROW(build_quadtree(image, QuadtreeOptions{.max_block_px = 12, .min_block_px = 4}),
                c10::Error);
   EXPECT_THROW(build_quadtree(image, QuadtreeOptions{.max_block_px = 4, .min_block_px = 8}),
                c10::Error);

@@ -28,7 +28,8 @@ struct QuadtreeOptions {
     v("max_block_px", max_block_px, Range{2, 128},
       "side of the largest blocks, a power of two [px]");
     v("min_block_px", min_block_px, Range{2, 128},
-      "side of the smallest blocks, a power of two [px]");
+      "side of the smallest blocks; if it does not divide the largest, the last split leaves "
+      "narrower blocks (6 as in the paper: 16, 8, 6 and 2) [px]");
     v("split_threshold", split_threshold, Range{0.0, 1.0},
       "a block is split if a pixel differs by more than this from its mean intensity (0 to 1)");
   }

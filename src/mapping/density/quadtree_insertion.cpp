@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <map>
 #include <vector>
@@ -22,29 +23,57 @@ Tensor histogram(const Tensor& points, std::int64_t height, std::int64_t width) 
   return torch::bincount(index, {}, height * width).view({height, width}).to(torch::kFloat32);
 }
 
+// Means [C,n] of images over blocks, pixel by pixel.
+Tensor summed_means(const Tensor& images, const std::vector<depth::Block>& blocks,
+                    const std::vector<std::int64_t>& members) {
+  const Tensor host = images.to(torch::kCPU);
+  const auto pixel = host.accessor<float, 3>();
+  Tensor means = torch::empty({images.size(0), static_cast<std::int64_t>(members.size())});
+  auto mean = means.accessor<float, 2>();
+  for (std::int64_t c = 0; c < means.size(0); ++c) {
+    for (std::int64_t k = 0; k < means.size(1); ++k) {
+      const auto& b = blocks[static_cast<std::size_t>(members[static_cast<std::size_t>(k)])];
+      double sum = 0.0;
+      for (int y = b.y; y < b.y + b.height; ++y) {
+        for (int x = b.x; x < b.x + b.width; ++x) sum += static_cast<double>(pixel[c][y][x]);
+      }
+      mean[c][k] = static_cast<float>(sum / (b.width * b.height));
+    }
+  }
+  return means.to(images.device());
+}
+
+// The same if every block is a pixel of the image downscaled by `size`; the last row and column may
+// be incomplete.
+Tensor pooled_means(const Tensor& images, const std::vector<depth::Block>& blocks,
+                    const std::vector<std::int64_t>& members, int size) {
+  const Tensor reduced = torch::avg_pool2d(images, size, size, 0, /*ceil_mode=*/true);
+  std::vector<std::int64_t> pixels;
+  pixels.reserve(members.size());
+  for (const std::int64_t i : members) {
+    const depth::Block& b = blocks[static_cast<std::size_t>(i)];
+    pixels.push_back(b.y / size * reduced.size(2) + b.x / size);
+  }
+  return reduced.flatten(1).index_select(1,
+                                         torch::tensor(pixels, torch::kInt64).to(images.device()));
+}
+
 }  // namespace
 
-// A block is a pixel of the image downscaled by its size; the last row and column may be
-// incomplete.
+// Blocks lie on a grid of their size if it is a power of two (see depth::build_quadtree).
 Tensor block_means(const Tensor& images, const std::vector<depth::Block>& blocks) {
   std::map<int, std::vector<std::int64_t>> by_size;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     by_size[blocks[i].size].push_back(static_cast<std::int64_t>(i));
   }
-  const auto indices = [&images](const std::vector<std::int64_t>& values) {
-    return torch::tensor(values, torch::kInt64).to(images.device());
-  };
   const auto count = static_cast<std::int64_t>(blocks.size());
   Tensor means = torch::empty({images.size(0), count}, images.options());
   for (const auto& [size, members] : by_size) {
-    const Tensor reduced = torch::avg_pool2d(images, size, size, 0, /*ceil_mode=*/true);
-    std::vector<std::int64_t> pixels;
-    pixels.reserve(members.size());
-    for (const std::int64_t i : members) {
-      const depth::Block& b = blocks[static_cast<std::size_t>(i)];
-      pixels.push_back(b.y / size * reduced.size(2) + b.x / size);
-    }
-    means.index_copy_(1, indices(members), reduced.flatten(1).index_select(1, indices(pixels)));
+    const Tensor index = torch::tensor(members, torch::kInt64).to(images.device());
+    means.index_copy_(1, index,
+                      std::has_single_bit(static_cast<unsigned>(size))
+                          ? pooled_means(images, blocks, members, size)
+                          : summed_means(images, blocks, members));
   }
   return means;
 }

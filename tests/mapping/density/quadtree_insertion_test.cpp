@@ -93,6 +93,21 @@ TEST(InFreeSpace, SelectsGaussiansInFrontOfConfidentDepth) {
   EXPECT_FALSE(in_free_space(estimate, view, means, 0.0).any().item<bool>());
 }
 
+TEST(BlockMeans, MatchDirectMeansInBlocksThatDoNotDivideTheirParent) {
+  torch::manual_seed(3);
+  const Tensor images = torch::rand({2, 16, 16});
+  const std::vector<depth::Block> blocks =
+      depth::build_quadtree(images[0].contiguous(), {.max_block_px = 16, .min_block_px = 6});
+  ASSERT_EQ(blocks.size(), 16U);
+  const Tensor means = block_means(images, blocks);
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const depth::Block& b = blocks[i];
+    const Tensor covered = images.slice(1, b.y, b.y + b.height).slice(2, b.x, b.x + b.width);
+    EXPECT_TRUE(test::tensors_near(means.select(1, static_cast<std::int64_t>(i)),
+                                   covered.mean({1, 2}), 1e-6));
+  }
+}
+
 TEST(BlockMeans, MatchDirectMeans) {
   torch::manual_seed(2);
   const Tensor images = torch::rand({2, 20, 30});
