@@ -34,10 +34,17 @@ constexpr double kExcludedCost = 1e9;
 constexpr double kMinimumHalfWidth_px = 2.0;   // of a cost minimum, in the other images
 constexpr std::int64_t kMinimumHalfWidth = 3;  // of a cost minimum, in hypotheses
 
-Tensor centers_of(const std::vector<Block>& blocks) {
+/// The part of a block whose center represents it.
+Block represented(Block block, BlockRepresentative where) {
+  if (where == BlockRepresentative::top_left) block.width = block.height = 1;
+  return block;
+}
+
+Tensor points_of(const std::vector<Block>& blocks, BlockRepresentative where) {
   Tensor points = torch::empty({static_cast<std::int64_t>(blocks.size()), 2}, torch::kFloat32);
   auto* p = points.data_ptr<float>();
-  for (const Block& b : blocks) {
+  for (const Block& block : blocks) {
+    const Block b = represented(block, where);
     *p++ = static_cast<float>(b.x) + 0.5F * static_cast<float>(b.width);
     *p++ = static_cast<float>(b.y) + 0.5F * static_cast<float>(b.height);
   }
@@ -155,8 +162,9 @@ class Estimator {
   std::pair<double, double> range() const {
     const std::pair<double, double> all = {options_.min_depth_m, options_.max_depth_m};
     if (!options_.adapt_range) return all;
-    const Tensor points =
-        centers_of(grid_of(width(), height(), options_.quadtree.max_block_px)).to(device_);
+    const Tensor points = points_of(grid_of(width(), height(), options_.quadtree.max_block_px),
+                                    BlockRepresentative::center)
+                              .to(device_);
     const Tensor levels =
         torch::full({points.size(0)}, kRangeLevel, torch::dtype(torch::kInt32).device(device_));
     const Tensor w = hypotheses(all.first, all.second, options_).to(device_);
@@ -303,18 +311,19 @@ class Estimator {
         .clamp(kMinimumHalfWidth, 0.25 * options_.hypotheses);
   }
 
-  /// Upsamples 1/depth from the block centers to the image [H,W].
+  /// Upsamples 1/depth from the blocks' representatives to the image [H,W].
   Tensor upsampled(const Choice& choice, const std::vector<Block>& blocks) const {
-    Tensor centers = torch::empty({2, static_cast<std::int64_t>(blocks.size())}, torch::kInt32);
-    auto* pixel = centers.data_ptr<std::int32_t>();
+    Tensor known_at = torch::empty({2, static_cast<std::int64_t>(blocks.size())}, torch::kInt32);
+    auto* pixel = known_at.data_ptr<std::int32_t>();
     auto* area = pixel + blocks.size();
-    for (const Block& b : blocks) {
+    for (const Block& block : blocks) {
+      const Block b = represented(block, options_.quadtree.representative);
       *pixel++ = (b.y + b.height / 2) * width() + b.x + b.width / 2;
-      *area++ = b.width * b.height;
+      *area++ = block.width * block.height;
     }
-    centers = centers.to(device_);
-    const Tensor at = centers[0].to(torch::kInt64);
-    const Tensor weights = (choice.confidence + 1e-3) * centers[1];
+    known_at = known_at.to(device_);
+    const Tensor at = known_at[0].to(torch::kInt64);
+    const Tensor weights = (choice.confidence + 1e-3) * known_at[1];
     const Tensor empty =
         torch::zeros({2, std::int64_t{height()} * width()}, choice.depth.options());
     const Tensor sparse =
@@ -336,7 +345,7 @@ class Estimator {
   SweepGeometry geometry_;
   GrayMedium medium_;
   SweepImages images_;
-  Tensor points_;  ///< block centers, on the device
+  Tensor points_;  ///< the blocks' representatives, on the device
   Tensor levels_;
 };
 
@@ -386,7 +395,7 @@ DepthEstimate estimate_depth(const DepthRequest& request, const DepthOptions& op
   out.near_m = options.min_depth_m;
   out.far_m = options.max_depth_m;
   out.blocks = build_quadtree(gray, options.quadtree);
-  out.points = centers_of(out.blocks);
+  out.points = points_of(out.blocks, options.quadtree.representative);
   if (out.status == DepthStatus::estimated) {
     Estimator(std::move(views), geometry, request, options).estimate(out);
   } else {

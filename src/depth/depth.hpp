@@ -40,7 +40,7 @@ enum class DepthStatus {
 struct DepthEstimate {
   DepthStatus status = DepthStatus::estimated;
   std::vector<Block> blocks;
-  torch::Tensor points;      ///< [B,2] float32 block center (x, y) [px]
+  torch::Tensor points;      ///< [B,2] float32 block representative (x, y) [px]
   torch::Tensor depth;       ///< [B] float32 along the optical axis [m]; 0 where unknown
   torch::Tensor slope;       ///< [B,2] float32 relative change of 1/depth along x, y [1/px]
   torch::Tensor sigma;       ///< [B] float32 standard deviation of `depth` from parallax [m]

@@ -70,6 +70,36 @@ TEST(EstimateDepth, RecoversWallWithAbsoluteDifferences) {
   EXPECT_LT(share(errors.masked_select(out.confident) > 0.1), 0.01);
 }
 
+TEST(EstimateDepth, RecoversDepthOfTopLeftPixels) {
+  DepthOptions options;
+  options.quadtree.representative = BlockRepresentative::top_left;
+  const DepthRequest request = walk_along(kSlope);
+  const DepthEstimate out = estimate_depth(request, options);
+  const Block& last = out.blocks.back();
+  EXPECT_TRUE(torch::equal(out.points[-1], torch::tensor({last.x + 0.5F, last.y + 0.5F})));
+  const Tensor truth = depth_of(kSlope, request.views.front().camera);
+  const Tensor pixels = out.points.to(torch::kInt64);
+  const Tensor expected = truth.index({pixels.select(1, 1), pixels.select(1, 0)});
+  EXPECT_LT(((out.depth - expected).abs() / expected).median().item<double>(), 0.005);
+  EXPECT_LT(((out.dense - truth).abs() / truth).median().item<double>(), 0.01);
+}
+
+TEST(EstimateDepth, RecoversWallWithTheOptionsOfThePaper) {
+  DepthOptions options;
+  options.spacing = DepthSpacing::linear_depth;
+  options.adapt_range = false;
+  options.best_views_fraction = 1.0;
+  options.cost = PhotometricCost::absolute;
+  options.patch_intensity_sigma = 1e3;
+  options.quadtree.min_block_px = 6;
+  options.quadtree.representative = BlockRepresentative::top_left;
+  options.belief_propagation.edge_sigma = 1e3;
+  const DepthRequest request = walk_along(kWall);
+  const DepthEstimate out = estimate_depth(request, options);
+  const Tensor truth = depth_of(kWall, request.views.front().camera);
+  EXPECT_LT(((out.dense - truth).abs() / truth).median().item<double>(), 0.05);
+}
+
 TEST(EstimateDepth, RecoversWallWhenImageSizeIsNoMultipleOfBlockSize) {
   DepthRequest request = walk_along(kWall);
   for (DepthView& view : request.views) {

@@ -14,16 +14,24 @@ enum class DepthSpacing {
 /// Photometric cost of two patches.
 enum class PhotometricCost {
   zncc,      ///< 1 - zero-mean normalized cross-correlation: invariant to gain and offset
-  absolute,  ///< mean absolute difference, as in the paper, with the medium compensated
+  absolute,  ///< mean absolute difference, as in the paper
+};
+
+/// Pixel whose depth is the depth of a block, and at which a Gaussian is added.
+enum class BlockRepresentative {
+  center,
+  top_left,  ///< as in the paper
 };
 
 struct QuadtreeOptions {
   int max_block_px = 16;                  ///< side of the root blocks
   int min_block_px = 4;                   ///< side of the smallest blocks
   double split_threshold = 10.0 / 255.0;  ///< maximum deviation of a pixel from the block's mean
+  BlockRepresentative representative = BlockRepresentative::center;
 
   template <typename V>
   void visit(V& v) {
+    using config::Choices;
     using config::Range;
     v("max_block_px", max_block_px, Range{2, 128},
       "side of the largest blocks, a power of two [px]");
@@ -32,6 +40,11 @@ struct QuadtreeOptions {
       "narrower blocks (6 as in the paper: 16, 8, 6 and 2) [px]");
     v("split_threshold", split_threshold, Range{0.0, 1.0},
       "a block is split if a pixel differs by more than this from its mean intensity (0 to 1)");
+    v("representative", representative,
+      Choices<BlockRepresentative>{{"center", BlockRepresentative::center},
+                                   {"top_left", BlockRepresentative::top_left}},
+      "point of a block at which depth is estimated and a Gaussian is added: its center, or its "
+      "top-left pixel (the paper)");
   }
 };
 

@@ -18,7 +18,7 @@ torch::Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const torch::
                              const torch::Tensor& rendered, const torch::Tensor& alpha,
                              const torch::Tensor& image, const OnlineOptions& options);
 
-/// One seed at the center of each selected block, of the block's size.
+/// One seed at the representative of each selected block, of the block's size.
 Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const torch::Tensor& which,
                         double opacity);
 
