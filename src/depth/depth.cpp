@@ -106,7 +106,7 @@ class Estimator {
         options_(options),
         backend_(depth_backend(device_)),
         geometry_(on_device(geometry, device_)),
-        medium_(gray_medium(request.medium)) {
+        medium_(options.compensate_medium ? gray_medium(request.medium) : GrayMedium{}) {
     std::vector<Tensor> grays;
     for (const DepthView& view : views_) grays.push_back(view.gray);
     images_ = backend_.prepare(grays);

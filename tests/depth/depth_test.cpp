@@ -237,6 +237,8 @@ TEST(EstimateDepth, CompensatesKnownMedium) {
   const Tensor with = block_errors(estimate_depth(request, options), truth);
   EXPECT_LT(with.mean().item<double>(), without.mean().item<double>());
   EXPECT_LT(with.median().item<double>(), 0.02);
+  options.compensate_medium = false;
+  EXPECT_TRUE(torch::equal(block_errors(estimate_depth(request, options), truth), without));
 }
 
 DepthStatus verdict_of(const DepthRequest& request) {

@@ -124,6 +124,7 @@ struct DepthOptions {
   double best_views_fraction =
       0.5;  ///< fraction of the observing images, the best-matching, that is averaged
   PhotometricCost cost = PhotometricCost::zncc;
+  bool compensate_medium = true;         ///< by PhotometricCost::absolute
   double intensity_sigma = 0.5 / 255.0;  ///< intensity noise; contrast below it is uninformative
   /// Intensity difference from the patch center at which a pixel's weight falls to 1/e, or the
   /// patch's standard deviation if larger: it may belong to another surface.
@@ -152,8 +153,11 @@ struct DepthOptions {
     v("cost", cost,
       Choices<PhotometricCost>{{"zncc", PhotometricCost::zncc},
                                {"absolute", PhotometricCost::absolute}},
-      "zncc: normalized cross-correlation; absolute: absolute difference of intensities, medium "
-      "included (the paper)");
+      "zncc: normalized cross-correlation; absolute: absolute difference of intensities (the "
+      "paper)");
+    v("compensate_medium", compensate_medium,
+      "cost absolute: compare intensities as the medium changes them; false: as they are (the "
+      "paper)");
     v("intensity_sigma", intensity_sigma, Range{0.0, 1.0},
       "intensity noise (0 to 1), one sigma; the default is half a gray level of 8 bits, 0.5/255");
     v("patch_intensity_sigma", patch_intensity_sigma, Range{1e-3, 1e3},
