@@ -151,7 +151,7 @@ void Mapper::insert_from_depth(std::size_t view) {
   const ProjectedPoints seen = project(camera, points_);
   const Tensor pixels = seen.pixels.index({seen.in_view});
   const Tensor which = blocks_to_fill(estimate, pixels, rendered, alpha, image, options_.online);
-  const Seeds seeds = seeds_from_blocks(estimate, which, options_.online.initial_opacity);
+  const Seeds seeds = seeds_from_blocks(estimate, which, options_.online);
   log::debug("{}: depth accepted in {} of {} blocks, {} seeded", keyframes_[view].name,
              estimate.confident.sum().item<std::int64_t>(), estimate.blocks.size(), seeds.size());
   if (seeds.size() > 0) insert(view, seeds);

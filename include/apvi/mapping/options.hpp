@@ -156,6 +156,12 @@ struct TrainerOptions {
   ExposureOptions exposure_correction;
 };
 
+/// Depth of the Gaussian that a quadtree block gets.
+enum class InsertionDepth {
+  block,      ///< of blocks with confident depth
+  upsampled,  ///< the upsampled depth, which covers the other blocks too, as in the paper
+};
+
 /// Incremental mapping.
 struct OnlineOptions {
   int steps_per_keyframe = 30;       ///< when not running in real time
@@ -190,6 +196,7 @@ struct OnlineOptions {
   /// In daylight, Gaussians nearer than this fraction of an accepted depth along the same ray are
   /// removed as free-space violations. 0: none.
   double free_space_depth_ratio = 0.8;
+  InsertionDepth insertion_depth = InsertionDepth::block;
 
   template <typename V>
   void visit(V& v) {
@@ -234,6 +241,11 @@ struct OnlineOptions {
       "densification quadtree: keyframes to wait before estimating depth");
     v("depth_every_keyframes", depth_every_keyframes, Range{1, 1000},
       "densification quadtree: depth is estimated for every N-th keyframe");
+    v("insertion_depth", insertion_depth,
+      config::Choices<InsertionDepth>{{"block", InsertionDepth::block},
+                                      {"upsampled", InsertionDepth::upsampled}},
+      "densification quadtree: depth of new Gaussians: block: of blocks with confident depth; "
+      "upsampled: upsampled to pixels, which fills the other blocks too (the paper)");
     v("coverage_min_alpha", coverage_min_alpha, Range{0.0, 1.0},
       "minimum mean rendered alpha of a covered block, which gets no new Gaussian");
     v("coverage_max_error", coverage_max_error, Range{0.0, 1.0},

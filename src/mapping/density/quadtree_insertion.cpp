@@ -78,6 +78,14 @@ Tensor block_means(const Tensor& images, const std::vector<depth::Block>& blocks
   return means;
 }
 
+Tensor insertion_depths(const depth::DepthEstimate& estimate, InsertionDepth source) {
+  if (source == InsertionDepth::block) {
+    return torch::where(estimate.confident, estimate.depth, torch::zeros_like(estimate.depth));
+  }
+  const Tensor pixels = estimate.points.to(torch::kInt64);  // points are inside the image
+  return estimate.dense.index({pixels.select(1, 1), pixels.select(1, 0)});
+}
+
 Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& points,
                       const Tensor& rendered, const Tensor& alpha, const Tensor& image,
                       const OnlineOptions& options) {
@@ -87,7 +95,7 @@ Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& points
   const Tensor covered =
       (means[0] >= options.coverage_min_alpha) & (means[1] <= options.coverage_max_error);
   const Tensor needed = (means[2] == 0.0) & ~covered;
-  return estimate.confident & (estimate.depth > 0) & needed.to(torch::kCPU);
+  return (insertion_depths(estimate, options.insertion_depth) > 0) & needed.to(torch::kCPU);
 }
 
 Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View& view,
@@ -113,7 +121,8 @@ Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View
   return seen.in_view & (seen.depths < limit);
 }
 
-Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& which, double opacity) {
+Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& which,
+                        const OnlineOptions& options) {
   const Tensor index = which.nonzero().squeeze(1);
   const std::int64_t n = index.size(0);
   Tensor size = torch::empty({static_cast<std::int64_t>(estimate.blocks.size())}, torch::kFloat64);
@@ -121,9 +130,11 @@ Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& whic
     size.data_ptr<double>()[i] = estimate.blocks[i].size;
   }
   return {.pixels = estimate.points.index_select(0, index).to(torch::kFloat64),
-          .depths = estimate.depth.index_select(0, index).to(torch::kFloat64),
+          .depths = insertion_depths(estimate, options.insertion_depth)
+                        .index_select(0, index)
+                        .to(torch::kFloat64),
           .radii_px = 0.5 * size.index_select(0, index),
-          .opacities = torch::full({n}, opacity, torch::kFloat64)};
+          .opacities = torch::full({n}, options.initial_opacity, torch::kFloat64)};
 }
 
 }  // namespace apvi::mapping

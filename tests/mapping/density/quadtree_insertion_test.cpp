@@ -66,12 +66,32 @@ TEST(BlocksToFill, ExcludesCoveredBlocks) {
 
 TEST(BlocksToFill, SeedsHaveTheBlocksCentersAndSizes) {
   const Seeds seeds =
-      seeds_from_blocks(four_blocks(), torch::tensor({false, true, false, true}), 0.2);
+      seeds_from_blocks(four_blocks(), torch::tensor({false, true, false, true}), {});
   ASSERT_EQ(seeds.size(), 2);
   EXPECT_TRUE(test::tensors_near(seeds.pixels,
                                  torch::tensor({{24.0, 8.0}, {24.0, 24.0}}, torch::kFloat64), 0));
   EXPECT_TRUE(test::tensors_near(seeds.depths, torch::tensor({2.0, 4.0}, torch::kFloat64), 0));
   EXPECT_DOUBLE_EQ(seeds.radii_px[0].item<double>(), 8.0);
+}
+
+TEST(InsertionDepths, UpsampledDepthFillsBlocksWithoutConfidentDepth) {
+  depth::DepthEstimate estimate = four_blocks();
+  estimate.confident[1] = false;
+  estimate.points = estimate.points - 7.5F;  // top-left pixels
+  estimate.dense = torch::full({32, 32}, 9.0F);
+  estimate.dense[0][16] = 2.5F;
+  estimate.dense[16][0] = 0.0F;
+  EXPECT_TRUE(torch::equal(insertion_depths(estimate, InsertionDepth::block),
+                           torch::tensor({1.0F, 0.0F, 3.0F, 4.0F})));
+  EXPECT_TRUE(torch::equal(insertion_depths(estimate, InsertionDepth::upsampled),
+                           torch::tensor({9.0F, 2.5F, 0.0F, 9.0F})));
+  const OnlineOptions options = {.insertion_depth = InsertionDepth::upsampled};
+  const Inputs empty;
+  const Tensor which =
+      blocks_to_fill(estimate, empty.points, empty.rendered, empty.alpha, empty.image, options);
+  EXPECT_TRUE(torch::equal(which, torch::tensor({true, true, false, true})));
+  const Seeds seeds = seeds_from_blocks(estimate, which, options);
+  EXPECT_TRUE(test::tensors_near(seeds.depths, torch::tensor({9.0, 2.5, 9.0}, torch::kFloat64), 0));
 }
 
 TEST(InFreeSpace, SelectsGaussiansInFrontOfConfidentDepth) {
