@@ -15,6 +15,7 @@
 #include "mapping/density/gaussian_limit.hpp"
 #include "mapping/density/seed_stream.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "mapping/medium/initial_medium.hpp"
 #include "mapping/medium/medium_estimation.hpp"
 #include "mapping/training/retry_on_oom.hpp"
 #include "medium/medium_initialization.hpp"
@@ -264,6 +265,20 @@ void Mapper::maybe_estimate_medium(const MapperInput& input) {
 void Mapper::estimate_medium() {
   const torch::NoGradGuard no_grad;
   const auto entry = times_.scope("water");
+  if (options_.trainer.medium_estimation == MediumEstimationMethod::fit) {
+    fit_medium();
+  } else if (!optimizer_->medium()) {
+    start_medium();
+  }
+  optimizer_->set_vio_failing(vio_failing_);
+}
+
+void Mapper::start_medium() {
+  optimizer_->start_medium(initial_medium(optimizer_->map(), keyframes_), keyframes_);
+  schedule_.reset_penalties();
+}
+
+void Mapper::fit_medium() {
   const Map map = optimizer_->full_map();
   const medium::MediumPrior prior =
       medium::default_medium_prior(options_.trainer.lamp, optimizer_->medium_posterior());
@@ -281,7 +296,6 @@ void Mapper::estimate_medium() {
     optimizer_->apply_medium(medium::coastal_medium(), torch::zeros({3, 3, 3}, torch::kFloat64),
                              keyframes_);
   }
-  optimizer_->set_vio_failing(vio_failing_);
 }
 
 // New keyframes start at low resolution.

@@ -166,6 +166,8 @@ class Mapper {
   void detect_outage(std::int64_t stamp_ns);
   void maybe_estimate_medium(const MapperInput& input);
   void estimate_medium();
+  void fit_medium();
+  void start_medium();
   std::int64_t densify_interval_steps() const;
   void maybe_densify();
   int reduction(std::size_t view) const;

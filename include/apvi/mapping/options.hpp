@@ -20,6 +20,12 @@ enum class Densification {
   quadtree,  ///< as gradient, and from quadtree depth estimates
 };
 
+/// How the medium is found.
+enum class MediumEstimationMethod {
+  fit,       ///< repeated fits to the map's surfaces, between which it is optimized near the fit
+  gradient,  ///< optimized with the map from an initial estimate on, as in the paper; no lamp
+};
+
 /// Adam's learning rates. The rate of the means is in scene extents and decays exponentially to
 /// `means_final`; the others decay in the second half of the training by `final_factor`.
 struct LearningRates {
@@ -147,6 +153,7 @@ struct TrainerOptions {
   bool antialiased = false;
   bool gain_compensation = true;  ///< estimate a gain per keyframe
   bool sparse_adam = false;       ///< a step updates only visible Gaussians
+  MediumEstimationMethod medium_estimation = MediumEstimationMethod::fit;
   std::optional<medium::Lamp> lamp =
       std::nullopt;  ///< on the vehicle; used when the medium is optimized
   std::uint64_t seed = 0;

@@ -69,6 +69,7 @@ struct MappingOptions {
     using config::Choices;
     using config::Range;
     using mapping::Densification;
+    using mapping::MediumEstimationMethod;
     v("enabled", enabled,
       Choices<MapSwitch>{
           {"auto", MapSwitch::automatic}, {"true", MapSwitch::on}, {"false", MapSwitch::off}},
@@ -81,6 +82,11 @@ struct MappingOptions {
       "source of new Gaussians: none; gradient: clone and split; random: also at random pixels; "
       "quadtree: also from depth estimation; with given poses the default is gradient");
     v("medium", medium, "estimate attenuation and backscatter of the water");
+    v("medium_estimation", trainer.medium_estimation,
+      Choices<MediumEstimationMethod>{{"fit", MediumEstimationMethod::fit},
+                                      {"gradient", MediumEstimationMethod::gradient}},
+      "fit: fits to surfaces that the map shows at several ranges; gradient: optimized with the "
+      "map, at twice the learning rate while VIO fails, without a lamp (the paper)");
     v("lamp", lamp, "with medium: model the light of the rig's lamp0 if it has one");
     v("max_gaussians", trainer.densify.max_gaussians, Range{0, 100000000},
       "maximum number of Gaussians; 0: 100,000 on a CPU, 600,000 on a GPU; fewer if GPU memory "

@@ -283,6 +283,15 @@ void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {
                     image);
 }
 
+void MapOptimizer::start_medium(const medium::Medium& medium, const KeyframeStore& keyframes) {
+  const torch::NoGradGuard no_grad;
+  Map after = full_map();
+  after.medium = on_device(medium);
+  recolor(full_map(), after, keyframes);
+  medium_.emplace(*after.medium);
+  medium_views_.clear();
+}
+
 void MapOptimizer::apply_medium(const medium::Medium& medium, const Tensor& resolution,
                                 const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;

@@ -65,6 +65,9 @@ class MapOptimizer {
   void reorder();
   /// Moves the Gaussians of each listed anchor by its rigid motion [4,4] (float64).
   void move(const std::map<std::int64_t, torch::Tensor>& motions);
+  /// Begins to optimize the medium, without a prior. Recolors the Gaussians so that the keyframes'
+  /// renderings stay the same.
+  void start_medium(const medium::Medium& medium, const KeyframeStore& keyframes);
   /// Replaces the medium and sets it as the prior (see medium::MediumOptimizer::set_prior).
   /// Recolors the Gaussians so that the keyframes' renderings stay the same.
   void apply_medium(const medium::Medium& medium, const torch::Tensor& resolution,

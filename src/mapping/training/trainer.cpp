@@ -100,6 +100,7 @@ double Trainer::step() {
 
 // Repeated during training, because the estimate improves with the map.
 void Trainer::maybe_estimate_medium() {
+  if (options_.medium_estimation == MediumEstimationMethod::gradient) return;
   if (!medium() || medium_estimations_ >= kMediumEstimationProgress.size() ||
       progress() < kMediumEstimationProgress[medium_estimations_]) {
     return;

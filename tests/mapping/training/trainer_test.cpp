@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 
@@ -95,6 +96,24 @@ TEST(Trainer, ResumesBitIdentically) {
   EXPECT_TRUE(bitwise_equal(whole.map(), resumed.map()));
   EXPECT_TRUE(torch::equal(whole.corrections().poses(), resumed.corrections().poses()));
   EXPECT_TRUE(torch::equal(whole.medium()->beta_d, resumed.medium()->beta_d));
+}
+
+TEST(Trainer, OptimizesTheMediumByGradientAlone) {
+  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  TrainerOptions options = quick_options(40);
+  options.medium_estimation = MediumEstimationMethod::gradient;
+  const medium::Medium water = {.beta_d = torch::full({3}, 0.3F),
+                                .beta_b = torch::full({3}, 0.3F),
+                                .b_inf = torch::full({3}, 0.5F)};
+  Trainer trainer(keyframes, rough_map(), options, water);
+  double before = 0.5;
+  while (!trainer.done()) {
+    trainer.step();
+    const double now = trainer.medium()->b_inf[0].item<double>();
+    ASSERT_NE(now, before) << "iteration " << trainer.iteration();
+    ASSERT_LT(std::abs(now - before), 0.01) << "iteration " << trainer.iteration();  // no fit
+    before = now;
+  }
 }
 
 TEST(Trainer, NeverTrainsOnHeldOutImages) {
