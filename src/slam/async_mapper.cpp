@@ -146,6 +146,7 @@ std::string AsyncMapper::status() const {
 
 void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
+  optimize_outage(frame);
   const mapping::KeyframeDecision decision = add_frame(frame);
   const bool accepted = decision == mapping::KeyframeDecision::accepted;
   if (accepted) ++keyframe_count_;
@@ -177,6 +178,24 @@ void AsyncMapper::optimize() {
     if (!scheduler_.may_step(steps, queued_frames())) return;
     step();
   }
+}
+
+// A medium that is learned by gradient adapts while VIO fails, although no keyframes come then.
+void AsyncMapper::optimize_outage(const localization::MapFrame& frame) {
+  using enum mapping::MediumEstimationMethod;
+  const mapping::MapperOptions& mapper = options_.mapper;
+  if (!mapper.medium || mapper.trainer.medium_estimation != gradient) return;
+  if (!first_frame_) first_frame_ = frame.stamp;
+  if (failing_since_) {
+    const double mapped_s = seconds_between(*first_frame_, *failing_since_) - outages_s_;
+    const double outage_s = seconds_between(*failing_since_, frame.stamp);
+    const int steps =
+        scheduler_.outage_steps(outage_s, mapped_s, static_cast<double>(keyframe_count_));
+    for (int k = 0; k < steps && mapper_.ready() && !callbacks_.interrupted(); ++k) step();
+    outages_s_ += outage_s;
+    failing_since_.reset();
+  }
+  if (frame.vio_failing) failing_since_ = frame.stamp;
 }
 
 double AsyncMapper::step() {

@@ -106,6 +106,7 @@ class AsyncMapper : public localization::MapSink {
   void close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted);
   std::vector<mapping::LoopCorrection> next_loop_corrections();
   void optimize();
+  void optimize_outage(const localization::MapFrame& frame);
   double step();
   void finish_map();
   void flush_depth();
@@ -120,6 +121,9 @@ class AsyncMapper : public localization::MapSink {
   MappingScheduler scheduler_;
   std::optional<AsyncLoopCloser> loop_closer_;
   Profiler times_;
+  std::optional<Stamp> first_frame_;
+  std::optional<Stamp> failing_since_;  // VIO has failed; no steps yet for the time since then
+  double outages_s_ = 0.0;
   std::size_t dropped_ = 0;
   std::exception_ptr failure_;  // of the mapper's thread, until `finish`
   std::atomic<bool> failed_ = false;

@@ -2,6 +2,7 @@
 #include "slam/mapping_scheduler.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace apvi::slam {
 
@@ -10,6 +11,12 @@ bool MappingScheduler::may_step(int steps_done, std::size_t queued) const {
   if (finishing_ && since_finish_.seconds() > options_.max_final_s) return false;
   const bool others_wait = finishing_ || queued > 0;
   return !others_wait || training_s_ <= options_.training_fraction * busy_s();
+}
+
+int MappingScheduler::outage_steps(double outage_s, double mapped_s, double keyframes) const {
+  if (options_.realtime || mapped_s <= 0.0) return 0;
+  return static_cast<int>(
+      std::lround(options_.steps_per_keyframe * keyframes * outage_s / mapped_s));
 }
 
 bool MappingScheduler::should_skip_depth(std::size_t queued) const {

@@ -47,6 +47,9 @@ class MappingScheduler {
 
   /// Whether another step may follow `steps_done` steps for the present keyframe.
   bool may_step(int steps_done, std::size_t queued) const;
+  /// Steps for an outage without frames, at the pace of `keyframes` in `mapped_s` before it. None
+  /// in real time, which does not need frames to go on.
+  int outage_steps(double outage_s, double mapped_s, double keyframes) const;
   bool should_skip_depth(std::size_t queued) const;
   bool should_skip_medium_fit(std::size_t queued) const {
     return queued > options_.max_queue_for_medium_fit;

@@ -50,6 +50,14 @@ TEST(MappingScheduler, SkipsDepthInRealTimeOnceTheRecordingHasEnded) {
   EXPECT_FALSE(sequential.should_skip_depth(0));
 }
 
+TEST(MappingScheduler, KeepsThePaceDuringAnOutageWhenNotInRealTime) {
+  const MappingScheduler sequential({.realtime = false, .steps_per_keyframe = 3});
+  EXPECT_EQ(sequential.outage_steps(4.0, 10.0, 10.0), 12);
+  EXPECT_EQ(sequential.outage_steps(4.0, 0.0, 1.0), 0);
+  const MappingScheduler realtime({.realtime = true, .steps_per_keyframe = 3});
+  EXPECT_EQ(realtime.outage_steps(4.0, 10.0, 10.0), 0);
+}
+
 TEST(MappingScheduler, FlushesWithoutTimeLimitOnlyWhenNotInRealTime) {
   const auto steps_after_slow_depth = [](bool realtime) {
     MappingScheduler scheduler(
