@@ -74,6 +74,7 @@ Fuser::Fuser(const Config& config, const FreezeConfig& freeze)
 
 FusionResult Fuser::update(const FusionInput& given) {
   FusionInput input = given;
+  input.vio_includes_dipo = given.vio_includes_dipo && config_.bypass_for_tight_graph;
   FusionResult result;
   result.dipo = stability_.check(input.stamp, input.dipo);
   if (input.dipo && !is_finite(*input.dipo)) input.dipo.reset();

@@ -34,7 +34,8 @@ struct FusionInput {
   vio::FrameStatistics statistics;
   std::optional<VioEstimate> vio;  ///< nullopt: not initialized, or no solution
   /// VIO's graph includes DVL and pressure depth: DIPO adds no information, and VIO continues
-  /// without vision. mode `consistent` then uses VIO's pose as long as it agrees with DIPO.
+  /// without vision. mode `consistent` then uses VIO's pose as long as it agrees with DIPO. Ignored
+  /// with `bypass_for_tight_graph: false`.
   bool vio_includes_dipo = false;
 };
 

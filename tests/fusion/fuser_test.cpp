@@ -364,6 +364,25 @@ TEST(Fuser, TightWindowIsNotResetWhenDipoIsUnstable) {
   EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
 }
 
+TEST(Fuser, TightWindowWithoutBypassFollowsAlgorithm1) {
+  Config config = as_printed();
+  config.mode = Mode::consistent;
+  config.consistent_method = Consistent::intersection;
+  config.bypass_for_tight_graph = false;
+  Scene scene(config);
+  scene.input.vio_includes_dipo = true;
+  scene.vio_at(0.2);
+  EXPECT_LT(scene.step().pose->T_world_body.translation.x(), 0.199);
+  scene.input.statistics = dark();
+  FusionResult result = scene.step();
+  EXPECT_EQ(result.state, FusionState::frozen);
+  EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
+  scene.pings = false;
+  for (int i = 0; i < 30 && result.freeze.action != Action::reset; ++i) result = scene.step();
+  EXPECT_EQ(result.freeze.action, Action::reset);
+  EXPECT_EQ(result.state, FusionState::dropped);
+}
+
 TEST(Fuser, ShortDipoInterruptionDoesNotResetTheWindow) {
   Scene scene(by_default());
   for (int i = 0; i < 5; ++i) scene.step();

@@ -210,6 +210,7 @@ enum class Consistent { relative, intersection };
 struct Config {
   Mode mode = Mode::consistent;
   Consistent consistent_method = Consistent::relative;
+  bool bypass_for_tight_graph = true;
   DiscriminatorConfig discriminator;
   StabilityConfig dipo_stability;
   HysteresisConfig hysteresis;
@@ -226,6 +227,10 @@ struct Config {
                           {"intersection", Consistent::intersection}},
       "mode consistent: relative: fuse the relative motion seen by VIO; intersection: covariance "
       "intersection of the poses");
+    v("bypass_for_tight_graph", bypass_for_tight_graph,
+      "with vio.graph: tight, whose window includes DIPO's sensors: mode consistent outputs VIO's "
+      "pose unless step 2 rejects it, and an unstable DIPO does not reset the window; false: "
+      "Algorithm 1 and Eq. 7 as with graph: paper");
     v("discriminator", discriminator, "Algorithm 1: detection of VIO failures");
     v("dipo_stability", dipo_stability,
       "stability check of DIPO: decides between freezing and dropping while VIO has failed");
