@@ -42,6 +42,7 @@ FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
     : tight_(vio.graph == vio::GraphKind::tight && rig.dvl),
       allow_state_prior_(freeze.enabled || tight_),
       track_drift_(fusion.discriminator.agreement.window_s > 0.0),
+      unfreeze_(freeze.frozen_frames == fusion::FrozenFrames::unfreeze),
       estimator_(vio, rig),
       fuser_(scale_to_camera(fusion, rig), freeze) {}
 
@@ -133,7 +134,7 @@ void FusionStage::apply(fusion::Action action) {
     case fusion::Action::freeze:
       return estimator_.freeze();
     case fusion::Action::release:
-      return estimator_.release();
+      return unfreeze_ ? estimator_.unfreeze() : estimator_.release();
     case fusion::Action::reset:
       return estimator_.reset();
   }

@@ -63,6 +63,7 @@ class FusionStage {
   bool tight_;
   bool allow_state_prior_;
   bool track_drift_;
+  bool unfreeze_;
   vio::Estimator estimator_;
   fusion::Fuser fuser_;
   std::optional<SE3> T_output_dipo_;

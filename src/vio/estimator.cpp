@@ -81,6 +81,7 @@ void Estimator::reset() {
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
   frozen_ = false;
+  prior_before_freeze_.reset();
   vision_failed_ = false;
   has_used_landmarks_ = false;
   started_with_prior_ = false;
@@ -198,14 +199,44 @@ void Estimator::freeze() {
   }
   frozen_ = true;
   newest_is_keyframe_ = true;
-  window_.prior.reset();
+  prior_before_freeze_ = std::exchange(window_.prior, nullptr);
   for (const auto& frame : window_.frames) frame->frozen = true;
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = landmark.triangulated();
 }
 
-void Estimator::release() {
+// With a tight graph, releasing and unfreezing are the same: no frame is frozen.
+void Estimator::end_vision_failure() {
   if (std::exchange(vision_failed_, false)) restore_excluded_frames(window_);
+}
+
+void Estimator::unfreeze() {
+  end_vision_failure();
   if (!frozen_) return;
+  frozen_ = false;
+  first_ping_.reset();
+  for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
+  for (const auto& frame : window_.frames) {
+    // Poses of DIPO share its drift: each of them after the first adds nothing.
+    if (frame->from_previous) frame->state_prior.reset();
+    frame->frozen = false;
+  }
+  window_.prior = std::exchange(prior_before_freeze_, nullptr);
+  shrink_to_size();
+}
+
+// A freeze adds as many frames as the window has.
+void Estimator::shrink_to_size() {
+  const auto room = static_cast<std::size_t>(config_.window.keyframes);
+  while (window_.frames.size() > room) {
+    newest_is_keyframe_ = true;  // the prior may refer to it
+    marginalize_oldest(Graph(window_, config_, rig_), window_, config_);
+  }
+}
+
+void Estimator::release() {
+  end_vision_failure();
+  if (!frozen_) return;
+  prior_before_freeze_.reset();
   frozen_ = false;
   first_ping_.reset();
   while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
@@ -312,6 +343,7 @@ void Estimator::refresh_preintegrations() {
 bool Estimator::uses_pings(Stamp stamp) const {
   if (!rig_.dvl) return false;
   if (config_.graph == GraphKind::tight) return config_.tight.use_dvl_velocity;
+  if (config_.initialization.dvl_aiding_s == 0.0) return false;
   if (frozen_) return true;
   return started_with_prior_ && (!first_ping_ || seconds_between(*first_ping_, stamp) <
                                                      config_.initialization.dvl_aiding_s);

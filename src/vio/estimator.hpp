@@ -79,6 +79,10 @@ class Estimator {
   /// Releases the window: frozen frames are removed without marginalization, and the window
   /// continues from the first frame since the freeze, at the pose of its state prior.
   void release();
+  /// Releases the window as in the paper: frozen frames stay and are optimized again, with the
+  /// prior they had before. The prior of a frame since the freeze stays only where no inertial term
+  /// links it to the frame before.
+  void unfreeze();
   bool frozen() const { return frozen_; }
 
   bool started() const { return !window_.frames.empty(); }
@@ -90,6 +94,8 @@ class Estimator {
   bool should_restart(const TrackedFrame& tracked) const;
   void insert_start_frames(const std::vector<TrackedFrame>& frames,
                            const std::vector<imu::NavState>& states);
+  void end_vision_failure();
+  void shrink_to_size();
   Result track(const TrackedFrame& tracked, const std::optional<StatePrior>& prior);
   void use_prior(const StatePrior& prior);
   void limit_window(const class Graph& graph);
@@ -123,6 +129,7 @@ class Estimator {
   Window window_;
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
+  std::shared_ptr<const Prior> prior_before_freeze_;
   bool vision_failed_ = false;
   bool has_used_landmarks_ = false;  // a landmark has been in the graph since initialization
   bool started_with_prior_ = false;

@@ -211,6 +211,64 @@ TEST(Estimator, FrozenWindowFollowsTheStatePriorAndLeavesNoPrior) {
   }
 }
 
+TEST(Estimator, UnfreezeKeepsTheFrozenFramesAndTheirPrior) {
+  vio::Config config = config_for(GraphKind::paper);
+  config.window.keyframes = 30;  // more than there are
+  EstimatorRun run({.seed = 3}, config);
+  for (int k = 0; k < 40; ++k) run.step(k);
+  const auto& frames = run.estimator.window().frames;
+  const std::size_t held = frames.size();
+  const auto prior = run.estimator.window().prior;
+  const Stamp oldest = frames.front()->stamp;
+  run.estimator.freeze();
+  run.step(40, true, true);
+  EXPECT_FALSE(run.estimator.window().prior);
+  run.estimator.unfreeze();
+  EXPECT_EQ(run.estimator.window().prior, prior);
+  EXPECT_EQ(frames.front()->stamp, oldest);
+  EXPECT_GE(frames.size(), held);
+  for (const auto& frame : frames) EXPECT_FALSE(frame->frozen || frame->state_prior);
+  for (int k = 41; k < 120; ++k) {
+    const vio::Result result = run.step(k);
+    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
+    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
+  }
+}
+
+TEST(Estimator, UnfreezeContinuesAfterALongFailure) {
+  vio::Config config = config_for(GraphKind::paper);
+  EstimatorRun run({.seed = 3}, config);
+  for (int k = 0; k < 80; ++k) run.step(k);
+  run.estimator.freeze();
+  for (int k = 80; k < 200; ++k) run.step(k, k >= 180, true);
+  run.estimator.unfreeze();
+  EXPECT_LE(run.estimator.window().frames.size(),
+            static_cast<std::size_t>(config.window.keyframes));
+  for (int k = 200; k < 260; ++k) {
+    const vio::Result result = run.step(k);
+    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
+    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
+  }
+}
+
+TEST(Estimator, UnfreezeWithoutNewFramesContinues) {
+  EstimatorRun run({}, config_for(GraphKind::paper));
+  for (int k = 0; k < 20; ++k) run.step(k);
+  run.estimator.freeze();
+  run.estimator.unfreeze();
+  EXPECT_EQ(run.step(20).status, Status::tracking);
+}
+
+TEST(Estimator, PaperGraphWithoutAidingNeverUsesPings) {
+  vio::Config config = config_for(GraphKind::paper);
+  config.initialization.dvl_aiding_s = 0.0;
+  EstimatorRun run({}, config);
+  for (int k = 0; k < 40; ++k) run.step(k);
+  run.estimator.freeze();
+  for (int k = 40; k < 60; ++k) run.step(k, false, true);
+  for (const auto& frame : run.estimator.window().frames) EXPECT_TRUE(frame->pings.empty());
+}
+
 TEST(Estimator, MovingSceneDuringVisionFailureDoesNotMoveATightWindow) {
   double drift[2] = {};
   for (const bool trusted : {true, false}) {

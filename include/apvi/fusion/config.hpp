@@ -240,9 +240,13 @@ struct Config {
   }
 };
 
+/// What becomes of the frozen frames when vision has recovered.
+enum class FrozenFrames { remove, unfreeze };
+
 /// The `freeze` section: handling of VIO's window during a vision failure.
 struct FreezeConfig {
   bool enabled = true;
+  FrozenFrames frozen_frames = FrozenFrames::remove;
   int release_frames = 3;
   double max_frozen_s = 0.0;
 
@@ -252,6 +256,11 @@ struct FreezeConfig {
     v("enabled", enabled,
       "keep VIO's window frozen while DIPO continues; false: re-initialize VIO after every "
       "failure");
+    v("frozen_frames", frozen_frames,
+      config::Choices<FrozenFrames>{{"remove", FrozenFrames::remove},
+                                    {"unfreeze", FrozenFrames::unfreeze}},
+      "with vio.graph: paper: what becomes of the frozen frames after a failure: remove them, and "
+      "continue from the pose of DIPO; unfreeze them with the prior they had (the paper)");
     v("release_frames", release_frames, Range{1, 10000},
       "consecutive good frames that release a frozen window or complete a re-initialization");
     v("max_frozen_s", max_frozen_s, Range{0.0, 1e9},

@@ -183,7 +183,8 @@ struct StartConfig {
       "frames older than this are not used to initialize without a DVL [s]");
     v("dvl_aiding_s", dvl_aiding_s, Range{0.0, 60.0},
       "DVL velocity factors are in the graph for this long after initialization or a freeze, even "
-      "with graph: paper, as scale is unobservable at constant velocity [s]");
+      "with graph: paper, as scale is unobservable at constant velocity; 0: never, nor during a "
+      "freeze [s]");
   }
 };
 

@@ -40,7 +40,7 @@ const FirstEstimate* Graph::first(const Frame& frame) const {
 }
 
 void Graph::add_prior(const std::shared_ptr<const Prior>& prior, const Frame* frame) {
-  if (!prior) return;
+  if (!prior || prior->kept.empty()) return;
   priors_.emplace_back(prior);
   Term term{.cost = &priors_.back(), .blocks = {}, .frame = frame};
   for (const Prior::Kept& kept : prior->kept) term.blocks.push_back(kept.block);
