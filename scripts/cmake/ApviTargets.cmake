@@ -109,10 +109,14 @@ function(apvi_add_torch_test name)
     list(APPEND suites ${lines})
   endforeach()
   list(REMOVE_DUPLICATES suites)
+  set(timeout 300)
+  if(NOT ARG_LABELS STREQUAL quick)
+    set(timeout 1200)  # a suite of whole runs in one process
+  endif()
   foreach(suite IN LISTS suites)
     add_test(NAME ${name}/${suite}
              COMMAND apvi_${name}_test --gtest_filter=${suite}.*:${suite}/*:*/${suite}.*)
-    set_tests_properties(${name}/${suite} PROPERTIES LABELS ${ARG_LABELS} TIMEOUT 300
+    set_tests_properties(${name}/${suite} PROPERTIES LABELS ${ARG_LABELS} TIMEOUT ${timeout}
                          FAIL_REGULAR_EXPRESSION "Running 0 tests")
   endforeach()
 endfunction()
