@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "fusion/fuser_scene.hpp"
 #include "fusion/two_odometries.hpp"
 #include "support/matchers.hpp"
 
@@ -16,66 +17,6 @@ namespace apvi::fusion {
 namespace {
 
 using test::PoseNear;
-
-// Algorithm 1 and Eq. 7 as printed.
-Config as_printed() {
-  Config config;
-  config.mode = Mode::paper;
-  config.discriminator.agreement.require_stable_dipo = false;
-  config.discriminator.agreement.dipo_sigmas = 0.0;
-  config.hysteresis = {.good_frames = 0, .bad_frames = 0, .recovery_stable_ratio_factor = 1.0};
-  config.slew.time_constant_s = 0.0;
-  config.discriminator.degeneracy = {.min_rotation_eigenvalue = 0.0,
-                                     .min_position_eigenvalue = 0.0};
-  return config;
-}
-
-// The default without step 3, whose thresholds are for real data.
-Config by_default() {
-  Config config;
-  config.discriminator.degeneracy = {.min_rotation_eigenvalue = 0.0,
-                                     .min_position_eigenvalue = 0.0};
-  return config;
-}
-
-vio::FrameStatistics rich() {
-  vio::FrameStatistics statistics;
-  statistics.tracked = 120;
-  statistics.stable = 80;
-  return statistics;
-}
-
-vio::FrameStatistics dark() {
-  vio::FrameStatistics statistics;
-  statistics.tracked = 4;
-  return statistics;
-}
-
-// A vehicle at rest with one ping per frame, 0.1 s apart.
-class Scene {
- public:
-  explicit Scene(const Config& config, const FreezeConfig& freeze = {}) : fuser(config, freeze) {
-    input.dipo = PoseEstimate{SE3{}, test::diagonal(1.0, 0.1)};
-    input.vio = VioEstimate{};
-    input.vio->information = test::diagonal(1.0, 0.1).inverse();
-    input.vio->inliers = 80;
-    input.statistics = rich();
-  }
-  FusionResult step() {
-    input.stamp = input.stamp + Duration::from_seconds(0.1);
-    if (pings) {
-      fuser.add({.stamp = input.stamp, .verdict = dipo::Verdict::accepted, .nis = 3.0, .rows = 3});
-    }
-    return fuser.update(input);
-  }
-  void vio_at(double x, double y = 0.0, double z = 0.0) {
-    input.vio->T_world_body.translation = {x, y, z};
-  }
-
-  Fuser fuser;
-  FusionInput input;
-  bool pings = true;
-};
 
 TEST(Fuser, AcceptedFrameIsFusedByEq7) {
   Scene scene(as_printed());
@@ -354,35 +295,6 @@ TEST(Fuser, AccumulatedDriftDoesNotPreventRelease) {
   EXPECT_TRUE(scene.step().verdict.accepted());
 }
 
-TEST(Fuser, TightWindowIsNotResetWhenDipoIsUnstable) {
-  Scene scene(by_default());
-  scene.input.vio_includes_dipo = true;
-  for (int i = 0; i < 5; ++i) scene.step();
-  scene.pings = false;
-  scene.input.statistics = dark();
-  for (int i = 0; i < 40; ++i) EXPECT_NE(scene.step().freeze.action, Action::reset) << i;
-  EXPECT_EQ(scene.step().freeze.phase, Phase::frozen);
-}
-
-TEST(Fuser, TightWindowWithoutBypassFollowsAlgorithm1) {
-  Config config = as_printed();
-  config.mode = Mode::consistent;
-  config.consistent_method = Consistent::intersection;
-  config.bypass_for_tight_graph = false;
-  Scene scene(config);
-  scene.input.vio_includes_dipo = true;
-  scene.vio_at(0.2);
-  EXPECT_LT(scene.step().pose->T_world_body.translation.x(), 0.199);
-  scene.input.statistics = dark();
-  FusionResult result = scene.step();
-  EXPECT_EQ(result.state, FusionState::frozen);
-  EXPECT_THAT(result.pose->T_world_body, PoseNear(SE3{}, 1e-15));
-  scene.pings = false;
-  for (int i = 0; i < 30 && result.freeze.action != Action::reset; ++i) result = scene.step();
-  EXPECT_EQ(result.freeze.action, Action::reset);
-  EXPECT_EQ(result.state, FusionState::dropped);
-}
-
 TEST(Fuser, ShortDipoInterruptionDoesNotResetTheWindow) {
   Scene scene(by_default());
   for (int i = 0; i < 5; ++i) scene.step();
@@ -407,29 +319,6 @@ TEST(Fuser, UncertainDipoDoesNotRejectVio) {
     scene.vio_at(0.8);
     EXPECT_FALSE(scene.step().verdict.accepted());
   }
-}
-
-TEST(Fuser, TightWindowIsUsedFromItsFirstFrame) {
-  Scene scene(by_default());
-  scene.input.vio_includes_dipo = true;
-  scene.input.statistics = dark();  // no corner is stable yet
-  scene.vio_at(0.1);
-  const FusionResult result = scene.step();
-  EXPECT_EQ(result.freeze.phase, Phase::starting);
-  EXPECT_THAT(result.pose->T_world_body, PoseNear(scene.input.vio->T_world_body, 1e-15));
-}
-
-TEST(Fuser, TightWindowIsAcceptedAgainWhenItsMotionAgrees) {
-  Config config = by_default();
-  config.discriminator.agreement.window_s = 2.0;
-  Scene scene(config);
-  scene.input.vio_includes_dipo = true;
-  for (int i = 0; i < 30; ++i) scene.step();
-  scene.vio_at(1.0);
-  EXPECT_EQ(scene.step().verdict.reason, Reason::position_differs);
-  for (int i = 0; i < 18; ++i) EXPECT_FALSE(scene.step().verdict.accepted()) << i;
-  for (int i = 0; i < 4; ++i) scene.step();
-  EXPECT_TRUE(scene.step().verdict.accepted());
 }
 
 // Runs a dive through a fuser and measures how the output moves relative to the true motion.

@@ -39,7 +39,7 @@ std::vector<int> estimations(const std::optional<int>& outage_after) {
   return after;
 }
 
-medium::Medium murky_water() {
+medium::Medium turbid_water() {
   return {.beta_d = torch::tensor({0.4F, 0.2F, 0.2F}),
           .beta_b = torch::tensor({0.4F, 0.2F, 0.2F}),
           .b_inf = torch::tensor({0.1F, 0.3F, 0.35F})};
@@ -84,7 +84,7 @@ Mapper optimized_by_gradient(const medium::Medium& water) {
 }
 
 TEST(MapperMedium, IsOptimizedByGradientFromTheFifthKeyframeOn) {
-  Mapper mapper = optimized_by_gradient(murky_water());
+  Mapper mapper = optimized_by_gradient(turbid_water());
   const medium::Medium before = *mapper.map().medium;
   double first = 0.0;
   for (int k = 0; k < 200; ++k) {
@@ -96,7 +96,7 @@ TEST(MapperMedium, IsOptimizedByGradientFromTheFifthKeyframeOn) {
 }
 
 TEST(MapperMedium, LearningRateDoublesWhileVioFails) {
-  Mapper mapper = optimized_by_gradient(murky_water());
+  Mapper mapper = optimized_by_gradient(turbid_water());
   const double usual = *mapper.optimizer().medium_rate();
   EXPECT_DOUBLE_EQ(usual, 1e-2);
   MapperInput failure;
