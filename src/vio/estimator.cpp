@@ -205,15 +205,15 @@ void Estimator::freeze() {
 }
 
 // With a tight graph, releasing and unfreezing are the same: no frame is frozen.
-void Estimator::end_vision_failure() {
+bool Estimator::end_freeze() {
   if (std::exchange(vision_failed_, false)) restore_excluded_frames(window_);
+  if (!std::exchange(frozen_, false)) return false;
+  first_ping_.reset();
+  return true;
 }
 
 void Estimator::unfreeze() {
-  end_vision_failure();
-  if (!frozen_) return;
-  frozen_ = false;
-  first_ping_.reset();
+  if (!end_freeze()) return;
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
   for (const auto& frame : window_.frames) {
     // Poses of DIPO share its drift: each of them after the first adds nothing.
@@ -234,11 +234,8 @@ void Estimator::shrink_to_size() {
 }
 
 void Estimator::release() {
-  end_vision_failure();
-  if (!frozen_) return;
+  if (!end_freeze()) return;
   prior_before_freeze_.reset();
-  frozen_ = false;
-  first_ping_.reset();
   while (!window_.frames.empty() && window_.frames.front()->frozen) remove_frame(window_, 0);
   for (auto& [id, landmark] : window_.landmarks) landmark.frozen = false;
   const auto first_with_prior =

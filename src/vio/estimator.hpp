@@ -94,7 +94,8 @@ class Estimator {
   bool should_restart(const TrackedFrame& tracked) const;
   void insert_start_frames(const std::vector<TrackedFrame>& frames,
                            const std::vector<imu::NavState>& states);
-  void end_vision_failure();
+  /// Whether the window was frozen.
+  bool end_freeze();
   void shrink_to_size();
   Result track(const TrackedFrame& tracked, const std::optional<StatePrior>& prior);
   void use_prior(const StatePrior& prior);

@@ -179,6 +179,14 @@ TEST(Estimator, ResultsDoNotDependOnHeapAddresses) {
   }
 }
 
+void expect_accurate(EstimatorRun& run, int begin, int end) {
+  for (int k = begin; k < end; ++k) {
+    const vio::Result result = run.step(k);
+    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
+    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
+  }
+}
+
 TEST(Estimator, FrozenWindowFollowsTheStatePriorAndLeavesNoPrior) {
   EstimatorRun run({.seed = 3}, config_for(GraphKind::paper));
   for (int k = 0; k < 80; ++k) run.step(k);
@@ -204,11 +212,7 @@ TEST(Estimator, FrozenWindowFollowsTheStatePriorAndLeavesNoPrior) {
               true)
         << "the prior contains only frames after the freeze";
   }
-  for (int k = 200; k < 240; ++k) {
-    const vio::Result result = run.step(k);
-    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
-    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
-  }
+  expect_accurate(run, 200, 240);
 }
 
 TEST(Estimator, UnfreezeKeepsTheFrozenFramesAndTheirPrior) {
@@ -228,11 +232,7 @@ TEST(Estimator, UnfreezeKeepsTheFrozenFramesAndTheirPrior) {
   EXPECT_EQ(frames.front()->stamp, oldest);
   EXPECT_GE(frames.size(), held);
   for (const auto& frame : frames) EXPECT_FALSE(frame->frozen || frame->state_prior);
-  for (int k = 41; k < 120; ++k) {
-    const vio::Result result = run.step(k);
-    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
-    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
-  }
+  expect_accurate(run, 41, 120);
 }
 
 TEST(Estimator, UnfreezeContinuesAfterALongFailure) {
@@ -244,11 +244,7 @@ TEST(Estimator, UnfreezeContinuesAfterALongFailure) {
   run.estimator.unfreeze();
   EXPECT_LE(run.estimator.window().frames.size(),
             static_cast<std::size_t>(config.window.keyframes));
-  for (int k = 200; k < 260; ++k) {
-    const vio::Result result = run.step(k);
-    ASSERT_EQ(result.status, Status::tracking) << "frame " << k << ": " << result.detail;
-    EXPECT_LT(errors(result, run.dive.truth(k)).position_m, 0.1) << "frame " << k;
-  }
+  expect_accurate(run, 200, 260);
 }
 
 TEST(Estimator, UnfreezeWithoutNewFramesContinues) {
