@@ -125,7 +125,7 @@ void AsyncMapper::flush_depth() {
   const auto count = static_cast<int>(mapper_.waiting());
   if (count == 0 || !mapper_.ready() || callbacks_.interrupted()) return;
   const int steps = scheduler_.flush_steps(count, static_cast<double>(keyframe_count_),
-                                           static_cast<double>(mapper_.iteration()));
+                                           static_cast<double>(mapper_.iteration()), depth_s());
   if (steps == 0) return;
   StatusLine status_line("settling");
   {
@@ -163,13 +163,10 @@ mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& f
   return scheduler_.measure_intake([&] {
     mapping::MapperInput input = to_input(frame);
     input.loop_corrections = next_loop_corrections();
-    input.skip_depth = scheduler_.should_skip_depth(queued_frames());
+    input.skip_depth = scheduler_.should_skip_depth(queued_frames(), depth_s());
     input.skip_medium_fit = scheduler_.should_skip_medium_fit(queued_frames());
     const std::scoped_lock lock(mutex_);
-    const double depth_s = mapper_.depth_s();
-    const mapping::KeyframeDecision decision = mapper_.add(input);
-    scheduler_.add_depth_time(mapper_.depth_s() - depth_s);
-    return decision;
+    return mapper_.add(input);
   });
 }
 
@@ -206,6 +203,10 @@ double AsyncMapper::step() {
 // Only in real time do queued frames shorten the work on the present one.
 std::size_t AsyncMapper::queued_frames() const {
   return options_.thread == MappingThread::dropping ? worker_->waiting() : 0;
+}
+
+double AsyncMapper::depth_s() const {
+  return mapper_.times().seconds("depth");
 }
 
 MapCopy AsyncMapper::snapshot() const {

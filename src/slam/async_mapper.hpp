@@ -111,6 +111,7 @@ class AsyncMapper : public localization::MapSink {
   void finish_map();
   void flush_depth();
   std::size_t queued_frames() const;
+  double depth_s() const;
 
   AsyncMapperOptions options_;
   AsyncMapperCallbacks callbacks_;

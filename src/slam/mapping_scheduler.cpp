@@ -19,15 +19,16 @@ int MappingScheduler::outage_steps(double outage_s, double mapped_s, double keyf
       std::lround(options_.steps_per_keyframe * keyframes * outage_s / mapped_s));
 }
 
-bool MappingScheduler::should_skip_depth(std::size_t queued) const {
+bool MappingScheduler::should_skip_depth(std::size_t queued, double depth_s) const {
   if (options_.realtime && finishing_) return true;
-  return queued > 0 && depth_s_ > options_.max_depth_fraction * busy_s();
+  return queued > 0 && depth_s > options_.max_depth_fraction * busy_s();
 }
 
-int MappingScheduler::flush_steps(int keyframes, double accepted, double iterations) const {
-  const double each_s = depth_s_ / std::max(1.0, accepted) + options_.steps_per_flushed_keyframe *
-                                                                 training_s_ /
-                                                                 std::max(1.0, iterations);
+int MappingScheduler::flush_steps(int keyframes, double accepted, double iterations,
+                                  double depth_s) const {
+  const double each_s = depth_s / std::max(1.0, accepted) + options_.steps_per_flushed_keyframe *
+                                                                training_s_ /
+                                                                std::max(1.0, iterations);
   const bool late = since_finish_.seconds() + keyframes * each_s > options_.max_final_s;
   if (options_.realtime && late) return 0;
   return keyframes * options_.steps_per_flushed_keyframe;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 
+#include "core/profiler.hpp"
 #include "core/stopwatch.hpp"
 
 namespace apvi::slam {
@@ -28,7 +29,7 @@ class MappingScheduler {
 
   explicit MappingScheduler(const Options& options) : options_(options) {}
 
-  /// Measures work: taking in a keyframe, of which depth estimation, or an optimization step.
+  /// Measures work: taking in a keyframe, or an optimization step.
   template <typename Work>
   auto measure_intake(const Work& work) {
     return measure(intake_s_, work);
@@ -37,7 +38,6 @@ class MappingScheduler {
   auto measure_step(const Work& work) {
     return measure(training_s_, work);
   }
-  void add_depth_time(double seconds) { depth_s_ += seconds; }
 
   /// The recording has ended: what is begun from now on is late.
   void finish() {
@@ -50,32 +50,28 @@ class MappingScheduler {
   /// Steps for an outage without frames, at the pace of `keyframes` in `mapped_s` before it. None
   /// in real time, which does not need frames to go on.
   int outage_steps(double outage_s, double mapped_s, double keyframes) const;
-  bool should_skip_depth(std::size_t queued) const;
+  /// `depth_s`: time of depth estimation so far [s].
+  bool should_skip_depth(std::size_t queued, double depth_s) const;
   bool should_skip_medium_fit(std::size_t queued) const {
     return queued > options_.max_queue_for_medium_fit;
   }
   /// Steps for `keyframes` whose depth is estimated last, out of `accepted` keyframes and
-  /// `iterations` steps so far; 0 when there is no time left for them.
-  int flush_steps(int keyframes, double accepted, double iterations) const;
+  /// `iterations` steps and `depth_s` of depth estimation so far; 0 when there is no time left for
+  /// them.
+  int flush_steps(int keyframes, double accepted, double iterations, double depth_s) const;
 
   double training_s() const { return training_s_; }
 
  private:
   template <typename Work>
   auto measure(double& seconds, const Work& work) {
-    const Stopwatch watch;
-    struct Add {
-      double& seconds;
-      const Stopwatch& watch;
-      ~Add() { seconds += watch.seconds(); }
-    } add{seconds, watch};
+    const Profiler::Scope scope(seconds);
     return work();
   }
   double busy_s() const { return intake_s_ + training_s_; }
 
   Options options_;
   double intake_s_ = 0.0;
-  double depth_s_ = 0.0;
   double training_s_ = 0.0;
   Stopwatch since_finish_;  // written before finishing_ is
   std::atomic<bool> finishing_ = false;

@@ -36,9 +36,9 @@ TEST(MappingScheduler, StopsOptimizingInRealTimeWhenItsShareIsUsedUpAndFramesWai
 TEST(MappingScheduler, SkipsDepthWhenFramesWaitAndDepthHasUsedUpItsShare) {
   MappingScheduler scheduler({.realtime = true, .max_depth_fraction = 0.3});
   scheduler.measure_intake([] { work(0.01); });
-  scheduler.add_depth_time(0.009);
-  EXPECT_TRUE(scheduler.should_skip_depth(1));
-  EXPECT_FALSE(scheduler.should_skip_depth(0));
+  EXPECT_TRUE(scheduler.should_skip_depth(1, 0.009));
+  EXPECT_FALSE(scheduler.should_skip_depth(1, 0.0));
+  EXPECT_FALSE(scheduler.should_skip_depth(0, 0.009));
 }
 
 TEST(MappingScheduler, SkipsDepthInRealTimeOnceTheRecordingHasEnded) {
@@ -46,8 +46,8 @@ TEST(MappingScheduler, SkipsDepthInRealTimeOnceTheRecordingHasEnded) {
   MappingScheduler sequential({.realtime = false});
   realtime.finish();
   sequential.finish();
-  EXPECT_TRUE(realtime.should_skip_depth(0));
-  EXPECT_FALSE(sequential.should_skip_depth(0));
+  EXPECT_TRUE(realtime.should_skip_depth(0, 0.0));
+  EXPECT_FALSE(sequential.should_skip_depth(0, 0.0));
 }
 
 TEST(MappingScheduler, KeepsThePaceDuringAnOutageWhenNotInRealTime) {
@@ -62,9 +62,8 @@ TEST(MappingScheduler, FlushesWithoutTimeLimitOnlyWhenNotInRealTime) {
   const auto steps_after_slow_depth = [](bool realtime) {
     MappingScheduler scheduler(
         {.realtime = realtime, .max_final_s = 1.0, .steps_per_flushed_keyframe = 100});
-    scheduler.add_depth_time(50.0);
     scheduler.finish();
-    return scheduler.flush_steps(2, 10.0, 10.0);
+    return scheduler.flush_steps(2, 10.0, 10.0, 50.0);
   };
   EXPECT_EQ(steps_after_slow_depth(false), 200);
   EXPECT_EQ(steps_after_slow_depth(true), 0);

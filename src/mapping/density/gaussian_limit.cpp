@@ -18,9 +18,4 @@ int gaussian_limit(const DensifyOptions& options) {
   return gaussians::active_device().is_cuda() ? kMaxGaussiansGpu : kMaxGaussiansCpu;
 }
 
-TrainerOptions with_gaussian_limit(TrainerOptions options) {
-  options.densify.max_gaussians = gaussian_limit(options.densify);
-  return options;
-}
-
 }  // namespace apvi::mapping

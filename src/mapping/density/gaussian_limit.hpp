@@ -7,7 +7,5 @@ namespace apvi::mapping {
 
 /// `max_gaussians`, or the default of the active device where it is 0.
 int gaussian_limit(const DensifyOptions& options);
-/// The same options with that limit set.
-TrainerOptions with_gaussian_limit(TrainerOptions options);
 
 }  // namespace apvi::mapping

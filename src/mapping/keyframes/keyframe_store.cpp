@@ -33,10 +33,7 @@ void KeyframeStore::add(Keyframe keyframe) {
   TORCH_CHECK(keyframe.T_camera_world.sizes() == at::IntArrayRef({4, 4}) &&
                   keyframe.T_camera_world.scalar_type() == torch::kFloat64,
               keyframe.name, ": the pose must be [4,4] float64");
-  if (!image.defined()) {
-    keyframes_.push_back(std::move(keyframe));
-    return;
-  }
+  if (!image.defined()) return append(std::move(keyframe));
   TORCH_CHECK(image.dim() == 3 && image.size(2) == 3 && image.scalar_type() == torch::kUInt8,
               keyframe.name, ": the image must be [H,W,3] uint8, not ", image.toString(),
               image.sizes());
@@ -49,6 +46,11 @@ void KeyframeStore::add(Keyframe keyframe) {
   keyframe.image = image.to(device_);  // may run out of memory; the store is still unchanged
   image_bytes_ += keyframe.image.nbytes();
   (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
+  append(std::move(keyframe));
+}
+
+void KeyframeStore::append(Keyframe keyframe) {
+  by_stamp_[keyframe.stamp_ns] = keyframes_.size();
   keyframes_.push_back(std::move(keyframe));
 }
 
@@ -109,6 +111,12 @@ Tensor rigid_inverse(const Tensor& T) {
   inverse.slice(0, 0, 3).slice(1, 0, 3).copy_(Rt);
   inverse.slice(0, 0, 3).select(1, 3).copy_(-Rt.mv(T.slice(0, 0, 3).select(1, 3)));
   return inverse;
+}
+
+double motion_size(const Tensor& motion) {
+  const Tensor t = motion.slice(0, 0, 3).select(1, 3);
+  const Tensor R = motion.slice(0, 0, 3).slice(1, 0, 3) - torch::eye(3, torch::kFloat64);
+  return std::max(t.norm().item<double>(), R.norm().item<double>());
 }
 
 Tensor camera_center(const Tensor& T_camera_world) {

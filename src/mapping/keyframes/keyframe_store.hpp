@@ -5,11 +5,17 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "gaussians/device.hpp"
 #include "gaussians/render/view.hpp"
+
+namespace torch::serialize {
+class InputArchive;
+class OutputArchive;
+}  // namespace torch::serialize
 
 namespace apvi::mapping {
 
@@ -51,6 +57,8 @@ class KeyframeStore {
   /// Ascending indices of the training and held-out keyframes that have an image.
   const std::vector<std::size_t>& training() const { return training_; }
   const std::vector<std::size_t>& held_out() const { return held_out_; }
+  /// Indices of all keyframes by stamp; of keyframes with the same stamp, the newest.
+  const std::map<std::int64_t, std::size_t>& by_stamp() const { return by_stamp_; }
 
   /// The image [H/f,W/f,3] float32 in [0, 1] on `device`, each pixel the mean of f x f pixels
   /// (incomplete blocks at the right and bottom are cropped).
@@ -58,11 +66,18 @@ class KeyframeStore {
   /// The view of the image reduced by `factor`, without pose correction.
   gaussians::View view(std::size_t i, int factor) const;
 
+  void save(torch::serialize::OutputArchive& archive) const;
+  /// Adds the keyframes of an archive. Throws c10::Error when it does not match.
+  void load(torch::serialize::InputArchive& archive);
+
  private:
+  void append(Keyframe keyframe);
+
   torch::Device device_;
   std::vector<Keyframe> keyframes_;
   std::vector<std::size_t> training_;
   std::vector<std::size_t> held_out_;
+  std::map<std::int64_t, std::size_t> by_stamp_;
   std::size_t image_bytes_ = 0;
 };
 
@@ -73,6 +88,9 @@ torch::Tensor to_float_image(const torch::Tensor& bytes, int factor);
 bool is_rigid(const torch::Tensor& T);
 /// The inverse of a rigid transform [4,4].
 torch::Tensor rigid_inverse(const torch::Tensor& T);
+/// Size of a rigid motion [4,4] float64: the larger of its translation [m] and, for small ones, its
+/// rotation [rad] times the square root of two.
+double motion_size(const torch::Tensor& motion);
 
 /// Center of a camera in the world [m], float64 [3], from T_camera_world [4,4].
 torch::Tensor camera_center(const torch::Tensor& T_camera_world);

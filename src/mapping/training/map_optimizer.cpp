@@ -82,12 +82,18 @@ gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent,
 
 MapOptimizer::MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
                            std::size_t views, const std::optional<medium::Medium>& medium)
-    : options_(with_gaussian_limit(options)),
+    : options_(options),
+      max_gaussians_(gaussian_limit(options.densify)),
       store_(on_device(initial)),
       statistics_(initial.size(), gaussians::active_device()),
       corrections_(views, options.pose_refinement, options.exposure_correction),
       gains_(views, gaussians::active_device()) {
-  if (medium) medium_.emplace(on_device(*medium));
+  if (medium) create_medium(*medium);
+}
+
+void MapOptimizer::create_medium(const medium::Medium& medium) {
+  medium_.emplace(on_device(medium));
+  medium_->set_vio_failing(vio_failing_);
 }
 
 const medium::MediumView& MapOptimizer::medium_view(const gaussians::Intrinsics& camera) {
@@ -224,12 +230,17 @@ void MapOptimizer::prune_least_important(std::int64_t count, const Tensor& among
   remove(pruned);
 }
 
-void MapOptimizer::keep_most_important(std::int64_t count) {
+void MapOptimizer::keep_most_important(int count) {
   const torch::NoGradGuard no_grad;
+  max_gaussians_ = count;
   if (!statistics_.has_size(size())) statistics_ = DensityStatistics(size());
   move_to(torch::kCPU);
   prune_least_important(size() - count);
   move_to(gaussians::active_device());
+}
+
+std::int64_t MapOptimizer::room() const {
+  return std::max<std::int64_t>(0, max_gaussians_ - size());
 }
 
 void MapOptimizer::move_to(const torch::Device& device) {
@@ -238,7 +249,7 @@ void MapOptimizer::move_to(const torch::Device& device) {
 }
 
 void MapOptimizer::move(const std::map<std::int64_t, Tensor>& motions) {
-  if (motions.empty()) return;
+  if (motions.empty() || size() == 0) return;
   // Index of the motion by anchor + 1; entry 0 is for Gaussians that do not move.
   std::vector<std::int64_t> which(2 + static_cast<std::size_t>(motions.rbegin()->first), -1);
   std::vector<Tensor> transforms;
@@ -288,7 +299,7 @@ void MapOptimizer::start_medium(const medium::Medium& medium, const KeyframeStor
   Map after = full_map();
   after.medium = on_device(medium);
   recolor(full_map(), after, keyframes);
-  medium_.emplace(*after.medium);
+  create_medium(*after.medium);
   medium_views_.clear();
 }
 
@@ -336,12 +347,13 @@ void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
   if (options_.gain_compensation) gains_.set_logs(after.log_gains);
   vignetting_ = after.vignetting;
   falloffs_.clear();
-  if (!medium_) medium_.emplace(on_device(*after.medium));
+  if (!medium_) create_medium(*after.medium);
   medium_->set_prior(*after.medium, resolution);
   medium_views_.clear();
 }
 
 void MapOptimizer::set_vio_failing(bool failing) {
+  vio_failing_ = failing;
   if (medium_) medium_->set_vio_failing(failing);
 }
 
@@ -400,7 +412,7 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   statistics_.load(part);
   TORCH_CHECK(statistics_.has_size(size()),
               "checkpoint: density statistics do not match the number of Gaussians");
-  prune_least_important(size() - options_.densify.max_gaussians);
+  prune_least_important(size() - max_gaussians_);
   move_to(gaussians::active_device());
   archive.read("corrections", part);
   corrections_.load(part);
@@ -412,7 +424,7 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   falloffs_.clear();
   medium_views_.clear();
   if (!gaussians::read_bool(archive, "has_medium")) return medium_.reset();
-  if (!medium_) medium_.emplace(on_device(medium::coastal_medium()));
+  if (!medium_) create_medium(medium::coastal_medium());
   archive.read("medium", part);
   medium_->load(part);
 }

@@ -57,9 +57,10 @@ class MapOptimizer {
   /// Removes the `count` least important Gaussians among those where `among` [size()] (bool) is
   /// set, or among all when undefined.
   void prune_least_important(std::int64_t count, const torch::Tensor& among = {});
-  /// Keeps the `count` most important Gaussians and frees spare capacity. Allocates no device
-  /// memory for it, and repairs the state after an operation that ran out of memory.
-  void keep_most_important(std::int64_t count);
+  /// Keeps the `count` most important Gaussians, which is the limit from then on, and frees spare
+  /// capacity. Allocates no device memory for it, and repairs the state after an operation that ran
+  /// out of memory.
+  void keep_most_important(int count);
   /// Sorts the Gaussians along a space-filling curve (see gaussians::morton_order), which speeds up
   /// rendering on a GPU. `densify` calls it periodically.
   void reorder();
@@ -77,6 +78,7 @@ class MapOptimizer {
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
+  /// Doubles the learning rate of the medium while VIO fails.
   void set_vio_failing(bool failing);
   /// Adds a view.
   void add_view();
@@ -86,6 +88,11 @@ class MapOptimizer {
   /// The same with medium and camera response.
   Map full_map() const;
   std::int64_t size() const { return store_.size(); }
+  /// Maximum number of Gaussians, which the owner respects: as configured, the default of the
+  /// device, or less after `keep_most_important`.
+  int max_gaussians() const { return max_gaussians_; }
+  /// Number of Gaussians until this limit.
+  std::int64_t room() const;
   torch::Tensor anchors() const { return store_.anchors(); }
   /// See DensityStatistics.
   torch::Tensor importance() const { return statistics_.importance(); }
@@ -97,12 +104,13 @@ class MapOptimizer {
   const ViewCorrections& corrections() const { return corrections_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
-  /// Loads at most `max_gaussians` of the options, the most important ones. Throws c10::Error when
+  /// Loads at most `max_gaussians`, the most important ones. Throws c10::Error when
   /// the archive does not match.
   void load(torch::serialize::InputArchive& archive);
 
  private:
   void move_to(const torch::Device& device);
+  void create_medium(const medium::Medium& medium);
   const medium::MediumView& medium_view(const gaussians::Intrinsics& camera);
   bool optimizes_medium() const;
   bool updates_gain(const StepSettings& settings) const;
@@ -123,6 +131,7 @@ class MapOptimizer {
                         const KeyframeStore& keyframes);
 
   TrainerOptions options_;
+  int max_gaussians_;
   gaussians::GaussianStore store_;
   DensityStatistics statistics_;
   ViewCorrections corrections_;
@@ -131,6 +140,7 @@ class MapOptimizer {
   medium::MediumPosterior medium_posterior_;
   std::map<int, torch::Tensor> falloffs_;  ///< by image width
   std::optional<medium::MediumOptimizer> medium_;
+  bool vio_failing_ = false;
   /// By image width, without gradients; invalidated when the medium is replaced.
   std::map<int, medium::MediumView> medium_views_;
 };

@@ -13,6 +13,14 @@ namespace {
 constexpr double kShrinkFactor = 0.8;  // fraction of Gaussians kept
 constexpr int kMaxRetries = 4;         // per operation; leaves 0.8^4 = 41 % of the map
 
+bool reduce_memory(MapOptimizer& optimizer, KeyframeStore& keyframes) {
+  if (optimizer.size() < kMinGaussiansToShrink) return false;
+  if (keyframes.device().is_cpu()) return shrink_map(optimizer);
+  log::warning("out of GPU memory: keyframe images are moved to host memory");
+  keyframes.move_images(torch::kCPU);
+  return true;
+}
+
 }  // namespace
 
 void retry_on_oom(const std::function<void()>& work, const std::function<bool()>& reduce_memory) {
@@ -25,14 +33,18 @@ void retry_on_oom(const std::function<void()>& work, const std::function<bool()>
   }
 }
 
-bool shrink_map(MapOptimizer& optimizer, int& max_gaussians) {
+void retry_on_oom(const std::function<void()>& work, MapOptimizer& optimizer,
+                  KeyframeStore& keyframes) {
+  retry_on_oom(work, [&] { return reduce_memory(optimizer, keyframes); });
+}
+
+bool shrink_map(MapOptimizer& optimizer) {
   if (optimizer.size() < kMinGaussiansToShrink) return false;
   const auto kept = static_cast<int>(kShrinkFactor * static_cast<double>(optimizer.size()));
   log::warning(
       "out of GPU memory: the map is reduced to the {} most important Gaussians, which is the new "
       "maximum instead of {}",
-      kept, max_gaussians);
-  max_gaussians = kept;
+      kept, optimizer.max_gaussians());
   optimizer.keep_most_important(kept);
   return true;
 }

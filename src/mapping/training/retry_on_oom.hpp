@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "mapping/keyframes/keyframe_store.hpp"
 #include "mapping/training/map_optimizer.hpp"
 
 namespace apvi::mapping {
@@ -16,8 +17,13 @@ inline constexpr std::int64_t kMinGaussiansToShrink = 1000;
 /// c10::Error when that is not enough or `reduce_memory` returns false (nothing to free).
 void retry_on_oom(const std::function<void()>& work, const std::function<bool()>& reduce_memory);
 
-/// Reduces the map to its 80 % most important Gaussians, sets `max_gaussians` to that number and
-/// logs a warning. Returns false and does nothing for maps below kMinGaussiansToShrink.
-bool shrink_map(MapOptimizer& optimizer, int& max_gaussians);
+/// The same for a growing map: moves the images of its keyframes to the host first, which costs
+/// only time, and then shrinks the map.
+void retry_on_oom(const std::function<void()>& work, MapOptimizer& optimizer,
+                  KeyframeStore& keyframes);
+
+/// Reduces the map to its 80 % most important Gaussians, which is the limit from then on, and logs
+/// a warning. Returns false and does nothing for maps below kMinGaussiansToShrink.
+bool shrink_map(MapOptimizer& optimizer);
 
 }  // namespace apvi::mapping

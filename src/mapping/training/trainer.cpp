@@ -12,7 +12,6 @@
 #include "core/random.hpp"
 #include "core/stopwatch.hpp"
 #include "gaussians/model/archive.hpp"
-#include "mapping/density/gaussian_limit.hpp"
 #include "mapping/density/random_insertion.hpp"
 #include "mapping/density/seed_stream.hpp"
 #include "mapping/training/retry_on_oom.hpp"
@@ -30,7 +29,7 @@ constexpr std::array<double, 4> kMediumEstimationProgress = {0.15, 0.3, 0.5, 0.7
 Trainer::Trainer(const KeyframeStore& keyframes, const gaussians::Gaussians& initial,
                  const TrainerOptions& options, const std::optional<medium::Medium>& medium)
     : keyframes_(keyframes),
-      options_(with_gaussian_limit(options)),
+      options_(options),
       extent_(scene_extent(keyframes)),
       initial_size_(initial.size()),
       optimizer_(initial, options_, keyframes.size(), medium) {
@@ -50,7 +49,7 @@ bool Trainer::done() const {
 }
 
 bool Trainer::reduce_memory() {
-  if (!shrink_map(optimizer_, options_.densify.max_gaussians)) return false;
+  if (!shrink_map(optimizer_)) return false;
   initial_size_ = std::min(initial_size_, most_gaussians());
   return true;
 }
@@ -124,7 +123,7 @@ void Trainer::maybe_densify() {
   if (d.kind != Densification::gradient) retry_on_oom([&] { insert_random(); });
   DensifyResult result;
   retry_on_oom([&] {
-    const std::int64_t growth = std::max<std::int64_t>(0, d.max_gaussians - initial_size_);
+    const std::int64_t growth = std::max<std::int64_t>(0, most_gaussians() - initial_size_);
     const std::int64_t limit =
         initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
     result = optimizer_.densify(extent_, limit,
@@ -138,8 +137,8 @@ void Trainer::insert_random() {
   const auto& training = keyframes_.training();
   Random random(derive_seed(options_.seed, Stream::insertion, iteration_));
   const std::size_t view = training[static_cast<std::size_t>(random.next() % training.size())];
-  const std::int64_t room = options_.densify.max_gaussians - size();
-  const std::int64_t count = std::min<std::int64_t>(options_.densify.random_per_round, room);
+  const std::int64_t count =
+      std::min<std::int64_t>(options_.densify.random_per_round, optimizer_.room());
   if (count <= 0) return;
   optimizer_.insert(random_gaussians(full_map(), keyframes_, view, count, extent_, random));
 }

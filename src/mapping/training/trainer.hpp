@@ -49,7 +49,7 @@ class Trainer {
   Map full_map() const { return optimizer_.full_map(); }
   std::int64_t size() const { return optimizer_.size(); }
   /// Maximum number of Gaussians: as configured, or less after running out of memory.
-  std::int64_t most_gaussians() const { return options_.densify.max_gaussians; }
+  std::int64_t most_gaussians() const { return optimizer_.max_gaussians(); }
   std::optional<medium::Medium> medium() const { return optimizer_.medium(); }
   const ViewCorrections& corrections() const { return optimizer_.corrections(); }
 

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include <map>
+
 #include "support/torch_reference.hpp"
 
 namespace apvi::mapping {
@@ -86,6 +88,19 @@ TEST(SceneExtent, IsTheScaledCameraRadius) {
     store.add(keyframe);
   }
   EXPECT_DOUBLE_EQ(scene_extent(store), 1.1 * 2.0);
+}
+
+TEST(KeyframeStore, OrdersKeyframesByStampWithAndWithoutImages) {
+  KeyframeStore store;
+  for (const std::int64_t stamp_ns : {30, 10, 20}) {
+    Keyframe keyframe = make_keyframe(6, 9);
+    keyframe.stamp_ns = stamp_ns;
+    if (stamp_ns == 20) keyframe.image = Tensor();
+    store.add(keyframe);
+  }
+  EXPECT_EQ(store.by_stamp(), (std::map<std::int64_t, std::size_t>{{10, 1}, {20, 2}, {30, 0}}));
+  store.drop_image(1);
+  EXPECT_EQ(store.by_stamp().count(10), 1U);
 }
 
 }  // namespace

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+
+#include "apvi/mapping/options.hpp"
+#include "depth/depth.hpp"
+#include "mapping/alignment/keyframe_poses.hpp"
+#include "mapping/density/seeds.hpp"
+#include "mapping/keyframes/keyframe_store.hpp"
+#include "mapping/training/map_optimizer.hpp"
+
+namespace apvi::mapping {
+
+/// Estimates the depth of a keyframe by quadtree, and seeds where the map does not show what was
+/// seen.
+class DepthSeeder {
+ public:
+  explicit DepthSeeder(const MapperOptions& options);
+
+  /// The keyframe and its neighbors, as input of `estimate`.
+  depth::DepthRequest request(std::size_t view, const KeyframeStore& keyframes,
+                              const KeyframePoses& poses, const MapOptimizer& optimizer) const;
+  depth::DepthEstimate estimate(const depth::DepthRequest& request) const;
+  /// In daylight, removes the Gaussians in front of the surfaces that the keyframe sees.
+  void clear_free_space(const depth::DepthEstimate& estimate, const gaussians::View& camera,
+                        MapOptimizer& optimizer) const;
+  /// Seeds of the blocks that the map does not cover and that contain none of `points` [n,3]
+  /// float64 [m].
+  Seeds seeds(const depth::DepthEstimate& estimate, std::size_t view,
+              const KeyframeStore& keyframes, const Map& map, const torch::Tensor& points) const;
+
+ private:
+  depth::DepthOptions depth_;
+  OnlineOptions options_;
+  bool clears_free_space_;
+};
+
+}  // namespace apvi::mapping

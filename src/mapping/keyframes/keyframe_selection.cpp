@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mapping/keyframes/keyframe_selection.hpp"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "gaussians/model/archive.hpp"
+#include "mapping/keyframes/image_visibility.hpp"
+
+namespace apvi::mapping {
+namespace {
+
+using torch::Tensor;
+
+// Silt clouds last a second or two. Images at their edges pass the visibility check but would still
+// leave semi-transparent Gaussians in the map.
+constexpr std::int64_t kLowVisibilityMargin_ns = 700'000'000;
+constexpr std::size_t kMinTrainingKeyframes = 2;  // that are always kept
+
+/// The training keyframe whose neighbors in time are closest to each other; neither the first nor
+/// one of the `recent` last ones.
+std::size_t most_redundant(const KeyframeStore& keyframes, std::size_t recent) {
+  const std::vector<std::size_t>& views = keyframes.training();
+  std::size_t redundant = views[1];
+  double min_gap = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 1; k + recent < views.size(); ++k) {
+    const Tensor before = camera_center(keyframes[views[k - 1]].T_camera_world);
+    const Tensor after = camera_center(keyframes[views[k + 1]].T_camera_world);
+    const double gap = (after - before).norm().item<double>();
+    if (gap >= min_gap) continue;
+    min_gap = gap;
+    redundant = views[k];
+  }
+  return redundant;
+}
+
+bool matches_camera(const Tensor& image, const gaussians::Intrinsics& camera) {
+  return image.scalar_type() == torch::kUInt8 && image.numel() > 0 &&
+         image.sizes() == at::IntArrayRef({camera.height, camera.width, 3});
+}
+
+}  // namespace
+
+std::string_view to_string(KeyframeDecision decision) {
+  switch (decision) {
+    case KeyframeDecision::accepted:
+      return "accepted";
+    case KeyframeDecision::held_out:
+      return "held_out";
+    case KeyframeDecision::no_image:
+      return "no_image";
+    case KeyframeDecision::duplicate:
+      return "duplicate";
+    case KeyframeDecision::bad_pose:
+      return "bad_pose";
+    case KeyframeDecision::bad_image:
+      return "bad_image";
+    case KeyframeDecision::black:
+      return "black";
+    case KeyframeDecision::low_visibility:
+      return "low_visibility";
+  }
+  return "unknown";
+}
+
+KeyframeSelection::KeyframeSelection(const OnlineOptions& options)
+    : recent_keyframes_(static_cast<std::size_t>(std::max(2, options.recent_keyframes))),
+      max_heldout_views_(static_cast<std::size_t>(std::max(1, options.max_heldout_views))),
+      max_image_bytes_(options.image_memory_mib * 1024.0 * 1024.0) {}
+
+// Visibility degrades gradually, so keyframes just before the loss are dropped as well.
+std::vector<std::size_t> KeyframeSelection::lose_visibility(std::int64_t stamp_ns,
+                                                            KeyframeStore& keyframes) {
+  const bool is_lost_already = stamp_ns < low_visibility_until_ns_;
+  low_visibility_until_ns_ = stamp_ns + kLowVisibilityMargin_ns;
+  std::vector<std::size_t> dropped;
+  if (is_lost_already) return dropped;
+  const auto& by_stamp = keyframes.by_stamp();
+  const auto first = by_stamp.lower_bound(stamp_ns - kLowVisibilityMargin_ns);
+  for (auto it = first; it != by_stamp.end(); ++it) {
+    const std::size_t view = it->second;
+    if (!keyframes[view].image.defined()) continue;
+    const bool held_out = keyframes[view].held_out;
+    if (!held_out && keyframes.training().size() <= kMinTrainingKeyframes) continue;
+    --counts_[held_out ? KeyframeDecision::held_out : KeyframeDecision::accepted];
+    ++counts_[KeyframeDecision::low_visibility];
+    keyframes.drop_image(view);
+    if (!held_out) dropped.push_back(view);
+  }
+  return dropped;
+}
+
+KeyframeDecision KeyframeSelection::decide(const Keyframe& keyframe, bool low_visibility,
+                                           const KeyframeStore& keyframes) {
+  const KeyframeDecision decision = check(keyframe, low_visibility, keyframes);
+  ++counts_[decision];
+  return decision;
+}
+
+KeyframeDecision KeyframeSelection::check(const Keyframe& keyframe, bool low_visibility,
+                                          const KeyframeStore& keyframes) const {
+  const Tensor& image = keyframe.image;
+  if (!image.defined()) return KeyframeDecision::no_image;
+  if (!is_rigid(keyframe.T_camera_world)) return KeyframeDecision::bad_pose;
+  if (!matches_camera(image, keyframe.intrinsics)) return KeyframeDecision::bad_image;
+  if (keyframes.by_stamp().count(keyframe.stamp_ns) > 0) return KeyframeDecision::duplicate;
+  if (is_black(image)) return KeyframeDecision::black;
+  if (low_visibility || keyframe.stamp_ns < low_visibility_until_ns_) {
+    return KeyframeDecision::low_visibility;
+  }
+  return keyframe.held_out ? KeyframeDecision::held_out : KeyframeDecision::accepted;
+}
+
+// When there are too many held-out images, doubles the stride and drops every second one. The
+// stride counts the recording's images, so that the selection does not depend on lost frames and a
+// simulator can predict which images need ground truth.
+void KeyframeSelection::thin_held_out(KeyframeStore& keyframes) {
+  const auto is_dropped = [&](std::size_t i) { return keyframes[i].number % heldout_stride_ != 0; };
+  const std::size_t newest = keyframes.size() - 1;
+  if (is_dropped(newest)) return keyframes.drop_image(newest);
+  if (keyframes.held_out().size() <= max_heldout_views_) return;
+  heldout_stride_ *= 2;
+  const std::vector<std::size_t> all = keyframes.held_out();
+  for (const std::size_t i : all) {
+    if (is_dropped(i)) keyframes.drop_image(i);
+  }
+}
+
+std::vector<std::size_t> KeyframeSelection::limit_image_memory(KeyframeStore& keyframes) const {
+  std::vector<std::size_t> dropped;
+  while (static_cast<double>(keyframes.image_bytes()) > max_image_bytes_ &&
+         keyframes.training().size() > recent_keyframes_ + 2) {
+    dropped.push_back(most_redundant(keyframes, recent_keyframes_));
+    keyframes.drop_image(dropped.back());
+  }
+  return dropped;
+}
+
+std::size_t KeyframeSelection::accepted() const {
+  const auto found = counts_.find(KeyframeDecision::accepted);
+  return found == counts_.end() ? 0 : found->second;
+}
+
+void KeyframeSelection::save(torch::serialize::OutputArchive& archive) const {
+  archive.write("heldout_stride", c10::IValue(heldout_stride_));
+  archive.write("low_visibility_until_ns", c10::IValue(low_visibility_until_ns_));
+}
+
+void KeyframeSelection::load(torch::serialize::InputArchive& archive) {
+  heldout_stride_ = gaussians::read_int(archive, "heldout_stride");
+  low_visibility_until_ns_ = gaussians::read_int(archive, "low_visibility_until_ns");
+}
+
+}  // namespace apvi::mapping
