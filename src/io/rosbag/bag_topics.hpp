@@ -8,7 +8,7 @@
 
 namespace apvi::io {
 
-/// A topic of a bag.
+/// A topic of a bag. The type has no "msg/" in it: "sensor_msgs/Imu".
 struct BagTopic {
   std::string name;
   std::string type;

@@ -16,7 +16,7 @@ constexpr std::size_t kMaxDepth = 16;           // of nested records
 constexpr std::size_t kMaxFixed = 1U << 24U;    // elements of a fixed array
 constexpr std::size_t kMaxBytes = 1ULL << 32U;  // no message is larger: lengths have 32 bits
 
-constexpr std::array<std::pair<std::string_view, RosPrimitive>, 16> kPrimitives = {{
+constexpr std::array<std::pair<std::string_view, RosPrimitive>, 18> kPrimitives = {{
     {"bool", RosPrimitive::boolean},
     {"int8", RosPrimitive::int8},
     {"uint8", RosPrimitive::uint8},
@@ -33,6 +33,8 @@ constexpr std::array<std::pair<std::string_view, RosPrimitive>, 16> kPrimitives 
     {"string", RosPrimitive::text},
     {"time", RosPrimitive::time},
     {"duration", RosPrimitive::duration},
+    {"builtin_interfaces/Time", RosPrimitive::time},
+    {"builtin_interfaces/Duration", RosPrimitive::duration},
 }};
 
 RosPrimitive primitive_of(std::string_view word) {
@@ -55,13 +57,15 @@ std::string_view package_of(std::string_view name) {
   return name.substr(0, name.find('/'));
 }
 
-// For example, "float64[9]" is a fixed array of 9 float64.
+// For example, "float64[9]" is a fixed array of 9 float64. The limits of ROS 2, "string<=9" and
+// "float64[<=9]", do not affect the layout.
 void parse_type(std::string_view word, const std::string& record, ParsedField& parsed) {
   const std::size_t open = word.find('[');
-  parsed.type = std::string(word.substr(0, open));
+  const std::string_view element = word.substr(0, open);
+  parsed.type = ros_type_name(element.substr(0, element.find("<=")));
   if (open == std::string_view::npos) return;
   const std::string_view inside = word.substr(open + 1, word.size() - open - 2);
-  if (word.back() == ']' && inside.empty()) {
+  if (word.back() == ']' && (inside.empty() || inside.starts_with("<="))) {
     parsed.field.shape = RosField::Shape::variable;
     return;
   }
@@ -73,25 +77,38 @@ void parse_type(std::string_view word, const std::string& record, ParsedField& p
   parsed.field.count = static_cast<std::size_t>(*count);
 }
 
-void parse_line(std::string_view line, ParsedRecord& record) {
+void parse_line(std::string_view line, RosWire wire, ParsedRecord& record) {
   line = text::trim(line.substr(0, line.find('#')));
   if (line.empty()) return;
   const std::size_t blank = line.find_first_of(" \t");
   const std::string_view rest =
       blank == std::string_view::npos ? std::string_view{} : text::trim(line.substr(blank));
-  if (rest.find('=') != std::string_view::npos) return;  // a constant takes no bytes
-  if (rest.empty() || rest.find_first_of(" \t") != std::string_view::npos) {
+  const std::string_view name = rest.substr(0, rest.find_first_of(" \t="));
+  const std::string_view value = text::trim(rest.substr(name.size()));
+  if (value.starts_with('=')) return;  // a constant takes no bytes
+  const bool has_default = wire == RosWire::cdr && !value.empty();
+  if (name.empty() || (!value.empty() && !has_default)) {
     fail_input("message definition of {}: cannot read the line \"{}\"", record.name, line);
   }
   ParsedField parsed;
-  parsed.field.name = std::string(rest);
+  parsed.field.name = std::string(name);
   parse_type(line.substr(0, blank), record.name, parsed);
   record.fields.push_back(std::move(parsed));
 }
 
-std::vector<ParsedRecord> parse_blocks(const std::string& name, std::string_view definition) {
+// CDR has no empty records: ROS 2 gives them a member.
+void fill_empty(ParsedRecord& record) {
+  if (!record.fields.empty()) return;
+  ParsedField parsed;
+  parsed.field.name = "structure_needs_at_least_one_member";
+  parsed.type = "uint8";
+  record.fields.push_back(std::move(parsed));
+}
+
+std::vector<ParsedRecord> parse_blocks(const std::string& name, std::string_view definition,
+                                       RosWire wire) {
   std::vector<ParsedRecord> blocks(1);
-  blocks.back().name = name;
+  blocks.back().name = ros_type_name(name);
   while (!definition.empty()) {
     const std::size_t end = std::min(definition.find('\n'), definition.size());
     const std::string_view line = text::trim(definition.substr(0, end));
@@ -99,11 +116,12 @@ std::vector<ParsedRecord> parse_blocks(const std::string& name, std::string_view
     if (line.starts_with("====")) continue;
     if (line.starts_with("MSG:")) {
       blocks.emplace_back();
-      blocks.back().name = std::string(text::trim(line.substr(4)));
+      blocks.back().name = ros_type_name(text::trim(line.substr(4)));
     } else {
-      parse_line(line, blocks.back());
+      parse_line(line, wire, blocks.back());
     }
   }
+  if (wire == RosWire::cdr) std::for_each(blocks.begin(), blocks.end(), fill_empty);
   return blocks;
 }
 
@@ -188,8 +206,15 @@ std::size_t Resolver::min_bytes_of(const RosField& field) const {
   return std::min(kMaxBytes, one * field.count);
 }
 
-RosMessageType::RosMessageType(const std::string& name, std::string_view definition) {
-  const std::vector<ParsedRecord> blocks = parse_blocks(name, definition);
+std::string ros_type_name(std::string_view name) {
+  std::string type(name);
+  if (const std::size_t msg = type.find("/msg/"); msg != std::string::npos) type.erase(msg, 4);
+  return type;
+}
+
+RosMessageType::RosMessageType(const std::string& name, std::string_view definition, RosWire wire)
+    : wire_(wire) {
+  const std::vector<ParsedRecord> blocks = parse_blocks(name, definition, wire);
   Resolver(blocks, records_).resolve(0, 0);
 }
 

@@ -2,6 +2,8 @@
 #include "io/rosbag/ros_message.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
 
 namespace apvi::io {
@@ -13,36 +15,44 @@ namespace {
 // Limits memory for definitions with many zero-size values.
 constexpr std::size_t kMaxValues = 200'000;
 
+// The supported hosts are little-endian.
 template <typename T>
-T load(std::span<const std::uint8_t> bytes) {
-  T value{};
-  std::memcpy(&value, bytes.data(), sizeof(T));  // ROS and the supported hosts are little-endian
-  return value;
+T load(std::span<const std::uint8_t> bytes, bool big_endian) {
+  std::array<std::uint8_t, sizeof(T)> copy;
+  std::memcpy(copy.data(), bytes.data(), sizeof(T));
+  if (big_endian) std::reverse(copy.begin(), copy.end());
+  return std::bit_cast<T>(copy);
 }
 
-double load_number(RosPrimitive primitive, std::span<const std::uint8_t> at) {
+double load_number(RosPrimitive primitive, std::span<const std::uint8_t> at, bool big) {
   switch (primitive) {
     case RosPrimitive::int8:
-      return load<std::int8_t>(at);
+      return load<std::int8_t>(at, big);
     case RosPrimitive::int16:
-      return load<std::int16_t>(at);
+      return load<std::int16_t>(at, big);
     case RosPrimitive::uint16:
-      return load<std::uint16_t>(at);
+      return load<std::uint16_t>(at, big);
     case RosPrimitive::int32:
-      return load<std::int32_t>(at);
+      return load<std::int32_t>(at, big);
     case RosPrimitive::uint32:
-      return load<std::uint32_t>(at);
+      return load<std::uint32_t>(at, big);
     case RosPrimitive::int64:
-      return static_cast<double>(load<std::int64_t>(at));
+      return static_cast<double>(load<std::int64_t>(at, big));
     case RosPrimitive::uint64:
-      return static_cast<double>(load<std::uint64_t>(at));
+      return static_cast<double>(load<std::uint64_t>(at, big));
     case RosPrimitive::float32:
-      return static_cast<double>(load<float>(at));
+      return static_cast<double>(load<float>(at, big));
     case RosPrimitive::float64:
-      return load<double>(at);
+      return load<double>(at, big);
     default:
-      return load<std::uint8_t>(at);
+      return load<std::uint8_t>(at, big);
   }
+}
+
+// A time is two numbers of four bytes.
+std::size_t alignment_of(RosPrimitive primitive) {
+  const bool is_time = primitive == RosPrimitive::time || primitive == RosPrimitive::duration;
+  return is_time ? 4 : bytes_of(primitive);
 }
 
 bool is_number(RosPrimitive primitive) {
@@ -54,8 +64,20 @@ bool is_number(RosPrimitive primitive) {
 /// Decodes the bytes of one message along the fields of its type.
 class RosDecoder {
  public:
-  RosDecoder(const std::vector<RosRecord>& records, std::span<const std::uint8_t> bytes)
-      : records_(records), rest_(bytes) {}
+  RosDecoder(const std::vector<RosRecord>& records, RosWire wire,
+             std::span<const std::uint8_t> bytes)
+      : records_(records), wire_(wire), rest_(bytes) {}
+
+  // CDR begins with its representation, 0 for big and 1 for little endian, and two bytes of
+  // options. Representations of other layouts do not occur in bags.
+  bool decode_prefix() {
+    if (wire_ == RosWire::ros1) return true;
+    std::span<const std::uint8_t> prefix;
+    if (!read_bytes(4, prefix) || prefix[0] != 0 || prefix[1] > 1) return false;
+    big_endian_ = prefix[1] == 0;
+    size_ = rest_.size();
+    return true;
+  }
 
   bool decode_record(const RosRecord& record, RosValue& value) {
     value.record_ = &record;
@@ -65,7 +87,8 @@ class RosDecoder {
     }
     return true;
   }
-  bool at_end() const { return rest_.empty(); }
+  // Some implementations pad the end of a CDR message to a multiple of four bytes.
+  bool at_end() const { return rest_.size() < (wire_ == RosWire::cdr ? 4 : 1); }
 
  private:
   bool read_bytes(std::size_t count, std::span<const std::uint8_t>& taken) {
@@ -74,11 +97,30 @@ class RosDecoder {
     rest_ = rest_.subspan(count);
     return true;
   }
+  bool align(std::size_t alignment) {
+    if (wire_ == RosWire::ros1) return true;
+    const std::size_t position = size_ - rest_.size();
+    std::span<const std::uint8_t> padding;
+    return read_bytes((alignment - position % alignment) % alignment, padding);
+  }
   bool read_length(std::size_t& length) {
     std::span<const std::uint8_t> bytes;
-    if (!read_bytes(4, bytes)) return false;
-    length = load<std::uint32_t>(bytes);
+    if (!align(4) || !read_bytes(4, bytes)) return false;
+    length = load<std::uint32_t>(bytes, big_endian_);
     return true;
+  }
+  bool read_text(RosValue& value) {
+    std::size_t length = 0;
+    if (!read_length(length) || !read_bytes(length, value.bytes_)) return false;
+    const bool terminated = wire_ == RosWire::cdr && length > 0 && value.bytes_.back() == 0;
+    if (terminated) value.bytes_ = value.bytes_.first(length - 1);
+    return true;
+  }
+  // CDR does not align an empty array.
+  bool read_numbers(RosPrimitive primitive, std::size_t count, RosValue& value) {
+    value.big_endian_ = big_endian_;
+    return (count == 0 || align(alignment_of(primitive))) &&
+           read_bytes(count * bytes_of(primitive), value.bytes_);
   }
 
   bool make_items(std::size_t count, RosValue& value) {
@@ -91,9 +133,8 @@ class RosDecoder {
   bool decode_one(const RosField& field, RosValue& value) {
     value.primitive_ = field.primitive;
     if (field.primitive == RosPrimitive::none) return decode_record(records_[field.record], value);
-    std::size_t length = bytes_of(field.primitive);
-    if (field.primitive == RosPrimitive::text && !read_length(length)) return false;
-    return read_bytes(length, value.bytes_);
+    if (field.primitive == RosPrimitive::text) return read_text(value);
+    return read_numbers(field.primitive, 1, value);
   }
 
   bool decode_field(const RosField& field, RosValue& value) {
@@ -103,7 +144,7 @@ class RosDecoder {
     value.primitive_ = field.primitive;
     const bool plain =
         field.primitive != RosPrimitive::none && field.primitive != RosPrimitive::text;
-    if (plain) return read_bytes(count * bytes_of(field.primitive), value.bytes_);
+    if (plain) return read_numbers(field.primitive, count, value);
     const std::size_t min_bytes = field.primitive == RosPrimitive::none
                                       ? records_[field.record].min_bytes
                                       : bytes_of(field.primitive);
@@ -115,14 +156,20 @@ class RosDecoder {
   }
 
   const std::vector<RosRecord>& records_;
+  RosWire wire_;
   std::span<const std::uint8_t> rest_;
+  std::size_t size_ = 0;  // of the bytes that alignment refers to
+  bool big_endian_ = false;
   std::size_t values_ = 0;
 };
 
 std::optional<RosValue> RosMessageType::decode(std::span<const std::uint8_t> bytes) const {
-  RosDecoder decoder(records_, bytes);
+  RosDecoder decoder(records_, wire_, bytes);
   RosValue value;
-  if (!decoder.decode_record(records_.front(), value) || !decoder.at_end()) return std::nullopt;
+  if (!decoder.decode_prefix() || !decoder.decode_record(records_.front(), value) ||
+      !decoder.at_end()) {
+    return std::nullopt;
+  }
   return value;
 }
 
@@ -146,7 +193,7 @@ std::optional<double> RosValue::number(std::size_t index) const {
   if (!is_number(primitive_)) return std::nullopt;
   const std::size_t size = bytes_of(primitive_);
   if (index >= bytes_.size() / size) return std::nullopt;
-  return load_number(primitive_, bytes_.subspan(index * size, size));
+  return load_number(primitive_, bytes_.subspan(index * size, size), big_endian_);
 }
 
 std::optional<double> RosValue::number_at(std::string_view path) const {
@@ -161,8 +208,8 @@ std::optional<std::string_view> RosValue::text() const {
 
 std::optional<std::int64_t> RosValue::nanoseconds() const {
   if (primitive_ != RosPrimitive::time || bytes_.size() != 8) return std::nullopt;
-  return std::int64_t{load<std::uint32_t>(bytes_)} * 1'000'000'000 +
-         load<std::uint32_t>(bytes_.subspan(4));
+  return std::int64_t{load<std::uint32_t>(bytes_, big_endian_)} * 1'000'000'000 +
+         load<std::uint32_t>(bytes_.subspan(4), big_endian_);
 }
 
 std::span<const std::uint8_t> RosValue::bytes() const {

@@ -9,9 +9,14 @@
 #include <string_view>
 #include <vector>
 
-/// ROS1 messages without ROS: a bag contains the definition of each message type, which describes
-/// how to decode its bytes. Forks of a message with more or fewer fields can therefore be read too.
+/// Messages of ROS 1 and ROS 2 without ROS: a bag contains the definition of each message type,
+/// which describes how to decode its bytes. Forks of a message with more or fewer fields can
+/// therefore be read too.
 namespace apvi::io {
+
+/// How the values of a message become bytes: packed little-endian values of ROS 1, or those of
+/// ROS 2 (OMG CDR, little- or big-endian), which pads each value to a multiple of its size.
+enum class RosWire { ros1, cdr };
 
 enum class RosPrimitive {
   none,
@@ -68,6 +73,7 @@ class RosValue {
   friend class RosDecoder;
   const RosRecord* record_ = nullptr;
   RosPrimitive primitive_ = RosPrimitive::none;
+  bool big_endian_ = false;
   std::span<const std::uint8_t> bytes_;
   std::vector<RosValue> items_;  // members of a record, in the order of its fields, or elements
 };
@@ -76,9 +82,10 @@ class RosValue {
 class RosMessageType {
  public:
   /// `definition` as in a connection header: the text of the message, then those of nested types,
-  /// each after lines of "=" and "MSG: package/Type". Throws InputError when it cannot be parsed or
-  /// a nested type is missing.
-  RosMessageType(const std::string& name, std::string_view definition);
+  /// each after lines of "=" and "MSG: package/Type". "package/msg/Type" is the same type. Throws
+  /// InputError when it cannot be parsed or a nested type is missing.
+  RosMessageType(const std::string& name, std::string_view definition,
+                 RosWire wire = RosWire::ros1);
 
   /// Decodes a message; nullopt when the bytes do not match the definition.
   std::optional<RosValue> decode(std::span<const std::uint8_t> bytes) const;
@@ -89,6 +96,10 @@ class RosMessageType {
 
  private:
   std::vector<RosRecord> records_;  // the message itself is the first
+  RosWire wire_;
 };
+
+/// "sensor_msgs/Imu" for "sensor_msgs/msg/Imu", as ROS 2 writes it; other names unchanged.
+std::string ros_type_name(std::string_view name);
 
 }  // namespace apvi::io

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/rosbag/bag_recording.hpp"
+
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <utility>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "io/rosbag/ros_samples.hpp"
+
+namespace apvi::io {
+namespace {
+
+// The recording time is the arrival of a message, its stamp the time of measurement. Messages of
+// one topic are reordered within kReorderWindow. Topics wait for each other for at most
+// kMaxLookahead, so that memory stays bounded when one sensor stops.
+constexpr Duration kReorderWindow{100'000'000};
+constexpr Duration kMaxLookahead{2'000'000'000};
+
+struct Channel {
+  std::string topic;
+  MessageToEvent convert;
+};
+
+// Distributes the messages of a bag to per-sensor queues, reading ahead on demand.
+class BagDemultiplexer {
+ public:
+  BagDemultiplexer(const Bag& bag, std::vector<Channel> channels)
+      : path_(bag.path),
+        channels_(std::move(channels)),
+        queues_(channels_.size()),
+        cursor_(bag.open(topics_of_channels())) {}
+
+  SourceState next(std::size_t channel, SensorEvent& event) {
+    auto& queue = queues_[channel];
+    while (!ended_ && (queue.empty() || latest_ - queue.front().recorded < kReorderWindow) &&
+           !lookahead_is_full()) {
+      read_one();
+    }
+    if (queue.empty()) return ended_ ? SourceState::end : SourceState::pending;
+    Item item = std::move(queue.front());
+    queue.pop_front();
+    last_[channel] = item.stamp;
+    if (!item.event) return SourceState::malformed;
+    event = std::move(*item.event);
+    return SourceState::sample;
+  }
+  std::string where(std::size_t channel) const {
+    const auto it = last_.find(channel);
+    const double t = it == last_.end() ? 0.0 : it->second.seconds();
+    return fmt::format("{}: {} at {:.9f}", path_, channels_[channel].topic, t);
+  }
+  double fraction() const { return cursor_->fraction(); }
+
+ private:
+  struct Item {
+    Stamp recorded;
+    Stamp stamp;
+    std::optional<SensorEvent> event;  // nullopt when malformed
+  };
+
+  std::set<std::string> topics_of_channels() const {
+    std::set<std::string> topics;
+    for (const Channel& channel : channels_) topics.insert(channel.topic);
+    return topics;
+  }
+
+  bool lookahead_is_full() const {
+    return std::any_of(queues_.begin(), queues_.end(), [&](const auto& queue) {
+      return !queue.empty() && latest_ - queue.front().recorded > kMaxLookahead;
+    });
+  }
+
+  void read_one() {
+    if (!cursor_->advance()) {
+      ended_ = true;
+      return;
+    }
+    latest_ = cursor_->recorded();
+    const auto message = cursor_->message();
+    for (std::size_t i = 0; i < channels_.size(); ++i) {
+      if (channels_[i].topic == cursor_->topic())
+        insert(queues_[i], convert(channels_[i], message));
+    }
+  }
+
+  Item convert(const Channel& channel, const std::optional<RosValue>& message) const {
+    Item item{cursor_->recorded(), cursor_->recorded(), std::nullopt};
+    const auto stamp = message ? stamp_of_message(*message, item.recorded) : std::nullopt;
+    if (!stamp) return item;
+    item.stamp = *stamp;
+    item.event = channel.convert(*message, *stamp);
+    return item;
+  }
+
+  // Inserts by stamp: at the end, unless messages arrived out of order.
+  static void insert(std::deque<Item>& queue, Item item) {
+    auto place = queue.end();
+    while (place != queue.begin() && std::prev(place)->stamp > item.stamp &&
+           std::prev(place)->stamp - item.stamp <= kReorderWindow) {
+      --place;
+    }
+    queue.insert(place, std::move(item));
+  }
+
+  std::string path_;
+  std::vector<Channel> channels_;
+  std::vector<std::deque<Item>> queues_;
+  std::map<std::size_t, Stamp> last_;  // delivered, of each channel
+  std::unique_ptr<MessageCursor> cursor_;
+  Stamp latest_;
+  bool ended_ = false;
+};
+
+class BagSource : public SampleSource {
+ public:
+  BagSource(std::shared_ptr<BagDemultiplexer> demultiplexer, std::size_t channel)
+      : demultiplexer_(std::move(demultiplexer)), channel_(channel) {}
+  SourceState next(SensorEvent& event) override { return demultiplexer_->next(channel_, event); }
+  std::string where() const override { return demultiplexer_->where(channel_); }
+  double fraction() const override { return demultiplexer_->fraction(); }
+
+ private:
+  std::shared_ptr<BagDemultiplexer> demultiplexer_;
+  std::size_t channel_;
+};
+
+std::optional<Trajectory> read_reference_topic(const Bag& bag, const std::string& topic) {
+  const auto cursor = bag.open({topic});
+  Trajectory trajectory;
+  std::size_t dropped = 0;
+  while (cursor->advance()) {
+    const auto message = cursor->message();
+    const auto stamp = message ? stamp_of_message(*message, cursor->recorded()) : std::nullopt;
+    const auto pose = stamp ? pose_of(*message) : std::nullopt;
+    if (pose && (trajectory.empty() || *stamp > trajectory.poses.back().stamp)) {
+      trajectory.poses.push_back({*stamp, *pose});
+    } else {
+      ++dropped;
+    }
+  }
+  if (dropped > 0) log::warning("{}: {} unusable poses of {} dropped", bag.path, dropped, topic);
+  if (trajectory.empty()) return std::nullopt;
+  return trajectory;
+}
+
+struct BagSensor {
+  std::string name;    // section of the rig
+  std::string kind;    // of the events
+  std::string choice;  // name in sensors.use
+  std::string topic;
+  MessageToEvent convert;
+};
+
+std::vector<BagSensor> sensors_of(const ChosenTopics& topics, PressureUnit unit) {
+  return {
+      {"imu0", "imu", "imu", topics.imu, imu_of},
+      {"dvl0", "dvl", "dvl", topics.dvl, dvl_of},
+      {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(unit, topics.pressure)},
+      {"depth0", "depth", "pressure", topics.depth, depth_of},
+      {"cam0", "camera", "camera", topics.cam0, image_of(0, topics.cam0)},
+      {"cam1", "camera", "camera", topics.cam1, image_of(1, topics.cam1)},
+  };
+}
+
+// Whether the recording has the sensor and the rig describes it.
+bool is_used(const BagSensor& sensor, const config::Node& rig, const std::string& path) {
+  const bool described = rig.find(sensor.name) != nullptr;
+  if (sensor.topic.empty() && described && sensor.name != "cam1") {
+    fail_input(
+        "{}: no topic for {}, which the rig describes; set dataset.topics, or remove {} from "
+        "sensors.use",
+        path, sensor.name, sensor.choice);
+  }
+  if (sensor.topic.empty()) return false;
+  if (sensor.kind != "camera" || rig.is_null() || described) return true;
+  log::info("{}: {} ignored: the rig does not describe {}", path, sensor.topic, sensor.name);
+  return false;
+}
+
+}  // namespace
+
+Recording read_bag(const Bag& bag, const std::filesystem::path& own_rig,
+                   const DatasetConfig& config, const SensorChoice& choice) {
+  Recording recording;
+  recording.rig = load_rig(config, own_rig);
+  const ChosenTopics topics = choose_topics(bag.topics, config.topics, bag.path);
+  std::vector<Channel> channels;
+  std::vector<std::string> kinds;
+  for (BagSensor& sensor : sensors_of(topics, config.pressure_unit)) {
+    if (!choice.wants(sensor.choice) || !is_used(sensor, recording.rig, bag.path)) continue;
+    channels.push_back({sensor.topic, std::move(sensor.convert)});
+    kinds.push_back(sensor.kind);
+  }
+  if (!channels.empty()) {
+    const auto demultiplexer = std::make_shared<BagDemultiplexer>(bag, std::move(channels));
+    for (std::size_t i = 0; i < kinds.size(); ++i) {
+      recording.add(kinds[i], std::make_unique<BagSource>(demultiplexer, i));
+    }
+  }
+  recording.reference = [bag, topic = topics.reference]() -> std::optional<Trajectory> {
+    return topic.empty() ? std::nullopt : read_reference_topic(bag, topic);
+  };
+  return recording;
+}
+
+}  // namespace apvi::io
