@@ -27,6 +27,7 @@ if(APVI_LOCALIZATION)
   if(NOT CMAKE_FIND_PACKAGE_NAME STREQUAL "apvi")
     find_package(CLI11 REQUIRED)  # only for the program
   endif()
+  include(ApviRosbag2)
   if(APVI_WITH_ROSBAG)
     include(ApviRosbag)
   endif()

@@ -24,5 +24,6 @@ install(FILES
   "${PROJECT_BINARY_DIR}/generated/cmake/apviConfigVersion.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviDependencies.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag.cmake"
+  "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag2.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviTorch.cmake"
   DESTINATION "${APVI_INSTALL_CMAKEDIR}")

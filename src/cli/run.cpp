@@ -36,7 +36,9 @@ struct Source {
 };
 
 Source source_of(const Arguments& a) {
-  const bool recording = fs::is_directory(a.target) || a.target.extension() == ".bag";
+  const auto extension = a.target.extension();
+  const bool recording = fs::is_directory(a.target) || extension == ".bag" ||
+                         extension == ".mcap" || extension == ".db3";
   if (!recording) return {find_configuration(a.target), a.overrides};
   Source source{find_configuration("default.yaml"), {"dataset.path=" + a.target.string()}};
   source.overrides.insert(source.overrides.end(), a.overrides.begin(), a.overrides.end());
@@ -97,10 +99,10 @@ void add_run(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "run", "localize a recording and, if it has a camera, map it, into a run folder");
   command
-      ->add_option(
-          "DIVE|CONFIG", a->target,
-          "recording (folder or .bag), or a configuration file that names one; a name like "
-          "datasets/akit.yaml is also looked for among the program's own configurations")
+      ->add_option("DIVE|CONFIG", a->target,
+                   "recording (folder, .bag, .mcap, .db3), or a configuration file that names one; "
+                   "a name like "
+                   "datasets/akit.yaml is also looked for among the program's own configurations")
       ->required();
   command
       ->add_option("--set", a->overrides,

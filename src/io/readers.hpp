@@ -38,6 +38,9 @@ Recording open_tank(const std::filesystem::path& root, const DatasetConfig& conf
 /// A ROS1 bag. Throws InputError in a build without rosbag_storage.
 Recording open_bag(const std::filesystem::path& path, const DatasetConfig& config,
                    const SensorChoice& choice);
+/// A ROS 2 bag: an .mcap or .db3 file, or a folder of such files.
+Recording open_rosbag2(const std::filesystem::path& path, const DatasetConfig& config,
+                       const SensorChoice& choice);
 
 /// The calibration: `config.rig` if set, else `own` if it exists, else null.
 config::Node load_rig(const DatasetConfig& config, const std::filesystem::path& own);

@@ -30,16 +30,23 @@ bool has_bag_magic(const fs::path& path) {
   return magic == "#ROSBAG";
 }
 
+bool has_bag2_extension(const fs::path& path) {
+  const std::string extension = text::to_lower(path.extension().string());
+  return extension == ".mcap" || extension == ".db3";
+}
+
+bool has_bag2_file(const fs::path& folder) {
+  const fs::directory_iterator entries(folder);
+  return std::any_of(begin(entries), end(entries),
+                     [](const auto& entry) { return has_bag2_extension(entry.path()); });
+}
+
 DatasetFormat detect_file(const fs::path& path) {
   if (text::to_lower(path.extension().string()) == ".bag" || has_bag_magic(path)) {
     return DatasetFormat::rosbag;
   }
-  const std::string extension = path.extension().string();
-  if (extension == ".db3" || extension == ".mcap") {
-    fail_input("{}: this is a ROS 2 bag; convert it with scripts/convert_rosbag2.py",
-               path.string());
-  }
-  fail_input("{}: not a data set; specify a folder or a .bag file", path.string());
+  if (has_bag2_extension(path)) return DatasetFormat::rosbag2;
+  fail_input("{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file", path.string());
 }
 
 DatasetFormat detect_folder(const fs::path& path) {
@@ -48,10 +55,7 @@ DatasetFormat detect_folder(const fs::path& path) {
     return published ? DatasetFormat::euroc : DatasetFormat::folder;
   }
   if (fs::exists(path / "imu.csv") || fs::is_directory(path / "IMG_L")) return DatasetFormat::tank;
-  if (fs::exists(path / "metadata.yaml")) {
-    fail_input("{}: this is a ROS 2 bag; convert it with scripts/convert_rosbag2.py",
-               path.string());
-  }
+  if (fs::exists(path / "metadata.yaml") || has_bag2_file(path)) return DatasetFormat::rosbag2;
   if (fs::exists(path / "imu0" / "data.csv") || fs::exists(path / "cam0" / "data.csv")) {
     fail_input("{}: specify the folder that contains mav0, not mav0 itself", path.string());
   }
@@ -68,7 +72,7 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
                          const SensorChoice& choice) {
   const fs::path path = config.path;
   const bool wants_folder = format != DatasetFormat::rosbag;
-  if (wants_folder != fs::is_directory(path)) {
+  if (format != DatasetFormat::rosbag2 && wants_folder != fs::is_directory(path)) {
     fail_input("{}: dataset.format requires a {}, but this is a {}", config.path,
                wants_folder ? "folder" : ".bag file", wants_folder ? "file" : "folder");
   }
@@ -83,13 +87,16 @@ Recording open_recording(DatasetFormat format, const DatasetConfig& config,
       return open_tank(path, config, choice);
     case DatasetFormat::rosbag:
       return open_bag(path, config, choice);
+    case DatasetFormat::rosbag2:
+      return open_rosbag2(path, config, choice);
   }
   APVI_CHECK(false);
   return {};
 }
 
 void check(const DatasetConfig& config) {
-  if (config.path.empty()) fail_input("dataset.path: missing; specify a folder or a .bag file");
+  if (config.path.empty())
+    fail_input("dataset.path: missing; specify a folder, or a .bag, .mcap or .db3 file");
   std::error_code unreadable;
   if (!fs::exists(config.path, unreadable)) {
     fail_input("{}: no such file or folder; check dataset.path", config.path);

@@ -16,7 +16,7 @@
 
 namespace apvi::io {
 
-enum class DatasetFormat { automatic, folder, euroc, tank, rosbag };
+enum class DatasetFormat { automatic, folder, euroc, tank, rosbag, rosbag2 };
 /// How images are blacked out: replaced by black images, or dropped.
 enum class Blackout { black, dropped };
 enum class PressureUnit { automatic, pa, hpa, kpa };
@@ -60,13 +60,14 @@ struct DatasetConfig {
   void visit(V& v) {
     using config::Choices;
     using config::Range;
-    v("path", path, "recording: a folder or a .bag file");
+    v("path", path, "recording: a folder, or a .bag, .mcap or .db3 file");
     v("format", format,
       Choices<DatasetFormat>{{"auto", DatasetFormat::automatic},
                              {"folder", DatasetFormat::folder},
                              {"euroc", DatasetFormat::euroc},
                              {"tank", DatasetFormat::tank},
-                             {"rosbag", DatasetFormat::rosbag}},
+                             {"rosbag", DatasetFormat::rosbag},
+                             {"rosbag2", DatasetFormat::rosbag2}},
       "layout of the recording; auto detects it");
     v("rig", rig, "calibration file that replaces the recording's own rig.yaml");
     v("start_s", start_s, Range{0.0, 1e9}, "time skipped at the beginning [s]");
