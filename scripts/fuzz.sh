@@ -11,7 +11,7 @@ shift || true
 build="${APVI_FUZZ_BUILD:-build/fuzz}"
 targets=("$@")
 if [ "${#targets[@]}" -eq 0 ]; then
-  targets=(fuzz_config fuzz_dataset fuzz_ros_message fuzz_sensor_yaml fuzz_trajectory)
+  targets=(fuzz_config fuzz_dataset fuzz_mcap fuzz_ros_message fuzz_sensor_yaml fuzz_trajectory)
 fi
 command -v clang++ >/dev/null || { echo "fuzz.sh: requires clang++ and libclang-rt-dev" >&2; exit 2; }
 

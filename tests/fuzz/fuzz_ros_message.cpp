@@ -7,7 +7,8 @@
 #include "io/rosbag/ros_message.hpp"
 #include "io/rosbag/ros_samples.hpp"
 
-// A message definition, a NUL byte, and a message that may or may not be of that type.
+// A message definition, a NUL byte, and a message that may or may not be of that type, as bytes of
+// ROS 1 and of ROS 2.
 
 namespace {
 
@@ -24,6 +25,19 @@ void use(const std::optional<SensorEvent>& event) {
   }
 }
 
+void decode(const std::string& definition, io::RosWire wire, std::span<const std::uint8_t> bytes) {
+  const io::RosMessageType type("fuzz_msgs/Message", definition, wire);
+  const auto message = type.decode(bytes);
+  if (!message) return;
+  const Stamp stamp = io::stamp_of_message(*message, Stamp{1}).value_or(Stamp{1});
+  use(io::imu_of(*message, stamp));
+  use(io::dvl_of(*message, stamp));
+  use(io::depth_of(*message, stamp));
+  use(io::pressure_of(io::PressureUnit::automatic, "fuzz")(*message, stamp));
+  use(io::image_of(0, "fuzz")(*message, stamp));
+  io::pose_of(*message);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -31,18 +45,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string definition(reinterpret_cast<const char*>(data),
                                static_cast<std::size_t>(end - data));
   const std::span<const std::uint8_t> rest(end, data + size);
-  try {
-    const io::RosMessageType type("fuzz_msgs/Message", definition);
-    const auto message = type.decode(rest.empty() ? rest : rest.subspan(1));
-    if (!message) return 0;
-    const Stamp stamp = io::stamp_of_message(*message, Stamp{1}).value_or(Stamp{1});
-    use(io::imu_of(*message, stamp));
-    use(io::dvl_of(*message, stamp));
-    use(io::depth_of(*message, stamp));
-    use(io::pressure_of(io::PressureUnit::automatic, "fuzz")(*message, stamp));
-    use(io::image_of(0, "fuzz")(*message, stamp));
-    io::pose_of(*message);
-  } catch (const InputError&) {
+  const auto bytes = rest.empty() ? rest : rest.subspan(1);
+  for (const auto wire : {io::RosWire::ros1, io::RosWire::cdr}) {
+    try {
+      decode(definition, wire, bytes);
+    } catch (const InputError&) {
+    }
   }
   return 0;
 }

@@ -6,8 +6,11 @@
 #include <vector>
 
 #include "apvi/io/tum.hpp"
+#include "io/cdr_bytes.hpp"
+#include "io/mcap_writer.hpp"
 #include "io/ros_bytes.hpp"
 #include "io/rosbag/ros_definitions.hpp"
+#include "io/rosbag2/ros2_definitions.hpp"
 
 // Writes seed inputs for the fuzz targets: `make_corpus FOLDER` creates FOLDER/<target>/<n>.
 
@@ -17,8 +20,8 @@ using namespace apvi;
 using namespace std::string_literals;
 using Seeds = std::map<std::string, std::vector<std::string>>;
 
-std::string with_message(const std::string& definition, const test::RosBytes& bytes) {
-  return definition + '\0' + std::string(bytes.get().begin(), bytes.get().end());
+std::string with_message(const std::string& definition, const std::vector<std::uint8_t>& bytes) {
+  return definition + '\0' + std::string(bytes.begin(), bytes.end());
 }
 
 test::RosBytes& put_zeros(test::RosBytes& bytes, int count) {
@@ -45,12 +48,34 @@ std::vector<std::string> ros_seeds() {
       "Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
       "uint32 step\nuint8[] data\n" +
       test::kHeaderPart;
-  return {with_message(io::imu_definition().text, imu),
-          with_message(io::fluid_pressure_definition().text, pressure),
-          with_message(io::odometry_definition().text, odometry),
-          with_message(io::compressed_image_definition().text, image),
-          with_message(io::waterlinked_dvl_definition().text, dvl),
-          with_message(raw_definition, raw)};
+  return {with_message(io::imu_definition().text, imu.get()),
+          with_message(io::fluid_pressure_definition().text, pressure.get()),
+          with_message(io::odometry_definition().text, odometry.get()),
+          with_message(io::compressed_image_definition().text, image.get()),
+          with_message(io::waterlinked_dvl_definition().text, dvl.get()),
+          with_message(raw_definition, raw.get()),
+          with_message(io::ros2_definitions("sensor_msgs/Imu").at(0), test::cdr_imu(1, 2.0)),
+          with_message(io::ros2_definitions("sensor_msgs/Imu").at(0), test::cdr_imu(1, 2.0, true)),
+          with_message(io::ros2_definitions("dvl_msgs/DVL").at(0), test::cdr_dvl(1, 2.0))};
+}
+
+std::vector<std::string> mcap_seeds() {
+  std::vector<std::string> seeds;
+  for (const char* compression : {"", "lz4", "zstd"}) {
+    for (const bool summary : {true, false}) {
+      test::McapWriter writer({compression, summary || *compression != '\0', summary, false});
+      const auto imu = writer.add_topic("/imu", "sensor_msgs/msg/Imu",
+                                        io::ros2_definitions("sensor_msgs/Imu").at(0));
+      const auto dvl =
+          writer.add_topic("/dvl", "dvl_msgs/msg/DVL", io::ros2_definitions("dvl_msgs/DVL").at(0));
+      writer.write(imu, 5, test::cdr_imu(5, 1.0));
+      writer.end_chunk();
+      writer.write(dvl, 4, test::cdr_dvl(4, 1.0));
+      writer.write(imu, 6, test::cdr_imu(6, 1.0));
+      seeds.push_back(writer.finish());
+    }
+  }
+  return seeds;
 }
 
 Seeds all_seeds() {
@@ -80,6 +105,7 @@ Seeds all_seeds() {
        {"# t\n1.5 1 2 3 0 0 0 1\n1.6 1 2 3 0 0 1 0\n",
         "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z\n1,1,2,3,1,0,0,0\n",
         "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n", "1,1,2,3,1,0,0,0\n"}},
+      {"fuzz_mcap", mcap_seeds()},
       {"fuzz_ros_message", ros_seeds()},
       {"fuzz_sensor_yaml",
        {sensor + "\0"s + sensor +
