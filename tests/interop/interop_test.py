@@ -199,6 +199,51 @@ class Rosbags(Folder):
             np.testing.assert_array_equal(seen, np.asarray(Image.open(path).convert("RGB")))
 
 
+@needs("rosbags")
+class Ros2Bags(Folder):
+    """A run on a ROS 2 bag written by `rosbags` equals that on the folder with the same data."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.dive = cls.folder / "dive"
+        apvi("sim", SCENE, "-o", cls.dive, *settings([*SMALL, "rig.cam0.rate_hz=10", "duration_s=12"]))
+        cls.expected = cls.trajectory_of(cls.dive, "folder")
+
+    @classmethod
+    def trajectory_of(cls, recording, name):
+        out = cls.folder / f"run_{name}"
+        apvi("run", ROOT / "configs/localization.yaml", "-o", out, "--no-report", *settings([
+            f"dataset.path={recording}", f"dataset.rig={cls.dive / 'rig.yaml'}", "run.mode=sequential"]))
+        return (out / "trajectory.tum").read_text(encoding="utf-8")
+
+    def write_bag(self, name, *options):
+        import ros2_bag_writer
+        ros2_bag_writer.write(self.dive, self.folder / name, *options)
+        return self.folder / name
+
+    def assert_same_run(self, bag):
+        self.assertGreater(self.expected.count("\n"), 50)
+        self.assertEqual(self.trajectory_of(bag, f"{bag.stem}_{bag.suffix}"), self.expected)
+
+    def test_run_on_mcap_equals_run_on_folder(self):
+        from rosbags.rosbag2 import StoragePlugin
+        bag = self.write_bag("mcap", StoragePlugin.MCAP)
+        self.assert_same_run(bag)
+        self.assert_same_run(next(bag.glob("*.mcap")))
+
+    def test_run_on_sqlite3_equals_run_on_folder(self):
+        from rosbags.rosbag2 import StoragePlugin
+        bag = self.write_bag("sqlite3", StoragePlugin.SQLITE3)
+        self.assert_same_run(bag)
+        self.assert_same_run(next(bag.glob("*.db3")))
+
+    def test_run_on_compressed_bags_equals_run_on_folder(self):
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        self.assert_same_run(self.write_bag("message", StoragePlugin.SQLITE3, Writer.CompressionMode.MESSAGE))
+        self.assert_same_run(self.write_bag("storage", StoragePlugin.MCAP, Writer.CompressionMode.STORAGE))
+
+
 def simulate_bag(folder, pairs):
     result = subprocess.run([APVI, "sim", SCENE, "-o", folder, "--format", "rosbag", *settings(pairs)],
                             capture_output=True, text=True, check=False)
