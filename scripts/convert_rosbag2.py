@@ -4,6 +4,9 @@
 
     scripts/convert_rosbag2.py BAG OUT [--rig rig.yaml] [--dvl /topic] [--types folder-of-msg-files]
 
+`apvi run` and `apvi doctor` read .mcap and .db3 files directly. This script is for bags whose message types they do
+not know, and for GNSS fixes.
+
 BAG is the folder with metadata.yaml. Topics are selected by message type and common names; --list shows them.
 Bags of ROS 2 Humble and older do not contain message definitions: for custom types (e.g. of a DVL), give the
 folder that contains their package/msg/Name.msg files with --types. docs/formats.md describes the output.
