@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cstdlib>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -41,6 +43,40 @@ bool is_digit(char c) {
   return c >= '0' && c <= '9';
 }
 
+constexpr int kMaxExponent = 400;  // of a double, with room
+
+// "12.5" as the digits 125 and one decimal.
+struct Decimal {
+  std::string digits;
+  int decimals = 0;
+};
+
+std::optional<Decimal> split_decimal(std::string_view text) {
+  const std::size_t point = std::min(text.find('.'), text.size());
+  Decimal decimal{std::string(text.substr(0, point)), 0};
+  if (point < text.size()) decimal.digits += text.substr(point + 1);
+  decimal.decimals = static_cast<int>(decimal.digits.size() - point);
+  const bool valid = !decimal.digits.empty() &&
+                     std::all_of(decimal.digits.begin(), decimal.digits.end(), is_digit);
+  if (!valid) return std::nullopt;
+  return decimal;
+}
+
+// The decimal times 10^power, rounded half up.
+std::optional<std::int64_t> to_magnitude(Decimal decimal, int power) {
+  const int shift = power - decimal.decimals;
+  const auto keep = static_cast<int>(decimal.digits.size()) + std::min(shift, 0);
+  const bool zero = decimal.digits.find_first_not_of('0') == std::string::npos;
+  if (keep < 0 || zero) return 0;
+  const auto kept = static_cast<std::size_t>(keep);
+  const bool round_up = kept < decimal.digits.size() && decimal.digits[kept] >= '5';
+  decimal.digits.resize(kept);
+  if (shift > 0) decimal.digits.append(static_cast<std::size_t>(shift), '0');
+  const auto whole = parse_number<std::int64_t>(kept == 0 ? "0" : decimal.digits);
+  if (!whole || *whole == std::numeric_limits<std::int64_t>::max()) return std::nullopt;
+  return *whole + (round_up ? 1 : 0);
+}
+
 }  // namespace
 
 std::string_view trim(std::string_view text) {
@@ -69,32 +105,24 @@ std::optional<std::int64_t> parse_int64(std::string_view text) {
   return parse_number<std::int64_t>(text);
 }
 
-std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text) {
+std::optional<std::int64_t> parse_scaled_int64(std::string_view text, int power) {
   text = trim(text);
   const bool negative = text.starts_with('-');
-  if (negative) {
-    text.remove_prefix(1);
-    if (text.empty() || !(is_digit(text.front()) || text.front() == '.')) return std::nullopt;
-  }
-  const std::size_t point = std::min(text.find('.'), text.size());
-  const std::string_view whole = text.substr(0, point);
-  std::string fraction(point < text.size() ? text.substr(point + 1) : std::string_view{});
-  const bool digits = std::all_of(whole.begin(), whole.end(), is_digit) &&
-                      std::all_of(fraction.begin(), fraction.end(), is_digit);
-  if (!digits || whole.empty() || whole.size() > 10) {
-    // Exponents ("1.4e9") and the like are parsed as double.
-    const auto seconds = parse_double(text);
-    if (!seconds || !(*seconds < 9.2e9 && *seconds > -9.2e9)) return std::nullopt;
-    const auto ns = static_cast<std::int64_t>(*seconds * 1e9 + (*seconds < 0 ? -0.5 : 0.5));
-    return negative ? -ns : ns;
-  }
-  const bool round_up = fraction.size() > 9 && fraction[9] >= '5';
-  fraction.resize(9, '0');
-  const auto seconds = parse_int64(whole);
-  const auto ns = parse_int64(fraction);
-  if (!seconds || !ns || *seconds > 9'200'000'000) return std::nullopt;
-  const std::int64_t total = *seconds * 1'000'000'000 + *ns + (round_up ? 1 : 0);
-  return negative ? -total : total;
+  if (negative || text.starts_with('+')) text.remove_prefix(1);
+  const std::size_t e = std::min(text.find_first_of("eE"), text.size());
+  const auto exponent =
+      e == text.size() ? std::optional<int>(0) : parse_number<int>(text.substr(e + 1));
+  const auto decimal = split_decimal(text.substr(0, e));
+  if (!exponent || !decimal || std::abs(*exponent) > kMaxExponent) return std::nullopt;
+  const auto magnitude = to_magnitude(*decimal, *exponent + power);
+  if (!magnitude) return std::nullopt;
+  return negative ? -*magnitude : *magnitude;
+}
+
+std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text) {
+  const auto ns = parse_scaled_int64(text, 9);
+  constexpr std::int64_t kMax = 9'200'000'000'000'000'000;
+  return ns && *ns <= kMax && *ns >= -kMax ? ns : std::nullopt;
 }
 
 std::string to_lower(std::string_view text) {

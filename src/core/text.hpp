@@ -17,6 +17,9 @@ void split(std::string_view line, char separator, std::vector<std::string_view>&
 /// The entire text as a number; nullopt for anything else. Accepts "nan" and "inf".
 std::optional<double> parse_double(std::string_view text);
 std::optional<std::int64_t> parse_int64(std::string_view text);
+/// A decimal number times 10^power ("1.4e18", "17.0"), rounded to a whole number without passing
+/// through a double; nullopt when it does not fit.
+std::optional<std::int64_t> parse_scaled_int64(std::string_view text, int power);
 /// Decimal seconds ("1403636580.838555574") as exact nanoseconds, not rounded through a double.
 std::optional<std::int64_t> parse_seconds_as_ns(std::string_view text);
 std::string to_lower(std::string_view text);

@@ -66,7 +66,20 @@ TEST(Text, RoundsDigitsBeyondNanoseconds) {
 TEST(Text, ParsesSecondsWithExponents) {
   EXPECT_EQ(parse_seconds_as_ns("1.5e1"), 15'000'000'000);
   EXPECT_EQ(parse_seconds_as_ns("-1.5e1"), -15'000'000'000);
-  EXPECT_EQ(parse_seconds_as_ns("1.403636580838555574e+09").value() / 1000, 1403636580838555);
+  EXPECT_EQ(parse_seconds_as_ns("1.403636580838555574e+09"), 1403636580838555574);
+}
+
+TEST(Text, ScalesDecimalsToWholeNumbersExactly) {
+  EXPECT_EQ(parse_scaled_int64("1.403636580838555574e18", 0), 1403636580838555574);
+  EXPECT_EQ(parse_scaled_int64("1403636580838555574.000000", 0), 1403636580838555574);
+  EXPECT_EQ(parse_scaled_int64("1403636580838555.574", 3), 1403636580838555574);
+  EXPECT_EQ(parse_scaled_int64("-4e-1", 0), 0);
+  EXPECT_EQ(parse_scaled_int64("-5e-1", 0), -1);
+  EXPECT_EQ(parse_scaled_int64("0e300", 0), 0);
+  EXPECT_EQ(parse_scaled_int64("1e-300", 9), 0);
+  for (const char* bad : {"1.8e19", "18446744073709551615", "1e", "e5", "1e+-2", "1e9999"}) {
+    EXPECT_FALSE(parse_scaled_int64(bad, 0)) << bad;
+  }
 }
 
 TEST(Text, RejectsInvalidAndOutOfRangeSeconds) {
