@@ -243,13 +243,39 @@ void merge(Node& base, const Node& over) {
   for (const auto& [key, value] : over.members) merge(base.member(key), value);
 }
 
+namespace {
+
+// Lists, maps and quoted text are YAML. "[a]/b" is neither.
+bool is_structured(std::string_view value) {
+  const char first = value.empty() ? ' ' : value.front();
+  if (first == '"' || first == '\'') return value.size() > 1 && value.back() == first;
+  if (first != '[' && first != '{') return false;
+  const std::size_t closing = value.find_last_of("]}");
+  return closing == std::string_view::npos || closing + 1 == value.size();
+}
+
+// Anything else is literal: '#' and ": " in the name of a folder are not YAML.
+Node parse_value(std::string_view value, const std::string& source) {
+  value = text::trim(value);
+  if (is_structured(value)) return parse_yaml(std::string(value), source);
+  Node node;
+  node.source = std::make_shared<const std::string>(source);
+  const std::string word = text::to_lower(value);
+  if (word.empty() || word == "null" || word == "~") return node;
+  node.kind = Node::Kind::scalar;
+  node.text = std::string(value);
+  return node;
+}
+
+}  // namespace
+
 Override parse_override(std::string_view assignment) {
   const std::size_t equals = assignment.find('=');
   const std::string_view key = text::trim(assignment.substr(0, equals));
   if (equals == std::string_view::npos || key.empty()) {
     fail_input("--set {}: expected key=value, for example run.seed=3", assignment);
   }
-  Node value = parse_yaml(std::string(assignment.substr(equals + 1)), fmt::format("--set {}", key));
+  Node value = parse_value(assignment.substr(equals + 1), fmt::format("--set {}", key));
   const auto strip_lines = [](const auto& self, Node& node) -> void {
     node.line = 0;
     for (Node& item : node.items) self(self, item);

@@ -81,6 +81,40 @@ std::string sanitize_folder_name(std::string name) {
   return name == "cases" ? "_cases" : name;  // reserved for the sweep itself
 }
 
+// The last `count` parts of a path, or the text of another value.
+std::string last_parts(const Node& value, int count) {
+  if (value.kind != Node::Kind::scalar) return make_label(value);
+  std::string text = value.text;
+  while (text.ends_with('/')) text.pop_back();
+  std::size_t begin = text.size();
+  for (int i = 0; i < count && begin != std::string::npos && begin > 0; ++i) {
+    begin = text.rfind('/', begin - 1);
+  }
+  return begin == std::string::npos ? text : text.substr(begin + 1);
+}
+
+bool has_double(const std::vector<Alternative>& alternatives, const std::string& label) {
+  return std::count_if(alternatives.begin(), alternatives.end(),
+                       [&](const Alternative& a) { return a.label == label; }) > 1;
+}
+
+// Recordings in folders of one name are told apart by the folders above, else by number.
+void make_labels_unique(const Node& values, std::vector<Alternative>& alternatives) {
+  constexpr int kMaxParts = 8;
+  for (int parts = 1; parts <= kMaxParts; ++parts) {
+    const std::vector<Alternative> before = alternatives;
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      if (!has_double(before, before[i].label)) continue;
+      alternatives[i].label = last_parts(values.items[i], parts);
+    }
+  }
+  std::set<std::string> labels;
+  for (Alternative& a : alternatives) {
+    const std::string label = a.label;
+    for (int n = 2; !labels.insert(a.label).second; ++n) a.label = fmt::format("{}_{}", label, n);
+  }
+}
+
 Axis make_named_axis(const std::string& name, const Node& node) {
   Axis axis{name, {}};
   for (const auto& [label, keys] : node.members) {
@@ -102,6 +136,7 @@ Axis make_key_axis(const std::string& key, const Node& node) {
     a.keys.member(key) = value;
     axis.alternatives.push_back(std::move(a));
   }
+  make_labels_unique(node, axis.alternatives);
   return axis;
 }
 

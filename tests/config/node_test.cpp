@@ -180,6 +180,20 @@ TEST(Overrides, ErrorNamesCommandLineOption) {
       HasSubstr("--set tracker.max_fetures: unknown key tracker.max_fetures; did you mean"));
 }
 
+TEST(Overrides, TextIsLiteral) {
+  for (const char* name :
+       {"/data/dive #2", "#1", "colon: yes", "[a]/b", "- a", "x: [1", "!a", "*a", "it's", "a=b"}) {
+    Node node;
+    apply_override(node, std::string("name=") + name);
+    EXPECT_EQ(as_example(node).name, name);
+  }
+  Node node;
+  apply_override(node, "name='quoted # text'");
+  EXPECT_EQ(as_example(node).name, "quoted # text");
+  apply_override(node, "name=");
+  EXPECT_EQ(as_example(node).name, "");
+}
+
 TEST(Overrides, RejectMissingKeyOrEqualsSign) {
   Node node;
   for (const char* bad : {"seed", "=3", "", "tracker..max_features=3", ".seed=3", "seed.=3"}) {

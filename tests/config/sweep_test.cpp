@@ -118,6 +118,15 @@ TEST_F(SweepTest, FolderNamesAreSanitizedAndUnique) {
   EXPECT_EQ(load("base: ../base.yaml\ncases: {../up: {}}\n").cases[0].folder(), "_._up");
 }
 
+TEST_F(SweepTest, LabelsOfOneAxisAreUnique) {
+  const Sweep sweep = load(
+      "base: ../base.yaml\n"
+      "grid: {dataset.path: [/data/monday/dive, /data/tuesday/dive, /data/reef, /data/reef]}\n");
+  std::vector<std::string> labels;
+  for (const SweepCase& one : sweep.cases) labels.push_back(one.choices.at(0).second);
+  EXPECT_THAT(labels, ElementsAre("monday/dive", "tuesday/dive", "data/reef", "data/reef_2"));
+}
+
 TEST_F(SweepTest, SetsSceneSeed) {
   const Sweep sweep = load("command: sim\nbase: ../base.yaml\nseeds: [3, 9]\n");
   EXPECT_EQ(value(sweep.cases[1], {"seed"}), "9");

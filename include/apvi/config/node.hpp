@@ -54,7 +54,7 @@ struct Override {
   std::string key;
   Node value;
 };
-/// Parses "a.b.c=value"; the value is YAML. Throws InputError when there is no '='.
+/// Parses "a.b.c=value"; [..], {..} and quoted values are YAML, others literal. Throws InputError.
 Override parse_override(std::string_view assignment);
 /// Replaces the value of a dotted key. Throws InputError for an empty part of the key.
 void set_value(Node& root, std::string_view key, Node value);
