@@ -111,7 +111,7 @@ void print(const std::string& text) {
 }
 
 void eval_pair(const Arguments& a) {
-  const Trajectory reference = io::read_trajectory(a.reference);
+  const Trajectory reference = io::read_trajectory(a.reference, io::BadLines::drop);
   const Trajectory estimate = io::read_trajectory(a.estimate);
   const EvalOptions options = options_for(a, reference, {}, WorldFrame::up);
   const eval::RunTrajectories metrics{
@@ -158,8 +158,9 @@ RunContext load_run_context(const Arguments& a) {
                    : config::Node{};
   context.world = make_rig(section(resolved, "rig")).world;
   context.options = section(resolved, "eval");
-  context.reference = a.reference.empty() ? dataset_reference(resolved)
-                                          : std::optional(io::read_trajectory(a.reference));
+  context.reference = a.reference.empty()
+                          ? dataset_reference(resolved)
+                          : std::optional(io::read_trajectory(a.reference, io::BadLines::drop));
   return context;
 }
 

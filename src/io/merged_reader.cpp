@@ -31,7 +31,10 @@ bool MergedReader::fill(Stream& stream) {
         stream.cleaner.push(std::move(event));
         break;
       case SourceState::malformed:
-        stream.cleaner.drop(DropReason::malformed);
+        stream.cleaner.drop_malformed(stream.source->problem());
+        break;
+      case SourceState::implausible:
+        stream.cleaner.drop(DropReason::implausible);
         break;
       case SourceState::pending:
         return false;

@@ -67,7 +67,7 @@ void add_asl_sensors(const std::filesystem::path& root, const DatasetConfig& con
 /// Throws InputError when a recording has no sensor to read.
 void check_any_sensor(const Recording& recording, const std::filesystem::path& root);
 
-/// A trajectory file as reference; nullopt when it has a header only.
+/// A trajectory file as reference, without its bad lines; nullopt when it has a header only.
 std::optional<Trajectory> read_reference(const std::filesystem::path& path);
 
 }  // namespace apvi::io

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apvi/config/node.hpp"
@@ -13,9 +14,10 @@
 
 namespace apvi::io {
 
-/// Result of a request for the next sample. `pending`: no sample within the look-ahead; the other
+/// Result of a request for the next sample. `implausible`: a reading that
+/// the sensor cannot have measured. `pending`: no sample within the look-ahead; the other
 /// sensors continue without this one.
-enum class SourceState { sample, malformed, pending, end };
+enum class SourceState { sample, malformed, implausible, pending, end };
 
 /// The raw samples of one sensor of a recording, lazily read.
 class SampleSource {
@@ -25,6 +27,9 @@ class SampleSource {
   virtual SourceState next(SensorEvent& event) = 0;
   /// Location of the sample just read: "file:line", or topic and time.
   virtual std::string where() const = 0;
+  /// Why the sample just read is malformed: the kind of problem, and the text at fault; both empty
+  /// when that is not known.
+  virtual std::pair<std::string, std::string> problem() const { return {}; }
   /// Fraction read, in [0, 1].
   virtual double fraction() const = 0;
 };

@@ -117,6 +117,8 @@ std::string_view to_string(DropReason reason) {
       return "malformed";
     case DropReason::not_finite:
       return "not finite";
+    case DropReason::implausible:
+      return "implausible";
     case DropReason::out_of_order:
       return "out of order";
     case DropReason::duplicate_stamp:

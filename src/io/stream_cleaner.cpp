@@ -32,6 +32,17 @@ void StreamCleaner::finish() {
   if (!pending_.empty()) accept(std::move(pending_.front().event));
   pending_.clear();
   resolve_jump_back(false);
+  log_counts();
+}
+
+void StreamCleaner::log_counts() const {
+  for (const auto& [kind, count] : malformed_) {
+    if (count > 1) log::warning("{}: {} samples dropped: {}", sensor_, count, kind);
+  }
+  for (const auto& [reason, count] : report_->dropped) {
+    if (count < 2 || (reason == DropReason::malformed && !malformed_.empty())) continue;
+    log::warning("{}: {} samples dropped: {}", sensor_, count, to_string(reason));
+  }
 }
 
 // The first sample has no previous neighbor, so up to two samples that are far apart are held until
@@ -100,6 +111,17 @@ void StreamCleaner::resolve_jump_back(bool persistent) {
   if (!jump_back_) return;
   drop(persistent ? DropReason::out_of_order : DropReason::broken_stamp, *jump_back_);
   jump_back_.reset();
+}
+
+void StreamCleaner::drop_malformed(const std::pair<std::string, std::string>& problem) {
+  const auto& [kind, text] = problem;
+  if (kind.empty()) return drop(DropReason::malformed);
+  ++report_->dropped[DropReason::malformed];
+  if (++malformed_[kind] > 1) return;
+  const std::string where = where_();
+  report_->first_drop.emplace(DropReason::malformed, where);
+  log::warning("{}: {} sample dropped: malformed: {}: \"{}\"; further drops are counted", where,
+               sensor_, kind, text);
 }
 
 void StreamCleaner::drop(DropReason reason, const std::string& where) {

@@ -3,8 +3,10 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/io/sequence.hpp"
@@ -27,6 +29,9 @@ class StreamCleaner {
   void push(SensorEvent event);
   /// Counts a dropped sample; logs the first one for each reason.
   void drop(DropReason reason) { drop(reason, where_()); }
+  /// The same for a malformed sample: the kind of problem, and the text at fault. Logs the first of
+  /// each kind.
+  void drop_malformed(const std::pair<std::string, std::string>& problem);
   /// The sensor has no more samples.
   void finish();
 
@@ -39,6 +44,7 @@ class StreamCleaner {
   };
 
   void drop(DropReason reason, const std::string& where);
+  void log_counts() const;
   void push_first(SensorEvent event);
   void push_after_jump(SensorEvent event);
   void push_regular(SensorEvent event);
@@ -54,6 +60,7 @@ class StreamCleaner {
   std::deque<PendingSample> pending_;     // held until a later sample confirms their stamps
   std::optional<std::string> jump_back_;  // location of a sample far in the past, single or not
   bool jump_back_persists_ = false;
+  std::map<std::string, std::size_t> malformed_;  // counts by kind of problem
 };
 
 }  // namespace apvi::io

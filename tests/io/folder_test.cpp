@@ -165,7 +165,8 @@ TEST(DatasetFolder, ConvertsPressureToPascal) {
   EXPECT_DOUBLE_EQ(pressure("pressure", 1030, automatic), 103000);
   EXPECT_DOUBLE_EQ(pressure("pressure", 103, automatic), 103000);
   EXPECT_DOUBLE_EQ(pressure("pressure [Pa]", 1030, kpa), 1.03e6);
-  EXPECT_THAT(input_error([&] { pressure("pressure [psi]", 14.7, automatic); }), HasSubstr("psi"));
+  EXPECT_DOUBLE_EQ(pressure("pressure [psi]", 15.0, automatic), 15.0 * 6894.757293168);
+  EXPECT_DOUBLE_EQ(pressure("pressure [psi]", 10.5, dbar), 1.05e5);
 }
 
 TEST(DatasetFolder, DecodesImagesOnDemand) {
@@ -241,8 +242,8 @@ TEST(DatasetFolder, ErrorsAreOneLine) {
   EXPECT_THAT(error(dir.path()), HasSubstr("data.csv:1: expected a header"));
   test::write_imu(dir, "#timestamp [ns],w_x,w_y,a_x,a_y,a_z\n");
   EXPECT_THAT(error(dir.path()), HasSubstr("no column \"w_z\""));
-  test::write_imu(dir, "#timestamp [ms],w_x,w_y,w_z,a_x,a_y,a_z\n");
-  EXPECT_THAT(error(dir.path()), HasSubstr("[ms]"));
+  test::write_imu(dir, "#timestamp [days],w_x,w_y,w_z,a_x,a_y,a_z\n");
+  EXPECT_THAT(error(dir.path()), HasSubstr("[days]; known: [s], [ms], [us], [ns]"));
   test::write_imu(dir, kImuHeader);
   EXPECT_THAT(error(dir.path(), {"sonar"}), HasSubstr("no sensor \"sonar\""));
   EXPECT_THAT(error(dir.path() / "mav0"), HasSubstr("contains mav0"));

@@ -19,7 +19,7 @@ namespace apvi::io {
 enum class DatasetFormat { automatic, folder, euroc, tank, rosbag, rosbag2 };
 /// How images are blacked out: replaced by black images, or dropped.
 enum class Blackout { black, dropped };
-enum class PressureUnit { automatic, pa, hpa, kpa };
+enum class PressureUnit { automatic, pa, hpa, kpa, mpa, bar, dbar, psi };
 
 /// Topic names in a bag; an empty one is inferred from message types and common topic names.
 struct TopicConfig {
@@ -81,8 +81,13 @@ struct DatasetConfig {
       Choices<PressureUnit>{{"auto", PressureUnit::automatic},
                             {"Pa", PressureUnit::pa},
                             {"hPa", PressureUnit::hpa},
-                            {"kPa", PressureUnit::kpa}},
-      "unit of the pressure readings; auto guesses it from their magnitude");
+                            {"mbar", PressureUnit::hpa},
+                            {"kPa", PressureUnit::kpa},
+                            {"MPa", PressureUnit::mpa},
+                            {"bar", PressureUnit::bar},
+                            {"dbar", PressureUnit::dbar},
+                            {"psi", PressureUnit::psi}},
+      "unit of the pressure readings; auto: the header's, else by all readings of the recording");
     v("max_time_jump_s", max_time_jump_s, Range{0.1, 1e9},
       "a single sample whose stamp is farther than this from its neighbors is dropped [s]");
     v("topics", topics, "topics of a bag; empty: found by message type and name");
@@ -90,7 +95,14 @@ struct DatasetConfig {
 };
 
 /// Why a sample did not reach the estimator.
-enum class DropReason { malformed, not_finite, out_of_order, duplicate_stamp, broken_stamp };
+enum class DropReason {
+  malformed,
+  not_finite,
+  implausible,
+  out_of_order,
+  duplicate_stamp,
+  broken_stamp
+};
 std::string_view to_string(DropReason reason);
 
 /// Sample counts of one sensor.

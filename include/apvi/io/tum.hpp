@@ -8,12 +8,17 @@
 
 namespace apvi::io {
 
-/// Reads a trajectory: TUM lines (`t tx ty tz qx qy qz qw`, t in seconds), or EuRoC csv
-/// (`#timestamp [ns], p, q_wxyz, ...`), or `gnss0/data.csv` (positions only), detected by
-/// content. Stamps are exact to the nanosecond. Throws InputError with file and line for lines in
-/// no such format, non-finite numbers, quaternions far from unit norm, and stamps that do not
-/// increase.
-Trajectory read_trajectory(const std::filesystem::path& path);
+/// What to do with lines that hold no pose, and with stamps that do not increase.
+enum class BadLines { fail, drop };
+
+/// Reads a trajectory: columns by the names of a header; without one TUM lines
+/// (`t tx ty tz qx qy qz qw`, t in seconds) or EuRoC csv (`t p_xyz q_wxyz`, t in nanoseconds).
+/// Units in the header are converted; stamps of the size of an epoch in ms, us or ns are
+/// recognized. Stamps are exact to the nanosecond. Throws InputError with file and line for lines
+/// in no such format, non-finite numbers, quaternions far from unit norm, and stamps that do not
+/// increase; with BadLines::drop only when no line is good, else a warning counts them. Throws
+/// InputError when stamps have lost digits.
+Trajectory read_trajectory(const std::filesystem::path& path, BadLines bad_lines = BadLines::fail);
 
 /// One TUM line, newline included, with the stamp exact to the nanosecond.
 std::string tum_line(const StampedPose& pose);

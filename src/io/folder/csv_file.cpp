@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <fstream>
+#include <limits>
 
 #include "apvi/core/error.hpp"
 #include "core/text.hpp"
+#include "io/folder/csv_cells.hpp"
 
 namespace apvi::io {
 namespace {
@@ -14,22 +16,6 @@ namespace fs = std::filesystem;
 
 // Bounds memory for files without line breaks; no sensor row is longer.
 constexpr std::size_t kMaxLineBytes = 64 * 1024;
-
-std::string_view without_byte_order_mark(std::string_view line) {
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";
-  if (line.starts_with(kMark)) line.remove_prefix(kMark.size());
-  return line;
-}
-
-// Splits "#timestamp [ns]" into the column "timestamp" and the unit "ns".
-std::pair<std::string, std::string> split_unit(std::string_view cell) {
-  const std::size_t open = cell.find('[');
-  std::string name = text::to_lower(text::trim(cell.substr(0, open)));
-  if (open == std::string_view::npos) return {std::move(name), ""};
-  std::string_view unit = cell.substr(open + 1);
-  unit = unit.substr(0, unit.find(']'));
-  return {std::move(name), std::string(text::trim(unit))};
-}
 
 }  // namespace
 
@@ -71,26 +57,35 @@ bool CsvFile::read_line() {
   return true;
 }
 
-void CsvFile::read_header() {
+std::string_view CsvFile::find_header() {
   bool found = false;
   while (!found && read_line()) found = !text::trim(without_byte_order_mark(line_)).empty();
   if (!found) fail_input("{}: the file is empty; expected a header line", name_);
+  if (line_.starts_with("\xFF\xFE") || line_.starts_with("\xFE\xFF")) {
+    fail_input("{}: this file is UTF-16; save it as UTF-8", name_);
+  }
   std::string_view header = text::trim(without_byte_order_mark(line_));
   if (header.starts_with('#')) header.remove_prefix(1);
-  text::split(header, ',', cells_);
-  if (text::parse_double(cells_.front())) {
+  return header;
+}
+
+void CsvFile::read_header() {
+  const std::string_view header = find_header();
+  separator_ = separator_of(header);
+  split_cells(header);
+  if (text::parse_double(with_decimal_point(cells_.front()))) {
     fail_input("{}:{}: expected a header line with column names, such as #timestamp [ns],…", name_,
                line_number_);
   }
-  for (const std::string_view cell : cells_) {
+  while (cells_.size() > 1 && cells_.back().empty()) cells_.pop_back();
+  for (std::string_view cell : cells_) {
+    if (cell.starts_with('#')) cell.remove_prefix(1);  // within quotes
     auto [column, unit] = split_unit(cell);
     columns_.push_back(std::move(column));
     units_.push_back(std::move(unit));
   }
-  if (!units_.front().empty() && units_.front() != "ns" && units_.front() != "s") {
-    fail_input("{}:{}: unknown time unit [{}]; use [ns] or [s]", name_, line_number_,
-               units_.front());
-  }
+  read_time_unit();
+  check_stamps();
 }
 
 std::optional<std::size_t> CsvFile::find(std::initializer_list<std::string_view> names) const {
@@ -107,11 +102,21 @@ std::size_t CsvFile::require_column(std::initializer_list<std::string_view> name
              *names.begin());
 }
 
+void CsvFile::split_cells(std::string_view line) {
+  if (line.find('"') == std::string_view::npos) {
+    text::split(line, separator_, cells_);
+  } else {
+    split_quoted(line, separator_, cells_);
+  }
+}
+
 bool CsvFile::next() {
+  unread_.reset();
   while (read_line()) {
     const std::string_view line = text::trim(line_);
     if (line.empty() || line.starts_with('#')) continue;
-    text::split(line, ',', cells_);
+    // A tab at the end separates too: only the line break is cut.
+    split_cells(separator_ == '\t' ? line_ : line);
     return true;
   }
   cells_.clear();
@@ -128,11 +133,37 @@ bool CsvFile::complete() const {
                      [](std::string_view extra) { return extra.empty(); });
 }
 
-std::optional<std::int64_t> CsvFile::stamp_ns() const {
-  const auto ns =
-      units_.front() == "s" ? text::parse_seconds_as_ns(cell(0)) : text::parse_int64(cell(0));
-  if (!ns || *ns < 0 || *ns > kMaxStampNs) return std::nullopt;
-  return ns;
+std::optional<RowProblem> CsvFile::problem() const {
+  constexpr std::size_t kMaxShown = 80;
+  const std::string line(text::trim(line_).substr(0, kMaxShown));
+  if (too_long_) return RowProblem{"the line is too long", line};
+  if (!stamp_ns()) return RowProblem{"no stamp in the first column", std::string(cell(0))};
+  if (cells_.size() < columns_.size()) return RowProblem{"too few cells", line};
+  if (!complete()) return RowProblem{"more cells than the header", line};
+  return std::nullopt;
+}
+
+bool CsvFile::look_ahead(const std::function<bool()>& visit) {
+  const std::string present(line_);
+  const auto place = in_->tellg();
+  const bool at_end = in_->eof();
+  if (at_end || place == std::istream::pos_type(-1)) {
+    if (!at_end) in_->clear();
+    return at_end;
+  }
+  const std::size_t line_number = line_number_;
+  const std::uint64_t bytes = bytes_read_;
+  while (next() && visit()) {
+  }
+  in_->clear();
+  in_->seekg(place);
+  line_number_ = line_number;
+  bytes_read_ = bytes;
+  too_long_ = false;
+  std::copy(present.begin(), present.end(), buffer_.begin());
+  line_ = std::string_view(buffer_.data(), present.size());
+  cells_.clear();
+  return true;
 }
 
 std::string CsvFile::where() const {

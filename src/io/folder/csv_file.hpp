@@ -4,41 +4,84 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <istream>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
+
+#include "io/folder/units.hpp"
 
 namespace apvi::io {
 
+/// Why a row cannot be used: the kind of problem, and the text at fault ("" when a cell is
+/// missing).
+struct RowProblem {
+  std::string kind;
+  std::string text;
+};
+
+/// A column with numbers, and the factor from the header's unit to SI.
+struct Quantity {
+  std::size_t column = 0;
+  double to_si = 1.0;
+  bool has_unit = false;
+};
+
 /// A CSV file with a header line, read row by row; columns are found by name. Accepts CRLF, a byte
-/// order mark, blank lines and comment lines (`#`). Memory does not grow with the file.
+/// order mark, blank lines, comment lines (`#`), quoted cells, and semicolons or tabs instead of
+/// commas (then also decimal commas). Memory does not grow with the file.
 class CsvFile {
  public:
+  using Names = std::initializer_list<std::string_view>;
+
   /// Opens the file and reads its header. Throws InputError when it cannot be opened, is a folder,
-  /// is empty, or starts with numbers instead of a header.
+  /// is empty, is UTF-16, or starts with numbers instead of a header.
   explicit CsvFile(const std::filesystem::path& path);
   /// Reads from any stream; `name` is the file name for messages.
   CsvFile(std::unique_ptr<std::istream> in, std::string name);
 
   /// Index of the first of these names that is a column, ignoring "#", unit and case.
-  std::optional<std::size_t> find(std::initializer_list<std::string_view> names) const;
+  std::optional<std::size_t> find(Names names) const;
   /// As `find`; throws InputError with the file and the first name when there is no such column.
-  std::size_t require_column(std::initializer_list<std::string_view> names) const;
-  /// Unit in brackets after the column's name: "ns" in "#timestamp [ns]"; "" if absent.
+  std::size_t require_column(Names names) const;
+  /// A column of numbers: named as given, or with a unit's name appended ("depth_cm"). Throws
+  /// InputError with the known units when the header names another one.
+  std::optional<Quantity> find_quantity(Names names, Dimension dimension) const;
+  /// As `find_quantity`; throws InputError when there is no such column.
+  Quantity require_quantity(Names names, Dimension dimension) const;
+  /// Unit in brackets or parentheses after the column's name: "ns" in "#timestamp [ns]"; "" if
+  /// absent.
   const std::string& unit(std::size_t column) const { return units_[column]; }
+  const std::string& column_name(std::size_t column) const { return columns_[column]; }
 
   /// Advances to the next row; false at the end of the file.
   bool next();
-  /// Text of a cell, trimmed; empty when the row is too short.
+  /// Text of a cell, trimmed and without quotes; empty when the row is too short.
   std::string_view cell(std::size_t column) const;
+  /// The number in a cell as written; nullopt for anything else.
+  std::optional<double> number(std::size_t column) const;
+  /// The number in a cell in SI units.
+  std::optional<double> number(const Quantity& quantity) const;
   /// Whether the row has as many cells as the header (extra cells must be empty).
   bool complete() const;
-  /// The first column as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise.
+  /// The first column as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise. Without
+  /// a unit the first rows tell it.
   std::optional<std::int64_t> stamp_ns() const;
+  /// What is wrong with the row's cells or stamp; nullopt when nothing is.
+  std::optional<RowProblem> problem() const;
+
+  /// The last cell that `number` could not read; nullopt when there was none in this row.
+  std::optional<RowProblem> number_problem() const;
+
+  /// Calls `visit` for each of the remaining rows, until it returns false, and then goes back, so
+  /// that `next` gives the same rows again. False when the input cannot be read twice (a pipe);
+  /// nothing is read then.
+  bool look_ahead(const std::function<bool()>& visit);
 
   const std::string& name() const { return name_; }
   /// "file:line" of the current row.
@@ -47,7 +90,12 @@ class CsvFile {
 
  private:
   bool read_line();
+  std::string_view find_header();
   void read_header();
+  void read_time_unit();
+  void check_stamps();
+  void split_cells(std::string_view line);
+  const Unit* unit_in_name(std::size_t column, Names names, Dimension dimension) const;
 
   std::unique_ptr<std::istream> in_;
   std::string name_;
@@ -60,6 +108,9 @@ class CsvFile {
   std::vector<std::string> columns_;
   std::vector<std::string> units_;
   std::vector<std::string_view> cells_;
+  mutable std::optional<std::size_t> unread_;  // column of the last cell without a number
+  char separator_ = ',';
+  int time_power_ = 0;  // of ten nanoseconds: unit of the first column
 };
 
 /// Upper limit of plausible stamps (year 2112); differences of stamps in [0, limit] cannot

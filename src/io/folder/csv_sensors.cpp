@@ -12,54 +12,66 @@
 #include "core/text.hpp"
 #include "io/folder/dvl_validity.hpp"
 #include "io/folder/image_decode.hpp"
+#include "io/folder/imu_unit.hpp"
 #include "io/folder/pressure_unit.hpp"
 
 namespace apvi::io {
 namespace {
 
 namespace fs = std::filesystem;
-using Columns3 = std::array<std::size_t, 3>;
+using Quantity3 = std::array<Quantity, 3>;
 using Parse = std::function<std::optional<SensorEvent>(const CsvFile&, Stamp)>;
+// Reads ahead, before the first row, what only the whole file tells.
+using Prepare = std::function<void(CsvFile&)>;
 
 // Converts the rows of a CSV file by a function that returns nullopt for a malformed row.
 class CsvSource : public SampleSource {
  public:
-  CsvSource(CsvFile file, Parse parse) : file_(std::move(file)), parse_(std::move(parse)) {}
+  CsvSource(CsvFile file, Parse parse, Prepare prepare)
+      : file_(std::move(file)), parse_(std::move(parse)), prepare_(std::move(prepare)) {}
 
   SourceState next(SensorEvent& event) override {
+    if (prepare_) std::exchange(prepare_, nullptr)(file_);
     if (!file_.next()) return SourceState::end;
-    const auto ns = file_.stamp_ns();
-    if (!ns || !file_.complete()) return SourceState::malformed;
-    auto parsed = parse_(file_, Stamp{*ns});
+    if (file_.problem()) return SourceState::malformed;
+    auto parsed = parse_(file_, Stamp{*file_.stamp_ns()});
     if (!parsed) return SourceState::malformed;
     event = std::move(*parsed);
     return SourceState::sample;
   }
   std::string where() const override { return file_.where(); }
+  std::pair<std::string, std::string> problem() const override {
+    if (const auto problem = file_.problem()) return {problem->kind, problem->text};
+    if (const auto problem = file_.number_problem()) return {problem->kind, problem->text};
+    const auto image = file_.find({"filename"});
+    if (image) return {"no such image file", std::string(file_.cell(*image))};
+    return {};
+  }
   double fraction() const override { return file_.fraction(); }
 
  private:
   CsvFile file_;
   Parse parse_;
+  Prepare prepare_;
 };
 
-std::unique_ptr<SampleSource> make_source(CsvFile file, Parse parse) {
-  return std::make_unique<CsvSource>(std::move(file), std::move(parse));
+std::unique_ptr<SampleSource> make_source(CsvFile file, Parse parse, Prepare prepare = {}) {
+  return std::make_unique<CsvSource>(std::move(file), std::move(parse), std::move(prepare));
 }
 
-std::optional<Eigen::Vector3d> vector_of(const CsvFile& row, const Columns3& columns) {
+std::optional<Eigen::Vector3d> vector_of(const CsvFile& row, const Quantity3& quantities) {
   Eigen::Vector3d vector;
   for (std::size_t i = 0; i < 3; ++i) {
-    const auto number = text::parse_double(row.cell(columns[i]));
+    const auto number = row.number(quantities[i]);
     if (!number) return std::nullopt;
     vector[static_cast<Eigen::Index>(i)] = *number;
   }
   return vector;
 }
 
-std::optional<double> number_in(const CsvFile& row, std::optional<std::size_t> column) {
-  if (!column) return std::nullopt;
-  return text::parse_double(row.cell(*column));
+std::optional<double> number_in(const CsvFile& row, const std::optional<Quantity>& quantity) {
+  if (!quantity) return std::nullopt;
+  return row.number(*quantity);
 }
 
 enum class Flag { absent, yes, no, malformed };
@@ -67,37 +79,44 @@ enum class Flag { absent, yes, no, malformed };
 Flag flag_in(const CsvFile& row, std::optional<std::size_t> column) {
   if (!column || row.cell(*column).empty()) return Flag::absent;
   const std::string word = text::to_lower(row.cell(*column));
-  if (word == "1" || word == "true") return Flag::yes;
-  if (word == "0" || word == "false") return Flag::no;
-  return Flag::malformed;
+  if (word == "true" || word == "yes") return Flag::yes;
+  if (word == "false" || word == "no") return Flag::no;
+  const auto number = row.number(*column);  // pandas writes 1.0 and 0.0, and nan for gaps
+  if (!number) return Flag::malformed;
+  if (std::isnan(*number)) return Flag::absent;
+  if (*number == 1.0) return Flag::yes;
+  return *number == 0.0 ? Flag::no : Flag::malformed;
 }
 
 struct DvlColumns {
   struct Beam {
-    std::optional<std::size_t> velocity;
-    std::optional<std::size_t> range;
+    std::optional<Quantity> velocity;
+    std::optional<Quantity> range;
     std::optional<std::size_t> valid;
   };
-  Columns3 velocity;
-  std::optional<std::size_t> figure_of_merit;
-  std::optional<std::size_t> altitude;
+  Quantity3 velocity;
+  std::optional<Quantity> figure_of_merit;
+  std::optional<Quantity> altitude;
   std::optional<std::size_t> valid;
   std::array<Beam, kDvlBeams> beams;
 };
 
 DvlColumns dvl_columns(const CsvFile& file) {
   DvlColumns c;
-  c.velocity = {file.require_column({"v_x", "vx", "vel_x"}),
-                file.require_column({"v_y", "vy", "vel_y"}),
-                file.require_column({"v_z", "vz", "vel_z"})};
-  c.figure_of_merit = file.find({"figure_of_merit", "fom"});
-  c.altitude = file.find({"altitude"});
+  using enum Dimension;
+  c.velocity = {file.require_quantity({"v_x", "vx", "vel_x"}, speed),
+                file.require_quantity({"v_y", "vy", "vel_y"}, speed),
+                file.require_quantity({"v_z", "vz", "vel_z"}, speed)};
+  c.figure_of_merit = file.find_quantity({"figure_of_merit", "fom"}, speed);
+  c.altitude = file.find_quantity({"altitude"}, length);
   c.valid = file.find({"valid", "velocity_valid"});
   for (std::size_t i = 0; i < kDvlBeams; ++i) {
     // Beams are numbered from 0 here, from 1 in the Tank data set.
-    c.beams[i].velocity = file.find(
-        {fmt::format("beam{}_v", i), fmt::format("b{}", i + 1), fmt::format("beam{}_vel", i + 1)});
-    c.beams[i].range = file.find({fmt::format("beam{}_range", i)});
+    const std::string first = fmt::format("beam{}_v", i);
+    const std::string second = fmt::format("b{}", i + 1);
+    const std::string third = fmt::format("beam{}_vel", i + 1);
+    c.beams[i].velocity = file.find_quantity({first, second, third}, speed);
+    c.beams[i].range = file.find_quantity({fmt::format("beam{}_range", i)}, length);
     c.beams[i].valid = file.find({fmt::format("beam{}_valid", i)});
   }
   return c;
@@ -107,7 +126,7 @@ DvlColumns dvl_columns(const CsvFile& file) {
 bool parse_beam(const CsvFile& row, const DvlColumns::Beam& columns, std::optional<DvlBeam>& beam) {
   const Flag valid = flag_in(row, columns.valid);
   if (valid == Flag::malformed) return false;
-  if (!columns.velocity || row.cell(*columns.velocity).empty()) return true;
+  if (!columns.velocity || row.cell(columns.velocity->column).empty()) return true;
   const auto velocity = number_in(row, columns.velocity);
   if (!velocity) return false;
   beam = DvlBeam{
@@ -133,20 +152,74 @@ std::optional<SensorEvent> parse_dvl(const CsvFile& row, Stamp stamp, const DvlC
   return sample;
 }
 
+// Leaves out the pressures that are apart from the rest of the recording.
+class PlausibleSource : public SampleSource {
+ public:
+  PlausibleSource(std::unique_ptr<SampleSource> rows, std::shared_ptr<const PressureScale> scale)
+      : rows_(std::move(rows)), scale_(std::move(scale)) {}
+
+  SourceState next(SensorEvent& event) override {
+    const SourceState state = rows_->next(event);
+    const bool plausible = state != SourceState::sample ||
+                           scale_->is_plausible(std::get<PressureSample>(event).pressure_pa);
+    return plausible ? state : SourceState::implausible;
+  }
+  std::string where() const override { return rows_->where(); }
+  std::pair<std::string, std::string> problem() const override { return rows_->problem(); }
+  double fraction() const override { return rows_->fraction(); }
+
+ private:
+  std::unique_ptr<SampleSource> rows_;
+  std::shared_ptr<const PressureScale> scale_;
+};
+
+void read_pressures(CsvFile& file, const Quantity& column, const PressureSource& source,
+                    PressureScale& scale) {
+  std::vector<double> values;
+  file.look_ahead([&] {
+    if (const auto value = file.number(column.column)) values.push_back(*value);
+    return true;
+  });
+  scale = evaluate_pressure(std::move(values), source);
+}
+
 }  // namespace
 
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
-  const Columns3 gyro = {file.require_column({"w_x", "w_rs_s_x", "wx", "ang_vel_x"}),
-                         file.require_column({"w_y", "w_rs_s_y", "wy", "ang_vel_y"}),
-                         file.require_column({"w_z", "w_rs_s_z", "wz", "ang_vel_z"})};
-  const Columns3 accel = {file.require_column({"a_x", "a_rs_s_x", "ax", "lin_acc_x"}),
-                          file.require_column({"a_y", "a_rs_s_y", "ay", "lin_acc_y"}),
-                          file.require_column({"a_z", "a_rs_s_z", "az", "lin_acc_z"})};
-  return make_source(std::move(file), [=](const CsvFile& row, Stamp stamp) {
-    const auto w = vector_of(row, gyro);
-    const auto a = vector_of(row, accel);
-    return w && a ? std::optional<SensorEvent>(ImuSample{stamp, *w, *a}) : std::nullopt;
-  });
+  using enum Dimension;
+  const Quantity3 gyro = {
+      file.require_quantity({"w_x", "w_rs_s_x", "wx", "ang_vel_x", "angular_velocity_x"},
+                            angular_rate),
+      file.require_quantity({"w_y", "w_rs_s_y", "wy", "ang_vel_y", "angular_velocity_y"},
+                            angular_rate),
+      file.require_quantity({"w_z", "w_rs_s_z", "wz", "ang_vel_z", "angular_velocity_z"},
+                            angular_rate)};
+  const Quantity3 accel = {
+      file.require_quantity({"a_x", "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x"},
+                            acceleration),
+      file.require_quantity({"a_y", "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y"},
+                            acceleration),
+      file.require_quantity({"a_z", "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z"},
+                            acceleration)};
+  const auto factor = std::make_shared<double>(1.0);  // from what the columns hold to SI
+  return make_source(
+      std::move(file),
+      [=](const CsvFile& row, Stamp stamp) {
+        const auto w = vector_of(row, gyro);
+        const auto a = vector_of(row, accel);
+        return w && a ? std::optional<SensorEvent>(ImuSample{stamp, *w, *factor * *a})
+                      : std::nullopt;
+      },
+      [=](CsvFile& whole) {
+        ImuMagnitudes magnitudes;
+        whole.look_ahead([&] {
+          const auto w = vector_of(whole, gyro);
+          const auto a = vector_of(whole, accel);
+          if (w && a) magnitudes.add(w->norm(), a->norm());
+          return true;
+        });
+        *factor = accel_factor(magnitudes, accel[0].has_unit, gyro[0].has_unit, whole.name());
+      });
 }
 
 std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
@@ -156,42 +229,41 @@ std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
   });
 }
 
-std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit) {
-  const std::size_t column = file.require_column({"pressure", "fluid_pressure"});
-  if (unit == PressureUnit::automatic && !file.unit(column).empty()) {
-    const auto written = pressure_unit_of(file.unit(column));
-    if (!written) {
-      fail_input("{}: unknown pressure unit [{}]; use [Pa], [hPa] or [kPa]", file.name(),
-                 file.unit(column));
-    }
-    unit = *written;
-  }
-  PressureScale scale(unit);
-  return make_source(
+std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, double atmospheric_pa) {
+  const Quantity column =
+      file.require_quantity({"pressure", "fluid_pressure"}, Dimension::pressure);
+  PressureSource source{.name = file.name(), .unit = unit, .atmospheric_pa = atmospheric_pa};
+  if (unit == PressureUnit::automatic && column.has_unit) source.unit = unit_of(column.to_si);
+  const auto scale = std::make_shared<PressureScale>();
+  auto rows = make_source(
       std::move(file),
-      [column, scale](const CsvFile& row, Stamp stamp) mutable -> std::optional<SensorEvent> {
-        const auto value = number_in(row, column);
+      [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
+        const auto value = row.number(column.column);
         if (!value) return std::nullopt;
-        return PressureSample{stamp, scale.to_pascal(*value, row.name())};
-      });
+        return PressureSample{stamp, scale->pascal(*value)};
+      },
+      [=](CsvFile& whole) { read_pressures(whole, column, source, *scale); });
+  return std::make_unique<PlausibleSource>(std::move(rows), scale);
 }
 
 std::unique_ptr<SampleSource> csv_depth(CsvFile file) {
   // The Tank data set has a height column instead, with opposite sign.
-  const auto depth = file.find({"depth"});
-  const std::size_t column = depth ? *depth : file.require_column({"depth", "pos_z"});
+  const auto depth = file.find_quantity({"depth"}, Dimension::length);
+  const Quantity column =
+      depth ? *depth : file.require_quantity({"depth", "pos_z"}, Dimension::length);
   const double sign = depth ? 1.0 : -1.0;
   return make_source(std::move(file),
                      [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
-                       const auto value = number_in(row, column);
+                       const auto value = row.number(column);
                        if (!value) return std::nullopt;
                        return PressureDepthSample{stamp, sign * *value};
                      });
 }
 
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
-  const Columns3 columns = {file.require_column({"east"}), file.require_column({"north"}),
-                            file.require_column({"up"})};
+  const Quantity3 columns = {file.require_quantity({"east"}, Dimension::length),
+                             file.require_quantity({"north"}, Dimension::length),
+                             file.require_quantity({"up"}, Dimension::length)};
   return make_source(std::move(file), [=](const CsvFile& row, Stamp stamp) {
     const auto p = vector_of(row, columns);
     return p ? std::optional<SensorEvent>(GnssSample{stamp, *p}) : std::nullopt;

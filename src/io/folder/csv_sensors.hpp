@@ -12,10 +12,14 @@
 /// required column is missing. An empty cell means "not reported".
 namespace apvi::io {
 
+/// Accelerations in g, milli-g, cm/s² or mm/s² without a unit in the header are converted, see
+/// `accel_factor`.
 std::unique_ptr<SampleSource> csv_imu(CsvFile file);
 std::unique_ptr<SampleSource> csv_dvl(CsvFile file);
-/// `unit` automatic: the unit in the header, else inferred from the first value.
-std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit);
+/// `unit` automatic: the unit in the header, else inferred from all values, see
+/// `evaluate_pressure`. `atmospheric_pa` is added to readings above the atmosphere.
+std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit,
+                                           double atmospheric_pa = 101325.0);
 std::unique_ptr<SampleSource> csv_depth(CsvFile file);
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file);
 /// Images by file name in the folder `images`; a row whose file is missing is malformed.

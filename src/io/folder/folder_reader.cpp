@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "core/text.hpp"
 #include "io/folder/csv_sensors.hpp"
 #include "io/readers.hpp"
 #include "io/trajectory/trajectory_text.hpp"
@@ -20,6 +22,14 @@ bool is_expected(const SensorFile& file, const config::Node& rig) {
   return folder_without_file || rig.find(file.name) != nullptr;
 }
 
+// Of the rig, or the default.
+double atmospheric_pressure_pa(const config::Node& rig) {
+  const config::Node* sensor = rig.find("pressure0");
+  const config::Node* air = sensor == nullptr ? nullptr : sensor->find("atmospheric_pressure_pa");
+  const auto number = air == nullptr ? std::nullopt : text::parse_double(air->text);
+  return number.value_or(PressureCalibration{}.atmospheric_pressure_pa);
+}
+
 }  // namespace
 
 config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
@@ -29,7 +39,7 @@ config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
 }
 
 std::optional<Trajectory> read_reference(const fs::path& path) {
-  Trajectory trajectory = parse_trajectory(*open_text(path), path.string());
+  Trajectory trajectory = parse_trajectory(*open_text(path), path.string(), BadLines::drop);
   if (trajectory.empty()) return std::nullopt;
   return trajectory;
 }
@@ -70,8 +80,9 @@ void add_asl_sensors(const fs::path& root, const DatasetConfig& config, const Se
       return csv_camera(CsvFile(path), path.parent_path() / "data", index);
     };
   };
-  const auto pressure = [unit = config.pressure_unit](const fs::path& path) {
-    return csv_pressure(CsvFile(path), unit);
+  const auto pressure = [unit = config.pressure_unit,
+                         air = atmospheric_pressure_pa(recording.rig)](const fs::path& path) {
+    return csv_pressure(CsvFile(path), unit, air);
   };
   add_sensors({{"imu0", "imu", "imu", csv("imu0"), [](auto& p) { return csv_imu(CsvFile(p)); }},
                {"dvl0", "dvl", "dvl", csv("dvl0"), [](auto& p) { return csv_dvl(CsvFile(p)); }},

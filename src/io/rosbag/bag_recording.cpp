@@ -154,11 +154,23 @@ struct BagSensor {
   MessageToEvent convert;
 };
 
-std::vector<BagSensor> sensors_of(const ChosenTopics& topics, PressureUnit unit) {
+PressureScale read_pressure_scale(const Bag& bag, const std::string& topic, PressureUnit unit) {
+  if (topic.empty()) return {};
+  const auto cursor = bag.open({topic});
+  std::vector<double> values;
+  while (cursor->advance()) {
+    const auto message = cursor->message();
+    const auto value = message ? message->number_at("fluid_pressure") : std::nullopt;
+    if (value) values.push_back(*value);
+  }
+  return evaluate_pressure(std::move(values), {.name = topic, .unit = unit});
+}
+
+std::vector<BagSensor> sensors_of(const ChosenTopics& topics, const PressureScale& pressure) {
   return {
       {"imu0", "imu", "imu", topics.imu, imu_of},
       {"dvl0", "dvl", "dvl", topics.dvl, dvl_of},
-      {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(unit, topics.pressure)},
+      {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(pressure)},
       {"depth0", "depth", "pressure", topics.depth, depth_of},
       {"cam0", "camera", "camera", topics.cam0, image_of(0, topics.cam0)},
       {"cam1", "camera", "camera", topics.cam1, image_of(1, topics.cam1)},
@@ -189,7 +201,10 @@ Recording read_bag(const Bag& bag, const std::filesystem::path& own_rig,
   const ChosenTopics topics = choose_topics(bag.topics, config.topics, bag.path);
   std::vector<Channel> channels;
   std::vector<std::string> kinds;
-  for (BagSensor& sensor : sensors_of(topics, config.pressure_unit)) {
+  const PressureScale pressure =
+      choice.wants("pressure") ? read_pressure_scale(bag, topics.pressure, config.pressure_unit)
+                               : PressureScale{};
+  for (BagSensor& sensor : sensors_of(topics, pressure)) {
     if (!choice.wants(sensor.choice) || !is_used(sensor, recording.rig, bag.path)) continue;
     channels.push_back({sensor.topic, std::move(sensor.convert)});
     kinds.push_back(sensor.kind);

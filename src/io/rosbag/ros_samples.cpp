@@ -12,7 +12,6 @@
 #include "io/folder/csv_file.hpp"
 #include "io/folder/dvl_validity.hpp"
 #include "io/folder/image_decode.hpp"
-#include "io/folder/pressure_unit.hpp"
 
 namespace apvi::io {
 namespace {
@@ -130,12 +129,13 @@ std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp) {
   return PressureDepthSample{stamp, -p->z()};
 }
 
-MessageToEvent pressure_of(PressureUnit unit, std::string topic) {
-  return [scale = PressureScale(unit), topic = std::move(topic)](
-             const RosValue& message, Stamp stamp) mutable -> std::optional<SensorEvent> {
+MessageToEvent pressure_of(PressureScale scale) {
+  return [scale](const RosValue& message, Stamp stamp) -> std::optional<SensorEvent> {
     const auto value = message.number_at("fluid_pressure");
     if (!value) return std::nullopt;
-    return PressureSample{stamp, scale.to_pascal(*value, topic)};
+    const double pascal = scale.pascal(*value);
+    if (!scale.is_plausible(pascal)) return std::nullopt;
+    return PressureSample{stamp, pascal};
   };
 }
 

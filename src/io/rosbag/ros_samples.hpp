@@ -8,6 +8,7 @@
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/sensors/samples.hpp"
+#include "io/folder/pressure_unit.hpp"
 #include "io/rosbag/ros_message.hpp"
 
 namespace apvi::io {
@@ -24,7 +25,7 @@ std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
 std::optional<SensorEvent> dvl_of(const RosValue& message, Stamp stamp);
 /// An odometry or pose whose z is minus the depth.
 std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
-MessageToEvent pressure_of(PressureUnit unit, std::string topic);
+MessageToEvent pressure_of(PressureScale scale);
 /// sensor_msgs/Image and CompressedImage. The bytes are copied, and decoded on demand.
 MessageToEvent image_of(int camera, std::string topic);
 /// The pose of an odometry, pose or transform message; nullopt when it is not finite or the

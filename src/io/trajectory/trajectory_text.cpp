@@ -7,88 +7,35 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
 #include "core/text.hpp"
+#include "io/folder/csv_cells.hpp"
 #include "io/folder/csv_file.hpp"
+#include "io/folder/units.hpp"
+#include "io/trajectory/trajectory_layout.hpp"
 
 namespace apvi::io {
 namespace {
 
-using Cells = std::vector<std::string_view>;
-
 // Tolerates quaternions printed with four decimals.
 constexpr double kNormTolerance = 0.02;
-
-// Column indices. Without a rotation, `xyzw` is unused.
-struct Layout {
-  std::array<std::size_t, 3> position{1, 2, 3};
-  std::array<std::size_t, 4> xyzw{4, 5, 6, 7};
-  bool seconds = true;
-  bool has_rotation = true;
-  std::size_t cells = 8;
-};
+constexpr std::size_t kFewLines = 20;  // less say nothing about lost digits
 
 struct Line {
-  std::string_view text;
+  std::string text;
   const std::string& name;
   std::size_t number;
 
-  [[noreturn]] void fail(std::string_view what) const {
-    fail_input("{}:{}: {}", name, number, what);
-  }
+  std::string where() const { return fmt::format("{}:{}", name, number); }
+  [[noreturn]] void fail(std::string_view what) const { fail_input("{}: {}", where(), what); }
 };
 
-void split_at_blanks(std::string_view line, Cells& cells) {
-  cells.clear();
-  while (!(line = text::trim(line)).empty()) {
-    const std::size_t end = std::min(line.find_first_of(" \t"), line.size());
-    cells.push_back(line.substr(0, end));
-    line.remove_prefix(end);
-  }
-}
-
-std::string column_name(std::string_view cell) {
-  if (cell.starts_with('#')) cell.remove_prefix(1);
-  return text::to_lower(text::trim(cell.substr(0, cell.find('['))));
-}
-
-// Layout from the column names of a CSV header; nullopt when the line is only a comment.
-std::optional<Layout> layout_of_header(const Line& line) {
-  Cells cells;
-  text::split(line.text, ',', cells);
-  if (cells.size() < 4 || column_name(cells[0]) != "timestamp") return std::nullopt;
-  const auto find = [&](std::initializer_list<std::string_view> names) {
-    for (std::size_t i = 0; i < cells.size(); ++i) {
-      if (std::find(names.begin(), names.end(), column_name(cells[i])) != names.end()) return i;
-    }
-    return std::size_t{0};
-  };
-  Layout layout;
-  layout.seconds = cells[0].find("[s]") != std::string_view::npos;
-  layout.cells = cells.size();
-  layout.position = {find({"p_x", "p_rs_r_x", "x", "pos_x", "east"}),
-                     find({"p_y", "p_rs_r_y", "y", "pos_y", "north"}),
-                     find({"p_z", "p_rs_r_z", "z", "pos_z", "up"})};
-  layout.xyzw = {
-      find({"q_x", "q_rs_x", "qx", "orient_qx"}), find({"q_y", "q_rs_y", "qy", "orient_qy"}),
-      find({"q_z", "q_rs_z", "qz", "orient_qz"}), find({"q_w", "q_rs_w", "qw", "orient_qw"})};
-  const auto absent = [](std::size_t column) { return column == 0; };
-  if (std::any_of(layout.position.begin(), layout.position.end(), absent)) {
-    line.fail("no position columns; expected p_x, p_y, p_z or east, north, up");
-  }
-  const auto missing = std::count_if(layout.xyzw.begin(), layout.xyzw.end(), absent);
-  if (missing % 4 != 0) line.fail("some of the columns q_w, q_x, q_y, q_z are missing");
-  layout.has_rotation = missing == 0;
-  return layout;
-}
-
-// Layout from the first line of numbers, in a file without column names.
-Layout layout_of_numbers(const Line& line) {
-  Layout layout;
-  if (line.text.find(',') == std::string_view::npos) return layout;
-  layout.xyzw = {5, 6, 7, 4};  // EuRoC puts w first
-  layout.seconds = false;
-  return layout;
-}
+// The lines that hold poses, and how to read them.
+struct Content {
+  std::vector<Line> lines;
+  TrajectoryLayout layout;
+  bool is_empty = true;
+};
 
 double number_in(const Line& line, const Cells& cells, std::size_t column) {
   const auto number = text::parse_double(cells[column]);
@@ -97,15 +44,20 @@ double number_in(const Line& line, const Cells& cells, std::size_t column) {
   return *number;
 }
 
-Stamp stamp_in(const Line& line, std::string_view cell, bool seconds) {
-  const auto ns = seconds ? text::parse_seconds_as_ns(cell) : text::parse_int64(cell);
+std::string_view name_of_power(int power) {
+  return power == 9 ? "seconds" : power == 6 ? "ms" : power == 3 ? "us" : "nanoseconds";
+}
+
+Stamp stamp_in(const Line& line, std::string_view cell, int power) {
+  const auto ns = text::parse_scaled_int64(cell, power);
   if (!ns || *ns > kMaxStampNs || *ns < -kMaxStampNs) {
-    line.fail(fmt::format("\"{}\" is not a time in {}", cell, seconds ? "seconds" : "nanoseconds"));
+    line.fail(fmt::format("\"{}\" is not a time in {}", cell, name_of_power(power)));
   }
   return {*ns};
 }
 
-Eigen::Quaterniond rotation_in(const Line& line, const Cells& cells, const Layout& layout) {
+Eigen::Quaterniond rotation_in(const Line& line, const Cells& cells,
+                               const TrajectoryLayout& layout) {
   const auto at = [&](std::size_t i) { return number_in(line, cells, layout.xyzw[i]); };
   const Eigen::Quaterniond q(at(3), at(0), at(1), at(2));
   if (!(std::abs(q.norm() - 1.0) < kNormTolerance)) {
@@ -114,59 +66,134 @@ Eigen::Quaterniond rotation_in(const Line& line, const Cells& cells, const Layou
   return q.normalized();
 }
 
-StampedPose pose_in(const Line& line, const Layout& layout, Cells& cells) {
-  if (line.text.find(',') != std::string_view::npos) {
-    text::split(line.text, ',', cells);
-  } else {
-    split_at_blanks(line.text, cells);
-  }
+StampedPose pose_in(const Line& line, const TrajectoryLayout& layout, Cells& cells) {
+  split_trajectory_line(line.text, cells);
   if (cells.size() < layout.cells) {
     line.fail(fmt::format("expected {} numbers, got {}{}", layout.cells, cells.size(),
                           layout.cells == 8 ? " (TUM: t tx ty tz qx qy qz qw)" : ""));
   }
-  StampedPose pose{.stamp = stamp_in(line, cells[0], layout.seconds), .T_world_body = {}};
+  StampedPose pose{.stamp = stamp_in(line, cells[layout.stamp], *layout.time_power),
+                   .T_world_body = {}};
   for (std::size_t i = 0; i < 3; ++i) {
     pose.T_world_body.translation[static_cast<Eigen::Index>(i)] =
-        number_in(line, cells, layout.position[i]);
+        layout.to_meters[i] * number_in(line, cells, layout.position[i]);
   }
   if (layout.has_rotation) pose.T_world_body.rotation = rotation_in(line, cells, layout);
   return pose;
 }
 
-std::string_view without_byte_order_mark(std::string_view text) {
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";
-  if (text.starts_with(kMark)) text.remove_prefix(kMark.size());
-  return text;
+bool is_header(std::string_view line) {
+  if (line.starts_with('#') || line.starts_with('%')) return true;
+  Cells cells;
+  split_trajectory_line(line, cells);
+  const auto is_word = [](std::string_view cell) {
+    return !cell.empty() && !text::parse_double(cell) && cell.find_first_of("0123456789") != 0 &&
+           cell.front() != '-';
+  };
+  return cells.size() >= 4 && std::all_of(cells.begin(), cells.end(), is_word);
 }
 
-bool is_header(std::string_view line) {
-  return line.starts_with('#') || text::to_lower(line.substr(0, 9)) == "timestamp";
+// Stamps without a stated unit tell it themselves.
+void set_time_power(Content& content) {
+  TrajectoryLayout& layout = content.layout;
+  if (layout.time_power) return;
+  std::vector<std::string> stamps;
+  Cells cells;
+  for (const Line& line : content.lines) {
+    split_trajectory_line(line.text, cells);
+    if (layout.stamp < cells.size()) stamps.emplace_back(cells[layout.stamp]);
+  }
+  layout.time_power = guess_time_power(stamps, layout.usual_time_power);
 }
+
+// A header must have a name for each number of the first line; else it is a remark.
+bool fits(const TrajectoryLayout& layout, const Line& line) {
+  Cells cells;
+  split_trajectory_line(line.text, cells);
+  return line.text.find_first_of(",;") != std::string::npos || cells.size() == layout.cells;
+}
+
+Content read_content(std::istream& in, const std::string& name) {
+  Content content;
+  std::optional<TrajectoryLayout> named;
+  std::string buffer;
+  std::size_t number = 0;
+  while (std::getline(in, buffer)) {
+    content.is_empty = false;
+    Line line{std::string(text::trim(without_byte_order_mark(buffer))), name, ++number};
+    if (line.text.empty()) continue;
+    if (!is_header(line.text)) {
+      content.lines.push_back(std::move(line));
+    } else if (!named && content.lines.empty()) {
+      named = layout_of_header(line.text, line.where());
+    }
+  }
+  if (!content.lines.empty() && (!named || !fits(*named, content.lines.front()))) {
+    named = layout_of_numbers(content.lines.front().text, content.lines.front().where());
+  }
+  if (named) content.layout = *named;
+  set_time_power(content);
+  return content;
+}
+
+// Stamps with too few digits are equal from line to line, although the poses change.
+void check_digits(const Content& content) {
+  std::size_t merged = 0;
+  Cells before;
+  Cells cells;
+  const std::size_t stamp = content.layout.stamp;
+  for (const Line& line : content.lines) {
+    split_trajectory_line(line.text, cells);
+    const bool complete = stamp < cells.size() && stamp < before.size();
+    merged += complete && cells[stamp] == before[stamp] && cells != before ? 1 : 0;
+    before = cells;
+  }
+  const std::size_t count = content.lines.size();
+  if (count < kFewLines || 2 * merged < count) return;
+  fail_input(
+      "{}: {} of {} lines have the stamp of the line before, such as {}: the stamps lost "
+      "digits; export them in full",
+      content.lines.front().name, merged, count, before[stamp]);
+}
+
+// The bad lines of a file that may have some.
+struct BadLineCount {
+  std::size_t count = 0;
+  std::string first;  // message
+
+  void add(const std::string& message) {
+    if (count++ == 0) first = message;
+  }
+  void report(const std::string& name, std::size_t good) const {
+    if (count == 0) return;
+    if (good == 0) throw InputError(first);
+    log::warning("{}: {} of {} lines dropped; the first: {}", name, count, count + good, first);
+  }
+};
 
 }  // namespace
 
-Trajectory parse_trajectory(std::istream& in, const std::string& name) {
+Trajectory parse_trajectory(std::istream& in, const std::string& name, BadLines bad_lines) {
   Trajectory trajectory;
-  std::optional<Layout> layout;
-  std::string buffer;
+  const Content content = read_content(in, name);
+  if (content.is_empty) fail_input("{}: the file is empty", name);
+  check_digits(content);
   Cells cells;
-  std::size_t number = 0;
-  while (std::getline(in, buffer)) {
-    const Line line{text::trim(without_byte_order_mark(buffer)), name, ++number};
-    if (line.text.empty()) continue;
-    if (is_header(line.text)) {
-      if (!layout) layout = layout_of_header(line);
-      continue;
+  BadLineCount bad;
+  for (const Line& line : content.lines) {
+    try {
+      const StampedPose pose = pose_in(line, content.layout, cells);
+      if (!trajectory.empty() && pose.stamp <= trajectory.poses.back().stamp) {
+        line.fail("the time does not increase; sort the lines and delete duplicates");
+      }
+      trajectory.poses.push_back(pose);
+    } catch (const InputError& e) {
+      if (bad_lines == BadLines::fail) throw;
+      bad.add(e.what());
     }
-    if (!layout) layout = layout_of_numbers(line);
-    const StampedPose pose = pose_in(line, *layout, cells);
-    if (!trajectory.empty() && pose.stamp <= trajectory.poses.back().stamp) {
-      line.fail("the time does not increase; sort the lines and delete duplicates");
-    }
-    trajectory.poses.push_back(pose);
   }
-  if (number == 0) fail_input("{}: the file is empty", name);
-  trajectory.has_rotation = !layout || layout->has_rotation;
+  bad.report(name, trajectory.size());
+  trajectory.has_rotation = content.layout.has_rotation;
   // GNSS at the surface writes zeros for the height.
   const auto flat = [](const StampedPose& p) { return p.T_world_body.translation.z() == 0.0; };
   trajectory.has_height = trajectory.has_rotation ||

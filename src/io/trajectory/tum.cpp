@@ -25,8 +25,8 @@ std::string seconds_text(Stamp stamp) {
 
 }  // namespace
 
-Trajectory read_trajectory(const std::filesystem::path& path) {
-  Trajectory trajectory = parse_trajectory(*open_text(path), path.string());
+Trajectory read_trajectory(const std::filesystem::path& path, BadLines bad_lines) {
+  Trajectory trajectory = parse_trajectory(*open_text(path), path.string(), bad_lines);
   if (trajectory.empty()) fail_input("{}: no poses in this file", path.string());
   return trajectory;
 }

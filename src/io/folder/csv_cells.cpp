@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/folder/csv_cells.hpp"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "core/text.hpp"
+
+namespace apvi::io {
+namespace {
+
+std::string_view without_quotes(std::string_view cell) {
+  if (cell.size() < 2 || cell.front() != '"' || cell.back() != '"') return cell;
+  return text::trim(cell.substr(1, cell.size() - 2));
+}
+
+}  // namespace
+
+char separator_of(std::string_view header) {
+  char best = ',';
+  std::ptrdiff_t most = std::count(header.begin(), header.end(), ',');
+  for (const char c : {';', '\t'}) {
+    const std::ptrdiff_t count = std::count(header.begin(), header.end(), c);
+    if (count > most) best = c;
+    most = std::max(most, count);
+  }
+  return best;
+}
+
+void split_quoted(std::string_view line, char separator, std::vector<std::string_view>& cells) {
+  cells.clear();
+  std::size_t begin = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i <= line.size(); ++i) {
+    if (i < line.size() && line[i] == '"') quoted = !quoted;
+    if (i < line.size() && (quoted || line[i] != separator)) continue;
+    cells.push_back(without_quotes(text::trim(line.substr(begin, i - begin))));
+    begin = i + 1;
+  }
+}
+
+std::string with_decimal_point(std::string_view cell) {
+  std::string number(cell);
+  std::replace(number.begin(), number.end(), ',', '.');
+  return number;
+}
+
+std::string_view without_byte_order_mark(std::string_view line) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (line.starts_with(kMark)) line.remove_prefix(kMark.size());
+  return line;
+}
+
+std::pair<std::string, std::string> split_unit(std::string_view cell) {
+  const std::size_t open = cell.find_first_of("[(");
+  std::string name = text::to_lower(text::trim(cell.substr(0, open)));
+  if (open == std::string_view::npos) return {std::move(name), ""};
+  std::string_view unit = cell.substr(open + 1);
+  unit = unit.substr(0, unit.find_last_of("])"));
+  return {std::move(name), std::string(text::trim(unit))};
+}
+
+}  // namespace apvi::io

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/folder/imu_unit.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string_view>
+
+#include "apvi/core/log.hpp"
+#include "io/folder/units.hpp"
+
+namespace apvi::io {
+namespace {
+
+constexpr double kGravity = 9.80665;     // [m/s²]
+constexpr std::size_t kFewSamples = 20;  // less say nothing
+constexpr std::size_t kMaxKept = 100'000;
+constexpr double kTolerance = 0.1;      // of the median norm against gravity
+constexpr double kMaxMedianRate = 2.0;  // no vehicle keeps turning so fast [rad/s]
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The unit in which the norm is nearest gravity; nullptr when none is near.
+const Unit* unit_of_gravity(double norm) {
+  const Unit* best = nullptr;
+  double nearest = kTolerance;
+  for (const std::string_view name : {"m/s^2", "g", "mg", "cm/s^2", "mm/s^2"}) {
+    const Unit* unit = find_unit(Dimension::acceleration, name);
+    const double off = std::abs(norm * unit->to_si / kGravity - 1.0);
+    if (off >= nearest) continue;
+    best = unit;
+    nearest = off;
+  }
+  return best;
+}
+
+void check_rate(double rate, const std::string& source) {
+  if (rate <= kMaxMedianRate) return;
+  log::warning(
+      "{}: median angular rate {:.3g} rad/s: no vehicle turns so fast; for deg/s name the "
+      "unit in the header: w_x [deg/s]",
+      source, rate);
+}
+
+}  // namespace
+
+void ImuMagnitudes::add(double rate, double force) {
+  if (!std::isfinite(rate) || !std::isfinite(force) || seen_++ % every_ != 0) return;
+  rates_.push_back(rate);
+  forces_.push_back(force);
+  if (forces_.size() < kMaxKept) return;
+  for (std::size_t i = 0; 2 * i < forces_.size(); ++i) {
+    rates_[i] = rates_[2 * i];
+    forces_[i] = forces_[2 * i];
+  }
+  rates_.resize(kMaxKept / 2);
+  forces_.resize(kMaxKept / 2);
+  every_ *= 2;
+}
+
+double ImuMagnitudes::median_rate() const {
+  return median(rates_);
+}
+
+double ImuMagnitudes::median_force() const {
+  return median(forces_);
+}
+
+double accel_factor(const ImuMagnitudes& magnitudes, bool has_accel_unit, bool has_gyro_unit,
+                    const std::string& source) {
+  if (magnitudes.count() < kFewSamples) return 1.0;
+  if (!has_gyro_unit) check_rate(magnitudes.median_rate(), source);
+  const double force = magnitudes.median_force();
+  const Unit* unit = unit_of_gravity(force);
+  if (unit == nullptr) {
+    if (force >= 0.3 * kGravity) return 1.0;
+    log::warning(
+        "{}: median specific force {:.3g} m/s²: gravity is missing; log the raw specific "
+        "force of the accelerometer, and check its unit",
+        source, force);
+    return 1.0;
+  }
+  if (unit->to_si == 1.0) return 1.0;
+  if (has_accel_unit) {
+    log::warning(
+        "{}: median specific force {:.4g} m/s² in the unit of the header, which may be "
+        "wrong: these look like [{}]",
+        source, force, unit->name);
+    return 1.0;
+  }
+  log::warning(
+      "{}: median specific force {:.4g} and no unit in the header: taken as {} and "
+      "converted; to state it write a_x [{}]",
+      source, force, unit->name, unit->name);
+  return unit->to_si;
+}
+
+}  // namespace apvi::io

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "io/dataset_builder.hpp"
+
+namespace apvi {
+namespace {
+
+using io::DropReason;
+using test::config_for;
+using test::input_error;
+using test::read_dataset;
+using test::TmpDir;
+using testing::HasSubstr;
+
+constexpr std::int64_t kStart = 1'403'636'581'838'555'574;
+
+// Three rows of an IMU in this dialect, which must mean the same.
+void expect_same_samples(const std::string& text) {
+  const TmpDir dir;
+  test::write_imu(dir, text);
+  const auto out = read_dataset(config_for(dir.path()));
+  ASSERT_EQ(out.events.size(), 2U) << text;
+  EXPECT_EQ(out.dropped("imu"), 0U) << text;
+  EXPECT_EQ(stamp_of(out.events[0]).ns, kStart) << text;
+  EXPECT_EQ(stamp_of(out.events[1]).ns, kStart + 5'000'000) << text;
+  EXPECT_EQ(std::get<ImuSample>(out.events[1]).gyro, Eigen::Vector3d(0.1, -0.25, 3)) << text;
+  EXPECT_EQ(std::get<ImuSample>(out.events[1]).accel, Eigen::Vector3d(1, 0.002, 9.5)) << text;
+}
+
+TEST(CsvDialects, MeanTheSame) {
+  const std::string header = "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n";
+  const std::string first = "1403636581838555574";
+  const std::string second = "1403636581843555574";
+  const std::string row = ",0.1,-0.25,3,1,2e-3,9.5\n";
+  expect_same_samples(header + first + row + second + row);
+  expect_same_samples(header + first + ".0" + row + second + ".0" + row);
+  expect_same_samples(header + "1.403636581838555574e18" + row + "1.403636581843555574E+18" + row);
+  expect_same_samples("time [s],w_x,w_y,w_z,a_x,a_y,a_z\n1403636581.838555574" + row +
+                      "1403636581.843555574" + row);
+  expect_same_samples("time,w_x,w_y,w_z,a_x,a_y,a_z\n1403636581.838555574" + row +
+                      "1403636581.843555574" + row);
+  const std::string quoted =
+      "\"#timestamp [ns]\",\"w_x\",\"w_y\",\"w_z\",\"a_x\",\"a_y\",\"a_z\"\n";
+  expect_same_samples(quoted + "\"" + first + "\",\"0.1\",-0.25,3,1,2e-3,9.5\n" + second + row);
+  const std::string commas = ";0,1;-0,25;3;1;2e-3;9,5;\r\n";
+  expect_same_samples("\xEF\xBB\xBF#timestamp [ns];w_x;w_y;w_z;a_x;a_y;a_z;\r\n" + first + commas +
+                      second + commas);
+  const std::string tabs = "\t0.1\t-0.25\t3\t1\t2e-3\t9.5\n";
+  expect_same_samples("timestamp\tw_x\tw_y\tw_z\ta_x\ta_y\ta_z\n" + first + tabs + second + tabs);
+  expect_same_samples(
+      "timestamp,angular_velocity_x,angular_velocity_y,angular_velocity_z,linear_acceleration_x,"
+      "linear_acceleration_y,linear_acceleration_z\n" +
+      first + row + second + row);
+}
+
+TEST(CsvDialects, StampsThatLostDigitsAreAnError) {
+  const TmpDir dir;
+  std::string text = "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n";
+  for (int i = 0; i < 50; ++i) text += fmt::format("1.40364E+18,{},0,0,0,0,9.8\n", 0.001 * i);
+  test::write_imu(dir, text);
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }),
+              HasSubstr("such as 1.40364E+18: the stamps lost digits"));
+}
+
+TEST(CsvDialects, RepeatedRowsAreDuplicates) {
+  const TmpDir dir;
+  std::string text = "#timestamp [ns],depth [m]\n";
+  for (int i = 0; i < 100; ++i) text += fmt::format("{},{}\n", 1000 + i / 10, i / 10);
+  dir.write("mav0/depth0/data.csv", text);
+  EXPECT_EQ(read_dataset(config_for(dir.path())).delivered("depth"), 10U);
+}
+
+TEST(CsvDialects, Utf16IsAnErrorThatSaysSo) {
+  const TmpDir dir;
+  test::write_imu(dir, std::string("\xFF\xFE#\0t\0", 6));
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }), HasSubstr("UTF-16"));
+}
+
+TEST(MalformedRows, AreReportedOncePerKindWithTextAndCount) {
+  const TmpDir dir;
+  test::write_imu(dir, std::string(test::kImuHeader) + test::imu_rows({1.0}) +
+                           "1100000000,0,0,0,bad,0,0\n1200000000,0,0,0,worse,0,0\n"
+                           "hello,0,0,0,0,0,0\n1300000000,0,0\n");
+  testing::internal::CaptureStderr();
+  const auto out = read_dataset(config_for(dir.path()));
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(out.dropped("imu", DropReason::malformed), 4U);
+  EXPECT_THAT(log, HasSubstr("data.csv:3: imu sample dropped: malformed: column a_x is not a "
+                             "number: \"bad\""));
+  EXPECT_THAT(log, testing::Not(HasSubstr("worse")));
+  EXPECT_THAT(log, HasSubstr("imu: 2 samples dropped: column a_x is not a number"));
+  EXPECT_THAT(log, HasSubstr("no stamp in the first column: \"hello\""));
+  EXPECT_THAT(log, HasSubstr("too few cells: \"1300000000,0,0\""));
+}
+
+}  // namespace
+}  // namespace apvi

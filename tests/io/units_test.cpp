@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/folder/units.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "io/dataset_builder.hpp"
+#include "io/folder/pressure_unit.hpp"
+
+namespace apvi {
+namespace {
+
+using io::Dimension;
+using io::DropReason;
+using test::config_for;
+using test::input_error;
+using test::read_dataset;
+using test::TmpDir;
+using testing::HasSubstr;
+
+TEST(Units, AreKnownInEveryUsualSpelling) {
+  for (const char* word : {"m/s", "m s^-1", "M/S", "m s-1", "m/sec", "m·s⁻¹", "mps"}) {
+    const io::Unit* unit = io::find_unit(Dimension::speed, word);
+    ASSERT_NE(unit, nullptr) << word;
+    EXPECT_EQ(unit->to_si, 1.0) << word;
+  }
+  for (const char* word : {"m/s^2", "m s^-2", "m/s2", "m/s²", "m s⁻²", "m/s/s", "m/s**2"}) {
+    ASSERT_NE(io::find_unit(Dimension::acceleration, word), nullptr) << word;
+  }
+  for (const char* word : {"deg/s", "°/s", "dps", "deg s^-1"}) {
+    const io::Unit* unit = io::find_unit(Dimension::angular_rate, word);
+    ASSERT_NE(unit, nullptr) << word;
+    EXPECT_DOUBLE_EQ(unit->to_si, std::numbers::pi / 180.0) << word;
+  }
+  EXPECT_EQ(io::find_unit(Dimension::speed, "m"), nullptr);
+  EXPECT_EQ(io::find_unit(Dimension::pressure, "mPa"), nullptr);
+}
+
+TEST(Units, OfStampsAreToldByTheirSize) {
+  EXPECT_EQ(io::guess_time_power({"1403636581838555574.0"}, 9), 0);
+  EXPECT_EQ(io::guess_time_power({"1.403636581838e18"}, 9), 0);
+  EXPECT_EQ(io::guess_time_power({"1403636581838555", "1403636581888555"}, 0), 3);
+  EXPECT_EQ(io::guess_time_power({"1403636581838", "1403636581888"}, 0), 6);
+  EXPECT_EQ(io::guess_time_power({"1403636581.838", "1403636581.888"}, 0), 9);
+  EXPECT_EQ(io::guess_time_power({"1500000000", "1550000000"}, 0), 0);
+  EXPECT_EQ(io::guess_time_power({"17", "18"}, 9), 9);
+}
+
+TEST(DatasetFolder, ConvertsUnitsOfHeader) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv",
+            "timestamp_ms,v_x [mm/s],v_y (kn),vz_cm/s,altitude [ft],beam0_v [mm/s]\n"
+            "1500,250,2,30,10,400\n");
+  test::write_imu(dir,
+                  "#time [us],w_x [deg/s],w_y [dps],w_z [rad s^-1],a_x [g],a_y [mg],a_z [m/s²]\n"
+                  "1500001,180,90,1,1,500,3\n");
+  dir.write("mav0/depth0/data.csv", "#timestamp [s],depth_cm\n1.500002,250\n");
+  const auto out = read_dataset(config_for(dir.path()));
+  ASSERT_EQ(out.events.size(), 3U);
+  const auto& dvl = std::get<DvlSample>(out.events[0]);
+  EXPECT_EQ(dvl.stamp.ns, 1'500'000'000);
+  EXPECT_TRUE(dvl.velocity.isApprox(Eigen::Vector3d(0.25, 1852.0 / 1800.0, 0.3), 1e-12));
+  EXPECT_NEAR(dvl.altitude.value(), 3.048, 1e-12);
+  EXPECT_NEAR(dvl.beams[0]->velocity, 0.4, 1e-12);
+  const auto& imu = std::get<ImuSample>(out.events[1]);
+  EXPECT_EQ(imu.stamp.ns, 1'500'001'000);
+  EXPECT_TRUE(imu.gyro.isApprox(Eigen::Vector3d(std::numbers::pi, std::numbers::pi / 2, 1), 1e-12));
+  EXPECT_TRUE(imu.accel.isApprox(Eigen::Vector3d(9.80665, 4.903325, 3), 1e-12));
+  EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[2]).depth_m, 2.5);
+}
+
+TEST(DatasetFolder, UnknownUnitIsAnErrorWithFileColumnAndKnownOnes) {
+  const TmpDir dir;
+  dir.write("mav0/depth0/data.csv", "#timestamp [ns],depth [furlong]\n1,2\n");
+  const std::string error = input_error([&] { read_dataset(config_for(dir.path())); });
+  EXPECT_THAT(error, HasSubstr("depth0/data.csv: column depth: unknown unit [furlong]"));
+  EXPECT_THAT(error, HasSubstr("[m], [cm], [mm]"));
+}
+
+// Pressures of a dive from 0.2 m to 2.2 m [Pa].
+std::vector<double> dive() {
+  std::vector<double> pascal;
+  for (int i = 0; i <= 400; ++i) pascal.push_back(101325.0 + 9806.65 * (0.2 + 0.005 * i));
+  return pascal;
+}
+
+double first_pressure(const TmpDir& dir, std::vector<double> values, double factor, double offset,
+                      std::size_t dropped = 0, const std::string& column = "pressure") {
+  std::string text = "#timestamp [ns]," + column + "\n";
+  std::int64_t ns = 0;
+  for (const double v : values) {
+    text += fmt::format("{},{:.9g}\n", ns += 50'000'000, (v - offset) / factor);
+  }
+  dir.write("mav0/pressure0/data.csv", text);
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_EQ(out.dropped("pressure", DropReason::implausible), dropped);
+  EXPECT_EQ(out.delivered("pressure"), values.size() - dropped);
+  return std::get<PressureSample>(out.events.at(0)).pressure_pa;
+}
+
+TEST(PressureUnit, IsInferredFromTheWholeRecording) {
+  const TmpDir dir;
+  for (const double factor : {1.0, 1e2, 1e3, 1e4, 1e5, 6894.757293168}) {
+    EXPECT_NEAR(first_pressure(dir, dive(), factor, 0.0), dive()[0], 0.1) << factor;
+  }
+}
+
+TEST(PressureUnit, FirstReadingApartFromTheRestIsDropped) {
+  const TmpDir dir;
+  for (const double factor : {1.0, 1e2, 1e3, 1e4, 1e5}) {
+    for (const double garbage : {0.0, -2e9, 3e6}) {
+      std::vector<double> values = dive();
+      values.front() = garbage;
+      EXPECT_NEAR(first_pressure(dir, values, factor, 0.0, 1), dive()[1], 0.1)
+          << factor << " " << garbage;
+    }
+  }
+}
+
+TEST(PressureUnit, DeepPartOfADiveIsKept) {
+  const TmpDir dir;
+  std::vector<double> values = dive();
+  for (int i = 0; i < 30; ++i) values.push_back(101325.0 + 9806.65 * (2.2 + i));
+  EXPECT_NEAR(first_pressure(dir, values, 1.0, 0.0), dive()[0], 0.1);
+}
+
+TEST(PressureUnit, SeaPressureInDecibarsGetsTheAtmosphere) {
+  const TmpDir dir;
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e4, 101325.0), dive()[0], 0.1);
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e4, 101325.0, 0, "pressure [dbar]"), dive()[0], 0.1);
+  dir.write("rig.yaml", "pressure0: {atmospheric_pressure_pa: 0}\n");
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e4, 101325.0), dive()[0] - 101325.0, 0.1);
+}
+
+TEST(PressureUnit, AmbiguousReadingsAreAnError) {
+  const TmpDir dir;
+  std::vector<double> values(100, 30.0);
+  EXPECT_THAT(input_error([&] { io::evaluate_pressure(values, {.name = "p.csv"}); }),
+              HasSubstr("p.csv: the unit of the pressure cannot be told"));
+}
+
+Eigen::Vector3d accel_of(const TmpDir& dir, double factor, const std::string& unit = "") {
+  std::string text = fmt::format("#timestamp [ns],w_x,w_y,w_z,a_x{0},a_y{0},a_z{0}\n", unit);
+  for (int i = 1; i <= 50; ++i) {
+    text += fmt::format("{},0.01,0.02,0,{},0,{}\n", i * 10'000'000, 0.5 / factor, 9.8 / factor);
+  }
+  test::write_imu(dir, text);
+  return std::get<ImuSample>(read_dataset(config_for(dir.path())).events.at(0)).accel;
+}
+
+TEST(ImuUnit, IsToldByTheSizeOfGravity) {
+  const TmpDir dir;
+  const Eigen::Vector3d truth(0.5, 0, 9.8);
+  for (const double factor : {1.0, 9.80665, 9.80665e-3, 1e-2, 1e-3}) {
+    EXPECT_TRUE(accel_of(dir, factor).isApprox(truth, 1e-6)) << factor;
+  }
+}
+
+TEST(ImuUnit, OfTheHeaderIsTrusted) {
+  const TmpDir dir;
+  EXPECT_NEAR(accel_of(dir, 9.80665, " [m s^-2]").z(), 9.8 / 9.80665, 1e-6);
+}
+
+TEST(DvlPlaceholders, AreInvalidSamples) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv",
+            "#timestamp [ns],v_x [mm/s],v_y [mm/s],v_z [mm/s],fom\n"
+            "10,100,200,300,0.01\n20,-32768,-32768,-32768,0.01\n30,100,200,-32768,0.01\n"
+            "40,100,200,300,10\n50,0,0,0,0.01\n");
+  std::vector<bool> valid;
+  for (const auto& event : read_dataset(config_for(dir.path())).events) {
+    valid.push_back(std::get<DvlSample>(event).valid);
+  }
+  EXPECT_THAT(valid, testing::ElementsAre(true, false, false, false, false));
+}
+
+TEST(DvlPlaceholders, FlagsMayBeWords) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv",
+            "#timestamp [ns],v_x,v_y,v_z,valid\n10,1,2,3,1.0\n20,1,2,3,0.0\n30,1,2,3,True\n"
+            "40,1,2,3,False\n50,1,2,3,nan\n60,0,0,0,\n");
+  std::vector<bool> valid;
+  for (const auto& event : read_dataset(config_for(dir.path())).events) {
+    valid.push_back(std::get<DvlSample>(event).valid);
+  }
+  EXPECT_THAT(valid, testing::ElementsAre(true, false, true, false, true, false));
+}
+
+}  // namespace
+}  // namespace apvi
