@@ -31,8 +31,9 @@ void report(const runs::MappingRunResult& result) {
 }  // namespace
 
 std::optional<runs::RunResult> localize_and_map(const runs::RunConfig& config,
+                                                io::SequenceReader& recording,
                                                 const MappingRequest& request) {
-  const runs::OnlineRunResult result = runs::run_online(config, options_of(request));
+  const runs::OnlineRunResult result = runs::run_online(config, recording, options_of(request));
   report(result.map);
   return result.localization;
 }

@@ -21,6 +21,7 @@ struct MappingRequest {
 /// Runs localization and mapping together and logs the map's result. Returns nothing when a map was
 /// only refined further.
 std::optional<runs::RunResult> localize_and_map(const runs::RunConfig& config,
+                                                io::SequenceReader& recording,
                                                 const MappingRequest& request);
 /// Builds a map with given poses and logs the result. Throws InputError in a build without mapping.
 void make_map(const runs::RunConfig& config, const MappingRequest& request);

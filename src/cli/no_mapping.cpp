@@ -4,7 +4,8 @@
 
 namespace apvi::cli {
 
-std::optional<runs::RunResult> localize_and_map(const runs::RunConfig&, const MappingRequest&) {
+std::optional<runs::RunResult> localize_and_map(const runs::RunConfig&, io::SequenceReader&,
+                                                const MappingRequest&) {
   return std::nullopt;
 }
 

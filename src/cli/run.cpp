@@ -7,6 +7,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "apvi/io/sequence.hpp"
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
 #include "cli/mapping_support.hpp"
@@ -69,18 +70,25 @@ void report(const runs::RunResult& result) {
   std::fputs(eval::to_table(result.metrics).c_str(), stdout);
 }
 
+// A resumed run reads the calibration only.
+std::unique_ptr<io::SequenceReader> open_recording(const runs::RunConfig& config, bool resume) {
+  const std::vector<std::string> camera = {"camera"};
+  return io::open_sequence(config.dataset, resume ? camera : config.sensors.use);
+}
+
 void run_into(const fs::path& folder, const runs::RunConfig& config, const Arguments& a) {
   const InterruptGuard guard;
   const auto interrupted = [&guard] { return guard.interrupted(); };
   const MappingRequest map{
       .folder = folder, .overwrite = a.overwrite, .resume = a.resume, .interrupted = interrupted};
   if (!config.localization.enabled) return make_map(config, map);
-  if (a.resume || runs::makes_map(config)) {
-    if (const auto result = localize_and_map(config, map)) report(*result);
+  const auto recording = open_recording(config, a.resume);
+  if (a.resume || runs::makes_map(config, *recording)) {
+    if (const auto result = localize_and_map(config, *recording, map)) report(*result);
     return;
   }
-  report(
-      runs::run(config, {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted}));
+  report(runs::run(config, *recording,
+                   {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted}));
 }
 
 void run(const Arguments& a) {

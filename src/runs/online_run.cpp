@@ -20,17 +20,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Rig rig_with_camera(const RunConfig& config) {
-  const auto reader = io::open_sequence(config.dataset, {"camera"});
-  Rig rig = make_rig(runs::resolve_rig(config, reader->rig()));
+Rig rig_with_camera(const RunConfig& config, const io::SequenceReader& recording) {
+  Rig rig = make_rig(runs::resolve_rig(config, recording.rig()));
   if (rig.cameras.empty()) {
     fail_input("{}: the rig has no cam0; mapping requires its calibration", config.dataset.path);
   }
   return rig;
 }
 
-std::optional<RunResult> localize(const RunConfig& config, const MappingRunOptions& options,
-                                  OnlineMap& map) {
+std::optional<RunResult> localize(const RunConfig& config, io::SequenceReader& recording,
+                                  const MappingRunOptions& options, OnlineMap& map) {
   const RunOptions run{.folder = options.folder,
                        .overwrite = options.overwrite,
                        .interrupted = options.interrupted,
@@ -38,7 +37,7 @@ std::optional<RunResult> localize(const RunConfig& config, const MappingRunOptio
                        .map = &map.mapper()};
   std::optional<RunResult> result;
   try {
-    result = runs::run(config, run);
+    result = runs::run(config, recording, run);
   } catch (...) {
     map.mapper().stop();
     save_or_log([&] { map.save(); });
@@ -102,16 +101,17 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
           .psnr_db = figures.value("psnr_db", std::numeric_limits<double>::quiet_NaN())};
 }
 
-OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOptions& options) {
+OnlineRunResult localize_and_map(const RunConfig& config, io::SequenceReader& recording,
+                                 const MappingRunOptions& options) {
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
-  const Rig rig = rig_with_camera(config);
+  const Rig rig = rig_with_camera(config, recording);
   OnlineMap map(config, options, rig);
   OnlineRunResult result;
   if (options.resume) {
     continue_map(config, options, map);
   } else {
-    result.localization = localize(config, options, map);
+    result.localization = localize(config, recording, options, map);
   }
   const bool interrupted = result.localization && result.localization->interrupted;
   if (map.mapper().mapper().size() == 0 && interrupted) {
@@ -128,9 +128,10 @@ OnlineRunResult localize_and_map(const RunConfig& config, const MappingRunOption
 
 }  // namespace
 
-OnlineRunResult run_online(const RunConfig& config, const MappingRunOptions& options) {
+OnlineRunResult run_online(const RunConfig& config, io::SequenceReader& recording,
+                           const MappingRunOptions& options) {
   return with_oom_message(config, options.folder,
-                          [&] { return localize_and_map(config, options); });
+                          [&] { return localize_and_map(config, recording, options); });
 }
 
 }  // namespace apvi::runs

@@ -33,7 +33,8 @@ struct RunResult {
 /// InputError for a bad recording or configuration, RunError when nothing could be estimated or
 /// written.
 RunResult run(const RunConfig& config, const RunOptions& options);
-/// The same for any sequence, including a live one; `config.dataset` is ignored.
+/// The same for an opened recording or a live sequence. Of `config.dataset` only the span is used,
+/// to cut the reference.
 RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options);
 
 }  // namespace apvi::runs

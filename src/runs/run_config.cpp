@@ -65,15 +65,13 @@ void check(const RunConfig& config) {
   slam_options(config).check();
 }
 
-bool makes_map(const RunConfig& config) {
+bool makes_map(const RunConfig& config, const io::SequenceReader& recording) {
   if (config.mapping.enabled != slam::MapSwitch::automatic) {
     return config.mapping.enabled == slam::MapSwitch::on;
   }
   if (!APVI_WITH_MAPPING || !config.sensors.includes("camera")) return false;
-  if (config.dataset.path.empty()) fail_input("dataset.path: not given; add a recording");
-  const auto reader = io::open_sequence(config.dataset, config.sensors.use);
-  const Rig rig = make_rig(resolve_rig(config, reader->rig()));
-  return !rig.cameras.empty() && reader->report().contains("camera");
+  const Rig rig = make_rig(resolve_rig(config, recording.rig()));
+  return !rig.cameras.empty() && recording.report().contains("camera");
 }
 
 RunConfig load_run_config(const std::filesystem::path& file,

@@ -71,9 +71,9 @@ RunConfig load_recorded_run_config(const std::filesystem::path& file);
 /// Throws InputError for contradictory values, or a map that this build cannot make.
 void check(const RunConfig& config);
 
-/// Whether the run builds a map: as configured, or because the recording has a camera. Opens the
-/// recording. Throws InputError when it cannot be opened.
-bool makes_map(const RunConfig& config);
+/// Whether the run builds a map: as configured, or because the recording, opened with
+/// `config.sensors.use`, has a camera. Throws InputError for a bad calibration.
+bool makes_map(const RunConfig& config, const io::SequenceReader& recording);
 
 /// The configuration for resolved.yaml: with the rig as used, and absolute paths.
 RunConfig resolved(const RunConfig& config, const config::Node& rig);

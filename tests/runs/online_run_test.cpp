@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "eval/metrics_file.hpp"
 #include "map_io/ply.hpp"
@@ -36,6 +37,11 @@ void simulate_reef(const fs::path& to, std::vector<std::string> overrides) {
                                      "rig.cam0.intrinsics=[157.5, 157.5, 119.5, 89.5]"});
   sim::simulate(sim::load_scene(test::source_dir() / "configs/scenes/seabed_easy.yaml", overrides),
                 to, {.threads = 2});
+}
+
+OnlineRunResult run_recording(const RunConfig& config, const MappingRunOptions& options) {
+  const auto recording = io::open_sequence(config.dataset, config.sensors.use);
+  return run_online(config, *recording, options);
 }
 
 /// A simulated dive of seven seconds, created once for all tests.
@@ -70,7 +76,7 @@ class OnlineRunTest : public testing::Test {
 std::unique_ptr<test::TmpDir> OnlineRunTest::data_;
 
 TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
-  const OnlineRunResult result = run_online(config(), {.folder = folder("run")});
+  const OnlineRunResult result = run_recording(config(), {.folder = folder("run")});
   ASSERT_TRUE(result.localization);
   EXPECT_LT(result.localization->metrics.fused.ate.value->rmse, 0.03);
   const eval::Json metrics = eval::read_metrics(folder("run") / "metrics.json");
@@ -92,18 +98,18 @@ TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
   EXPECT_GT(render_run({.source = folder("run"), .out = images, .restore = true}), 5U);
   EXPECT_GE(load_finished_run(folder("run")).keyframes.size(),
             io::read_trajectory(folder("run") / "keyframes.tum").size());
-  const OnlineRunResult more = run_online(config({"mapping.final_iterations=10"}),
-                                          {.folder = folder("run"), .resume = true});
+  const OnlineRunResult more = run_recording(config({"mapping.final_iterations=10"}),
+                                             {.folder = folder("run"), .resume = true});
   EXPECT_FALSE(more.localization);
   EXPECT_EQ(more.map.iterations, result.map.iterations + 10);
 }
 
 TEST_F(OnlineRunTest, ReplayOnThreadsGivesSameMap) {
   const std::vector<std::string> less = {"mapping.final_iterations=5"};
-  run_online(config(less), {.folder = folder("one")});
+  run_recording(config(less), {.folder = folder("one")});
   std::vector<std::string> replay = less;
   replay.emplace_back("run.mode=replay");
-  run_online(config(replay), {.folder = folder("three")});
+  run_recording(config(replay), {.folder = folder("three")});
   for (const char* file : {"map.ply", "keyframes.tum", "trajectory.tum"}) {
     EXPECT_EQ(bytes(folder("one") / file), bytes(folder("three") / file)) << file;
   }
@@ -117,7 +123,7 @@ TEST_F(OnlineRunTest, ClosesLoopAtStartOfTrajectory) {
   const std::vector<std::string> overrides = {
       "dataset.path=" + round.string(), "mapping.loop_closure.min_age_s=10", "mapping.medium=false",
       "mapping.final_iterations=0", "mapping.online.steps_per_keyframe=1"};
-  run_online(config(overrides), {.folder = folder("run")});
+  run_recording(config(overrides), {.folder = folder("run")});
   const eval::Json metrics = eval::read_metrics(folder("run") / "metrics.json");
   EXPECT_GT(metrics["mapping"]["closed_loops"].get<int>(), 0);
   EXPECT_GT(metrics["speed"]["mapper_s"]["loops"].get<double>(), 0.0);
@@ -127,7 +133,7 @@ TEST_F(OnlineRunTest, InterruptSavesMap) {
   int asked = 0;
   MappingRunOptions options{.folder = folder("run")};
   options.interrupted = [&asked] { return ++asked > 1400; };
-  const OnlineRunResult result = run_online(config(), options);
+  const OnlineRunResult result = run_recording(config(), options);
   EXPECT_TRUE(result.map.interrupted);
   EXPECT_TRUE(result.localization->interrupted);
   EXPECT_GT(map_io::read_ply(folder("run") / "map.ply").size(), 100);
@@ -149,10 +155,10 @@ std::function<bool()> ends_in_a_step(test::OutOfMemoryAllocator& memory, int ref
 TEST_F(OnlineRunTest, OutOfMemoryKeepsMapAndTrajectory) {
   APVI_SKIP_ON_GPU();
   const auto whole =
-      run_online(config({"mapping.final_iterations=0"}), {.folder = folder("whole")});
+      run_recording(config({"mapping.final_iterations=0"}), {.folder = folder("whole")});
   try {
     test::OutOfMemoryAllocator memory;  // fails again while the map is reduced
-    run_online(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 2)});
+    run_recording(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 2)});
     FAIL() << "no exception";
   } catch (const RunError& error) {
     const std::string message = error.what();
@@ -162,8 +168,8 @@ TEST_F(OnlineRunTest, OutOfMemoryKeepsMapAndTrajectory) {
   EXPECT_EQ(io::read_trajectory(folder("run") / "trajectory.tum").size(),
             whole.localization->poses);
   EXPECT_TRUE(eval::read_metrics(folder("run") / "metrics.json").contains("trajectory"));
-  const OnlineRunResult more =
-      run_online(config({"mapping.max_gaussians=500"}), {.folder = folder("run"), .resume = true});
+  const OnlineRunResult more = run_recording(config({"mapping.max_gaussians=500"}),
+                                             {.folder = folder("run"), .resume = true});
   EXPECT_FALSE(more.map.interrupted);
   EXPECT_EQ(more.map.gaussians, 500);
 }
@@ -172,7 +178,7 @@ TEST_F(OnlineRunTest, MetricsReportReducedGaussianLimit) {
   APVI_SKIP_ON_GPU();
   {
     test::OutOfMemoryAllocator memory;
-    run_online(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 1)});
+    run_recording(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 1)});
   }
   const eval::Json map = eval::read_metrics(folder("run") / "metrics.json")["mapping"];
   EXPECT_LT(map["most_gaussians"].get<int>(), 6000);
@@ -182,7 +188,7 @@ TEST_F(OnlineRunTest, MetricsReportReducedGaussianLimit) {
 
 TEST_F(OnlineRunTest, TrajectoryIsCompleteWhenMapCannotBeWritten) {
   const auto whole =
-      run_online(config({"mapping.final_iterations=0"}), {.folder = folder("whole")});
+      run_recording(config({"mapping.final_iterations=0"}), {.folder = folder("whole")});
   for (const std::string mode : {"sequential", "replay"}) {
     SCOPED_TRACE(mode);
     MappingRunOptions options{.folder = folder(mode)};
@@ -191,7 +197,7 @@ TEST_F(OnlineRunTest, TrajectoryIsCompleteWhenMapCannotBeWritten) {
       return false;
     };
     EXPECT_THROW(
-        run_online(config({"run.mode=" + mode, "mapping.checkpoint_every_s=0.01"}), options),
+        run_recording(config({"run.mode=" + mode, "mapping.checkpoint_every_s=0.01"}), options),
         RunError);
     EXPECT_EQ(io::read_trajectory(folder(mode) / "trajectory.tum").size(),
               whole.localization->poses);
@@ -203,15 +209,15 @@ TEST_F(OnlineRunTest, RejectsImpossibleRunsImmediately) {
   EXPECT_THROW(config({"sensors.use=[imu, dvl]"}), InputError);
   EXPECT_THROW(config({"mapping.depth.min_depth_m=30"}), InputError);
   EXPECT_THROW(config({"mapping.depth.quadtree.max_block_px=12"}), InputError);
-  EXPECT_THROW(run_online(config(), {.folder = folder("none"), .resume = true}), InputError);
+  EXPECT_THROW(run_recording(config(), {.folder = folder("none"), .resume = true}), InputError);
   fs::create_directories(folder("taken"));
   std::ofstream(folder("taken") / "map.ply") << "x";
-  EXPECT_THROW(run_online(config(), {.folder = folder("taken")}), InputError);
+  EXPECT_THROW(run_recording(config(), {.folder = folder("taken")}), InputError);
   EXPECT_EQ(bytes(folder("taken") / "map.ply"), "x");
 }
 
 TEST_F(OnlineRunTest, WritesTrajectoryWithoutAcceptedKeyframes) {
-  EXPECT_THROW(run_online(config({"dataset.blackout_s=[[0, 100]]"}), {.folder = folder("run")}),
+  EXPECT_THROW(run_recording(config({"dataset.blackout_s=[[0, 100]]"}), {.folder = folder("run")}),
                RunError);
   EXPECT_GT(fs::file_size(folder("run") / "trajectory.tum"), 100U);
   EXPECT_FALSE(fs::exists(folder("run") / "map.ply"));

@@ -82,6 +82,35 @@ TEST(MappingConfig, DefaultIsMapWithDepthAndMediumWhereThereIsCamera) {
   EXPECT_EQ(load(kGiven).mapping.trainer.densify.kind, mapping::Densification::gradient);
 }
 
+/// A recording that has not been read yet.
+class UnreadRecording : public io::SequenceReader {
+ public:
+  UnreadRecording(const std::string& rig, const std::string& sensor)
+      : rig_(config::parse_yaml(rig, "rig.yaml")), report_{{sensor, {}}} {}
+
+  const config::Node& rig() const override { return rig_; }
+  std::optional<SensorEvent> next() override { return std::nullopt; }
+  double fraction() const override { return 0.0; }
+  const std::map<std::string, io::StreamReport>& report() const override { return report_; }
+  std::optional<Trajectory> reference() const override { return std::nullopt; }
+
+ private:
+  config::Node rig_;
+  std::map<std::string, io::StreamReport> report_;
+};
+
+TEST(MappingConfig, MapIsMadeWhereRecordingAndRigHaveCamera) {
+  const std::string camera =
+      "cam0: {model: pinhole, intrinsics: [200, 200, 160, 120], resolution: [320, 240]}\n";
+  const RunConfig automatic = load("run: {seed: 1}\n");
+  EXPECT_TRUE(makes_map(automatic, UnreadRecording(camera, "camera")));
+  EXPECT_FALSE(makes_map(automatic, UnreadRecording(camera, "dvl")));
+  EXPECT_FALSE(makes_map(automatic, UnreadRecording("imu0: {}\n", "camera")));
+  EXPECT_FALSE(makes_map(load("sensors: {use: [imu, dvl]}\n"), UnreadRecording(camera, "camera")));
+  EXPECT_FALSE(makes_map(load("mapping: {enabled: false}\n"), UnreadRecording(camera, "camera")));
+  EXPECT_TRUE(makes_map(load("mapping: {enabled: true}\n"), UnreadRecording(camera, "dvl")));
+}
+
 TEST(MappingConfig, SuggestsKeyForTypo) {
   EXPECT_THAT(error_of(std::string(kGiven) + "  max_gausians: 5\n"),
               testing::AllOf(HasSubstr("c.yaml:4"), HasSubstr("max_gaussians")));
