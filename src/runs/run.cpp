@@ -223,15 +223,26 @@ std::string awaited(const localization::Synchronizer& synchronizer) {
   return synchronizer.acoustic_odometry().dipo().waiting_for();
 }
 
-eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
-                               const io::SequenceReader& reader, const Pass& pass,
-                               const localization::ActiveSensors& sensors) {
-  const std::optional<Trajectory> reference = reference_of(config, reader, pass.first);
+eval::RunTrajectories evaluate_against(const std::optional<Trajectory>& reference,
+                                       const RunConfig& config, const Rig& rig, const Pass& pass,
+                                       const localization::ActiveSensors& sensors) {
   eval::RunTrajectories metrics;
   metrics.fused = evaluate(config, rig, reference, pass.fused);
   if (sensors.dvl) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
   if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reference, pass.vio);
   return metrics;
+}
+
+// A reference is optional: whatever is wrong with it, the results of the run are kept.
+eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
+                               const io::SequenceReader& reader, const Pass& pass,
+                               const localization::ActiveSensors& sensors) {
+  try {
+    return evaluate_against(reference_of(config, reader, pass.first), config, rig, pass, sensors);
+  } catch (const std::exception& e) {
+    log::warning("no evaluation against the reference: {}", e.what());
+    return evaluate_against(std::nullopt, config, rig, pass, sensors);
+  }
 }
 
 double median(std::vector<double> values) {
