@@ -8,6 +8,7 @@
 #include <map>
 #include <sstream>
 
+#include "apvi/core/error.hpp"
 #include "io/dataset_builder.hpp"
 #include "io/folder/image_decode.hpp"
 #include "io/ros_bytes.hpp"
@@ -232,18 +233,18 @@ TEST(RosSamples, DecodesRawImagesByEncoding) {
     return std::vector<int>(m.begin<std::uint8_t>(), m.end<std::uint8_t>());
   };
   EXPECT_THAT(pixels(image("mono8", 3, {1, 2, 99, 3, 4, 99})), testing::ElementsAre(1, 2, 3, 4));
-  EXPECT_THAT(pixels(image("mono16", 4, {0, 1, 0, 2, 0, 3, 0, 4})),
-              testing::ElementsAre(1, 2, 3, 4));
-  EXPECT_THAT(pixels(image("mono16", 4, {1, 0, 2, 0, 3, 0, 4, 0}, 1)),
-              testing::ElementsAre(1, 2, 3, 4));
+  EXPECT_THAT(pixels(image("mono16", 4, {0, 1, 0, 2, 0, 3, 0, 200})),
+              testing::ElementsAre(1, 2, 3, 200));
+  EXPECT_THAT(pixels(image("mono16", 4, {1, 0, 2, 0, 3, 0, 200, 0}, 1)),
+              testing::ElementsAre(1, 2, 3, 200));
   const std::vector<std::uint8_t> rgb = {1, 2, 3, 1, 2, 3, 1, 2, 3, 1, 2, 3};
   EXPECT_EQ(std::get<ImageFrame>(*image("rgb8", 6, rgb)).decode().at<cv::Vec3b>(0, 0),
             cv::Vec3b(3, 2, 1));
   EXPECT_EQ(std::get<ImageFrame>(*image("bgr8", 6, rgb)).decode().at<cv::Vec3b>(0, 0),
             cv::Vec3b(1, 2, 3));
   EXPECT_FALSE(image("mono8", 2, {1, 2, 3}));        // truncated
-  EXPECT_FALSE(image("mono8", 1, {1, 2, 3, 4}));     // step smaller than the width
-  EXPECT_FALSE(image("32FC1", 8, {1, 2, 3, 4, 5}));  // neither 8 nor 16 bits
+  EXPECT_FALSE(image("mono8", 1, {1, 2, 3, 4, 5}));  // step smaller than the width
+  EXPECT_THROW(pixels(image("32FC1", 8, {1, 2, 3, 4, 5})), RunError);  // neither 8 nor 16 bits
   EXPECT_FALSE(image("mono8", 2, {}));
 }
 

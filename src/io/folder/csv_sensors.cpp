@@ -272,14 +272,15 @@ std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
 
 std::unique_ptr<SampleSource> csv_camera(CsvFile file, fs::path images, int camera) {
   const std::size_t column = file.require_column({"filename"});
-  return make_source(std::move(file),
-                     [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
-                       if (row.cell(column).empty()) return std::nullopt;
-                       const fs::path path = images / std::string(row.cell(column));
-                       std::error_code unreadable;
-                       if (!fs::is_regular_file(path, unreadable)) return std::nullopt;
-                       return ImageFrame{stamp, camera, [path] { return decode_image_file(path); }};
-                     });
+  const auto depth = std::make_shared<BitDepth>();
+  return make_source(
+      std::move(file), [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
+        if (row.cell(column).empty()) return std::nullopt;
+        const fs::path path = images / std::string(row.cell(column));
+        std::error_code unreadable;
+        if (!fs::is_regular_file(path, unreadable)) return std::nullopt;
+        return ImageFrame{stamp, camera, [path, depth] { return decode_image_file(path, *depth); }};
+      });
 }
 
 }  // namespace apvi::io

@@ -1,51 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/folder/image_decode.hpp"
 
-#include <algorithm>
-#include <array>
+#include <fstream>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <string_view>
 
 #include "apvi/core/error.hpp"
+#include "io/folder/image_file_check.hpp"
+#include "io/folder/raw_encoding.hpp"
 
 namespace apvi::io {
 namespace {
 
 constexpr int kFlags = cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION;
-constexpr int kNoConversion = -1;
-
-struct Encoding {
-  std::string_view name;
-  int type;
-  int conversion;  // to gray or BGR
-};
-
-// OpenCV names a Bayer pattern by the pixels of the second row, ROS by those of the first.
-constexpr std::array<Encoding, 16> kEncodings = {{
-    {"mono8", CV_8UC1, kNoConversion},
-    {"8UC1", CV_8UC1, kNoConversion},
-    {"mono16", CV_16UC1, kNoConversion},
-    {"16UC1", CV_16UC1, kNoConversion},
-    {"bgr8", CV_8UC3, kNoConversion},
-    {"8UC3", CV_8UC3, kNoConversion},
-    {"rgb8", CV_8UC3, cv::COLOR_RGB2BGR},
-    {"bgra8", CV_8UC4, cv::COLOR_BGRA2BGR},
-    {"rgba8", CV_8UC4, cv::COLOR_RGBA2BGR},
-    {"bgr16", CV_16UC3, kNoConversion},
-    {"rgb16", CV_16UC3, cv::COLOR_RGB2BGR},
-    {"bayer_rggb8", CV_8UC1, cv::COLOR_BayerBG2BGR},
-    {"bayer_bggr8", CV_8UC1, cv::COLOR_BayerRG2BGR},
-    {"bayer_gbrg8", CV_8UC1, cv::COLOR_BayerGR2BGR},
-    {"bayer_grbg8", CV_8UC1, cv::COLOR_BayerGB2BGR},
-    {"bayer_rggb16", CV_16UC1, cv::COLOR_BayerBG2BGR},
-}};
-
-const Encoding* find_encoding(std::string_view name) {
-  const auto it = std::find_if(kEncodings.begin(), kEncodings.end(),
-                               [&](const Encoding& e) { return e.name == name; });
-  return it == kEncodings.end() ? nullptr : &*it;
-}
 
 cv::Mat swap_bytes(const cv::Mat& image) {
   cv::Mat swapped = image.clone();
@@ -57,56 +25,80 @@ cv::Mat swap_bytes(const cv::Mat& image) {
   return swapped;
 }
 
+std::size_t row_bytes(const RawImage& raw, const Encoding& encoding) {
+  return raw.width * static_cast<std::size_t>(CV_ELEM_SIZE(encoding.type));
+}
+
+// Some drivers leave the step at zero or write the width into it. Where the data have exactly the
+// size of rows without padding, the step is known.
+std::size_t step_of(const RawImage& raw, const Encoding& encoding) {
+  const std::size_t row = row_bytes(raw, encoding);
+  return raw.bytes.size() == row * encoding.rows(raw.height) ? row : raw.step;
+}
+
 cv::Mat decode_rows(const RawImage& raw) {
-  if (!is_well_formed(raw))
-    fail_run("{}: the image is truncated or has an unknown encoding", raw.name);
-  const Encoding& encoding = *find_encoding(raw.encoding);
-  // cv::Mat has no const view; the pixels are only read, and copied below.
-  cv::Mat image(static_cast<int>(raw.height), static_cast<int>(raw.width), encoding.type,
-                const_cast<std::uint8_t*>(raw.bytes.data()), raw.step);
-  if (image.depth() == CV_16U) {
-    if (raw.big_endian) image = swap_bytes(image);
-    cv::Mat eight_bit;
-    image.convertTo(eight_bit, CV_8U, 1.0 / 256.0);
-    image = eight_bit;
+  const Encoding* encoding = find_encoding(raw.encoding);
+  if (encoding == nullptr) {
+    fail_run(
+        "{}: image encoding \"{}\" is not supported; publish mono8, bgr8, a Bayer pattern, yuv422 "
+        "or nv12, or compressed images",
+        raw.name, raw.encoding);
   }
-  if (encoding.conversion == kNoConversion) return image.clone();
+  if (!is_well_formed(raw)) fail_run("{}: the image is truncated", raw.name);
+  // cv::Mat has no const view; the pixels are only read, and copied below.
+  cv::Mat image(static_cast<int>(encoding->rows(raw.height)), static_cast<int>(raw.width),
+                encoding->type, const_cast<std::uint8_t*>(raw.bytes.data()),
+                step_of(raw, *encoding));
+  if (image.depth() == CV_16U) {
+    image = raw.depth->to_eight_bits(raw.big_endian ? swap_bytes(image) : image);
+  }
+  if (encoding->conversion == kNoConversion) return image.clone();
   cv::Mat converted;
-  cv::cvtColor(image, converted, encoding.conversion);
+  cv::cvtColor(image, converted, encoding->conversion);
   return converted;
+}
+
+// With 16 bits per value where the file has them; OpenCV would keep the upper eight bits of these,
+// which is black for a camera of 10 bits.
+cv::Mat decode_file(const std::vector<std::uint8_t>& bytes, const std::string& name,
+                    BitDepth& depth) {
+  if (!is_complete_image_file(bytes)) fail_run("{}: the image file is incomplete", name);
+  cv::Mat image = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, kFlags | cv::IMREAD_ANYDEPTH);
+  if (!image.empty() && image.depth() == CV_16U) return depth.to_eight_bits(image);
+  if (!image.empty() && image.depth() != CV_8U) image = cv::imdecode(bytes, kFlags);
+  if (image.empty()) fail_run("{}: cannot decode this image; it may be damaged", name);
+  return image;
 }
 
 }  // namespace
 
-cv::Mat decode_image_file(const std::filesystem::path& path) {
-  cv::Mat image;
+cv::Mat decode_image_file(const std::filesystem::path& path, BitDepth& depth) {
+  std::ifstream in(path, std::ios::binary);
+  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), {}};
+  if (in.bad() || bytes.empty())
+    fail_run("{}: the image file is empty or unreadable", path.string());
   try {
-    image = cv::imread(path.string(), kFlags);
+    return decode_file(bytes, path.string(), depth);
   } catch (const cv::Exception& e) {
     fail_run("{}: cannot decode this image: {}", path.string(), e.err);
   }
-  if (image.empty())
-    fail_run("{}: cannot decode this image; the file may be damaged", path.string());
-  return image;
 }
 
 bool is_well_formed(const RawImage& raw) {
-  const Encoding* encoding = find_encoding(raw.encoding);
   constexpr std::size_t kMaxSide = 100'000;
-  if (encoding == nullptr || raw.width == 0 || raw.height == 0) return false;
+  if (raw.width == 0 || raw.height == 0) return false;
   if (raw.width > kMaxSide || raw.height > kMaxSide) return false;
-  const std::size_t row = raw.width * static_cast<std::size_t>(CV_ELEM_SIZE(encoding->type));
-  return raw.step >= row && raw.step <= raw.bytes.size() &&
-         raw.step * (raw.height - 1) + row <= raw.bytes.size();
+  const Encoding* encoding = find_encoding(raw.encoding);
+  if (encoding == nullptr) return true;
+  const std::size_t row = row_bytes(raw, *encoding);
+  const std::size_t step = step_of(raw, *encoding);
+  return step >= row && step <= raw.bytes.size() &&
+         step * (encoding->rows(raw.height) - 1) + row <= raw.bytes.size();
 }
 
 cv::Mat decode_raw_image(const RawImage& raw) {
   try {
-    if (!raw.compressed) return decode_rows(raw);
-    cv::Mat image = cv::imdecode(raw.bytes, kFlags);
-    if (image.empty())
-      fail_run("{}: cannot decode this image; the recording may be damaged", raw.name);
-    return image;
+    return raw.compressed ? decode_file(raw.bytes, raw.name, *raw.depth) : decode_rows(raw);
   } catch (const cv::Exception& e) {
     fail_run("{}: cannot decode this image: {}", raw.name, e.err);
   }

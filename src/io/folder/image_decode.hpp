@@ -3,14 +3,18 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
+#include "io/folder/bit_depth.hpp"
+
 namespace apvi::io {
 
-/// Reads an image file as 8-bit gray or BGR. Throws RunError when it cannot be decoded.
-cv::Mat decode_image_file(const std::filesystem::path& path);
+/// Reads an image file as 8-bit gray or BGR. 16-bit images are scaled by the `depth` of their
+/// camera. Throws RunError when it cannot be decoded or is incomplete.
+cv::Mat decode_image_file(const std::filesystem::path& path, BitDepth& depth);
 
 /// Image data of a message: an encoded file (compressed), or rows of `step` bytes.
 struct RawImage {
@@ -19,12 +23,14 @@ struct RawImage {
   std::vector<std::uint8_t> bytes;
   std::size_t width = 0;
   std::size_t height = 0;
-  std::size_t step = 0;
+  std::size_t step = 0;  ///< as recorded; ignored where the rows are known to be tightly packed
   bool big_endian = false;
   std::string encoding;  ///< ROS encoding: mono8, bgr8, bayer_rggb8, …
+  SharedBitDepth depth = std::make_shared<BitDepth>();  ///< of the camera
 };
 
-/// Whether the encoding is known and the data are large enough for the image size.
+/// Whether the data are large enough for the image size. True for an unsupported encoding, whose
+/// size is unknown: decoding names it.
 bool is_well_formed(const RawImage& raw);
 /// The image as 8-bit gray or BGR. Throws RunError when it cannot be decoded.
 cv::Mat decode_raw_image(const RawImage& raw);

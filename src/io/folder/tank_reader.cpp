@@ -32,8 +32,9 @@ class ImageFolder : public SampleSource {
     if (next_ == images_.size()) return SourceState::end;
     const auto& [ns, name] = images_[next_++];
     if (ns < 0 || ns > kMaxStampNs) return SourceState::malformed;
-    event =
-        ImageFrame{Stamp{ns}, camera_, [path = folder_ / name] { return decode_image_file(path); }};
+    event = ImageFrame{Stamp{ns}, camera_, [path = folder_ / name, depth = depth_] {
+                         return decode_image_file(path, *depth);
+                       }};
     return SourceState::sample;
   }
   std::string where() const override { return (folder_ / images_[next_ - 1].second).string(); }
@@ -44,6 +45,7 @@ class ImageFolder : public SampleSource {
  private:
   fs::path folder_;
   int camera_;
+  SharedBitDepth depth_ = std::make_shared<BitDepth>();
   std::vector<std::pair<std::int64_t, std::string>> images_;
   std::size_t next_ = 0;
 };

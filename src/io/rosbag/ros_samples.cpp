@@ -140,13 +140,14 @@ MessageToEvent pressure_of(PressureScale scale) {
 }
 
 MessageToEvent image_of(int camera, std::string topic) {
-  return [camera, topic = std::move(topic)](const RosValue& message,
-                                            Stamp stamp) -> std::optional<SensorEvent> {
+  return [camera, topic = std::move(topic), depth = std::make_shared<BitDepth>()](
+             const RosValue& message, Stamp stamp) -> std::optional<SensorEvent> {
     const RosValue* data = message.find("data");
     if (data == nullptr || data->bytes().empty()) return std::nullopt;
     RawImage raw;
     raw.name = fmt::format("{} at {:.9f}", topic, stamp.seconds());
     raw.compressed = message.find("format") != nullptr;
+    raw.depth = depth;
     if (!raw.compressed) {
       raw.width = size_at(message, "width");
       raw.height = size_at(message, "height");
