@@ -25,22 +25,12 @@ vio::Config vio_config(const Options& options) {
   return out;
 }
 
-// An image that cannot be decoded counts as lost; the run continues.
-cv::Mat decode_image(const ImageFrame& image) {
-  if (!image.decode) return {};
-  try {
-    return image.decode();
-  } catch (const RunError& error) {
-    log::warning("camera {}: {}", image.camera, error.what());
-    return {};
-  }
-}
-
 }  // namespace
 
 VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, std::size_t cameras,
                                Sink sink, MapSink* map)
     : mode_(options.run.mode),
+      image_monitor_(first_cameras(rig, cameras)),
       tracker_(options.vio.tracker, first_cameras(rig, cameras)),
       fusion_stage_(vio_config(options), options.fusion, options.freeze, rig),
       sink_(std::move(sink)),
@@ -87,7 +77,9 @@ VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool process_image) 
   skipped_rotation_.reset();
   Stopwatch watch;
   std::vector<cv::Mat> images;
-  for (const ImageFrame& image : job.images) images.push_back(decode_image(image));
+  for (const ImageFrame& image : job.images) {
+    images.push_back(image_monitor_.decode(image));
+  }
   Tracked tracked{.job = std::move(job), .frame = std::nullopt, .image = {}};
   tracked.decode_s = watch.seconds();
   watch.reset();

@@ -6,10 +6,12 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "apvi/localization/options.hpp"
 #include "core/worker.hpp"
 #include "localization/fusion_stage.hpp"
+#include "localization/image_monitor.hpp"
 #include "localization/map_feed.hpp"
 #include "vio/frontend/tracker.hpp"
 
@@ -36,6 +38,8 @@ class VisualPipeline {
 
   /// Images skipped in real time because newer ones were waiting.
   std::size_t dropped_images() const { return dropped_images_; }
+  /// By camera. Valid after `finish` only.
+  const std::vector<ImageCounts>& image_counts() const { return image_monitor_.counts(); }
   /// Valid after `finish` only.
   const FusionStage& fusion_stage() const { return fusion_stage_; }
 
@@ -52,6 +56,7 @@ class VisualPipeline {
   void fuse(const Tracked& tracked);
 
   RunMode mode_;
+  ImageMonitor image_monitor_;
   vio::Tracker tracker_;
   std::optional<Eigen::Quaterniond> skipped_rotation_;  // body rotation over skipped images
   FusionStage fusion_stage_;
