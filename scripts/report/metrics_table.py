@@ -123,6 +123,12 @@ def dropped_rows(run):
             for name, count in dropped.items()]
 
 
+def warnings(run):
+    """Sensors that did not serve and implausible results, as text."""
+    found = run.metrics.get("warnings", [])
+    return [str(text) for text in found] if isinstance(found, list) else []
+
+
 def flatten(metrics, prefix=""):
     for key, value in metrics.items():
         if isinstance(value, dict):
@@ -133,7 +139,7 @@ def flatten(metrics, prefix=""):
 
 def other_rows(run):
     """(name, unit, value) of all other metrics; keys without an entry in OTHERS are shown as is."""
-    shown = ("trajectory.", "counts.dvl.", "counts.depth.", "counts.dropped_samples.", "dropped.")
+    shown = ("warnings", "trajectory.", "counts.dvl.", "counts.depth.", "counts.dropped_samples.", "dropped.")
     rows = []
     flat = dict(flatten(run.metrics))
     for key in sorted(flat, key=lambda k: list(OTHERS).index(k) if k in OTHERS else len(OTHERS)):

@@ -181,4 +181,4 @@ def render(run):
         name=run.name, subtitle=subtitle(run), headline=metrics_table.headline(run),
         sections=make_sections(run), estimators=estimators, trajectory=trajectory,
         counts=metrics_table.count_rows(run), dropped=metrics_table.dropped_rows(run),
-        others=metrics_table.other_rows(run), config=run.config, log=run.log)
+        others=metrics_table.other_rows(run), warnings=metrics_table.warnings(run), config=run.config, log=run.log)

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,7 @@ struct Arguments {
   bool overwrite = false;
   bool resume = false;
   bool no_report = false;
+  bool strict = false;
 };
 
 // A recording is run by the default configuration.
@@ -76,28 +78,38 @@ std::unique_ptr<io::SequenceReader> open_recording(const runs::RunConfig& config
   return io::open_sequence(config.dataset, resume ? camera : config.sensors.use);
 }
 
-void run_into(const fs::path& folder, const runs::RunConfig& config, const Arguments& a) {
+/// Returns the number of warnings about sensors and results.
+std::size_t run_into(const fs::path& folder, const runs::RunConfig& config, const Arguments& a) {
   const InterruptGuard guard;
   const auto interrupted = [&guard] { return guard.interrupted(); };
   const MappingRequest map{
       .folder = folder, .overwrite = a.overwrite, .resume = a.resume, .interrupted = interrupted};
-  if (!config.localization.enabled) return make_map(config, map);
-  const auto recording = open_recording(config, a.resume);
-  if (a.resume || runs::makes_map(config, *recording)) {
-    if (const auto result = localize_and_map(config, *recording, map)) report(*result);
-    return;
+  if (!config.localization.enabled) {
+    make_map(config, map);
+    return 0;
   }
-  report(runs::run(config, *recording,
-                   {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted}));
+  const auto recording = open_recording(config, a.resume);
+  std::optional<runs::RunResult> result;
+  if (a.resume || runs::makes_map(config, *recording)) {
+    result = localize_and_map(config, *recording, map);
+  } else {
+    result = runs::run(config, *recording,
+                       {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted});
+  }
+  if (!result) return 0;
+  report(*result);
+  return result->warnings.size();
 }
 
 void run(const Arguments& a) {
   const Source source = source_of(a);
   const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
   const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
-  run_into(folder, config, a);
+  const std::size_t warnings = run_into(folder, config, a);
   if (!a.no_report) write_report(folder);
   log::info("results in {}", folder.string());
+  if (!a.strict || warnings == 0) return;
+  fail_run("--strict: {} warnings about sensors or results; see metrics.json", warnings);
 }
 
 }  // namespace
@@ -125,6 +137,8 @@ void add_run(CLI::App& app) {
   command->add_flag("--overwrite", a->overwrite, "replace an existing run in the folder");
   command->add_flag("--resume", a->resume, "resume the folder's map from its checkpoint");
   command->add_flag("--no-report", a->no_report, "do not write report.html");
+  command->add_flag("--strict", a->strict,
+                    "exit with status 1 when a sensor did not serve or a result is implausible");
   command->callback([a] { run(*a); });
 }
 

@@ -21,6 +21,7 @@
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
 #include "runs/run_folder.hpp"
+#include "runs/warnings.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -91,6 +92,8 @@ struct Pass {
   double length_m = 0.0;
   double accel_factor = 1.0;    // final value of the adaptive noise
   std::vector<double> frame_s;  // tracking and estimation time per frame
+  SampleStatistics samples;
+  VioService vio_service;
   std::optional<Stamp> first;
   Stamp last;
   bool interrupted = false;
@@ -130,6 +133,7 @@ class Runner {
     while (const auto event = reader.next()) {
       pass_.last = stamp_of(*event);
       if (!pass_.first) pass_.first = pass_.last;
+      pass_.samples.add(*event);
       if (config_.run.mode == localization::RunMode::realtime) wait_until_due();
       system_.process(*event);
       if (++count % 256 == 0) status.update(reader.fraction(), detail());
@@ -160,10 +164,21 @@ class Runner {
     const std::scoped_lock lock(mutex_);
     if (const auto pose = output.fused()) add_pose(pass_, *pose);
     if (output.vio.has_state()) pass_.vio.poses.push_back(stamped(output.stamp, output.vio.state));
+    count(output);
     if (!output.dropped) {
       pass_.frame_s.push_back(output.timing.track_s + output.timing.localize_s);
     }
     awaited_ = output.fused() ? "" : output.vio.detail;
+  }
+
+  void count(const localization::FrameOutput& output) {
+    VioService& service = pass_.vio_service;
+    ++service.frames;
+    if (output.vio.has_state()) ++service.with_pose;
+    if (!output.vio.has_state()) service.waiting_for = output.vio.detail;
+    const fusion::FusionState state = output.fusion.state;
+    const bool used = state == fusion::FusionState::fused || state == fusion::FusionState::vio_only;
+    if (used) ++service.used;
   }
 
   void wait_until_due() const {
@@ -196,25 +211,72 @@ class Runner {
   localization::System system_;  // last member: its threads use the others
 };
 
-eval::Json vio_json(const localization::VisualPipeline& visual, const Pass& pass) {
+// Success: VIO contributed and recovered from every failure. Its other figures would be untrue when
+// it never contributed.
+eval::Json vio_json(const localization::VisualPipeline& visual, const Evidence& evidence) {
+  if (!vio_served(evidence)) return {{"success", false}};
   const fusion::FreezePolicy& policy = visual.fusion_stage().freeze_policy();
-  eval::Json json{{"failures", policy.counts().failures},
-                  {"freeze_frames", policy.counts().freeze_frames},
-                  {"drop_frames", policy.counts().drop_frames},
-                  {"resets", policy.counts().resets},
-                  {"reinit_times_s", policy.reinit_times()},
-                  {"success", !pass.vio.empty() &&
-                                  (policy.outages().empty() || policy.outages().back().recovered)}};
+  eval::Json json{
+      {"failures", policy.counts().failures},
+      {"freeze_frames", policy.counts().freeze_frames},
+      {"drop_frames", policy.counts().drop_frames},
+      {"resets", policy.counts().resets},
+      {"reinit_times_s", policy.reinit_times()},
+      {"success", policy.outages().empty() || policy.outages().back().recovered.has_value()}};
   if (const auto start = visual.fusion_stage().vio_init_time_s()) json["init_time_s"] = *start;
   return json;
 }
 
-// Innovations too large even for the maximum accelerometer noise have another cause.
-void warn_if_sensors_disagree(const RunConfig& config, const Pass& pass) {
-  if (pass.accel_factor < 0.5 * config.dipo.adaptation.max_accel_factor) return;
-  log::warning(
-      "DVL and IMU disagree at the end of the run: check the DVL's mounting and axes with "
-      "`apvi doctor`, and dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
+AcousticService acoustic_service(const RunConfig& config,
+                                 const localization::AcousticOdometry& odometry, const Pass& pass) {
+  return {.counts = odometry.counts(),
+          .waiting_for = odometry.dipo().waiting_for(),
+          .saturated_imu = odometry.dipo().saturated_samples(),
+          .accel_factor = pass.accel_factor,
+          .max_accel_factor = config.dipo.adaptation.max_accel_factor};
+}
+
+Evidence evidence_of(const RunConfig& config, const io::SequenceReader& reader,
+                     const localization::System& system, const Pass& pass) {
+  Evidence evidence{.sensors_in_use = config.sensors.use,
+                    .streams = reader.report(),
+                    .images = {},
+                    .vio = std::nullopt,
+                    .acoustic = std::nullopt,
+                    .samples = pass.samples,
+                    .gravity = config.localization.gravity};
+  if (const localization::VisualPipeline* visual = system.visual()) {
+    evidence.images = visual->image_counts();
+    evidence.vio = pass.vio_service;
+  }
+  const localization::Synchronizer& synchronizer = system.synchronizer();
+  if (synchronizer.has_acoustic_odometry()) {
+    evidence.acoustic = acoustic_service(config, synchronizer.acoustic_odometry(), pass);
+  }
+  return evidence;
+}
+
+std::vector<std::string> collect_warnings(const Evidence& evidence, const Rig& rig,
+                                          const Trajectory& fused) {
+  std::vector<std::string> warnings = check_inputs(evidence, rig);
+  for (std::string& warning : check_result(evidence, fused)) warnings.push_back(std::move(warning));
+  for (const std::string& warning : warnings) log::warning("{}", warning);
+  return warnings;
+}
+
+// Images that were skipped, if any.
+eval::Json image_counts_json(const Evidence& evidence) {
+  eval::Json json = eval::Json::object();
+  for (std::size_t i = 0; i < evidence.images.size(); ++i) {
+    const localization::ImageCounts& counts = evidence.images[i];
+    if (counts.unusable() == 0) continue;
+    json[fmt::format("cam{}", i)] = {{"images", counts.images},
+                                     {"undecodable", counts.undecodable},
+                                     {"wrong_size", counts.wrong_size}};
+    log::warning("cam{}: {} of {} images were skipped: {} not decodable, {} of the wrong size", i,
+                 counts.unusable(), counts.images, counts.undecodable, counts.wrong_size);
+  }
+  return json;
 }
 
 std::string awaited(const localization::Synchronizer& synchronizer) {
@@ -225,23 +287,23 @@ std::string awaited(const localization::Synchronizer& synchronizer) {
 
 eval::RunTrajectories evaluate_against(const std::optional<Trajectory>& reference,
                                        const RunConfig& config, const Rig& rig, const Pass& pass,
-                                       const localization::ActiveSensors& sensors) {
+                                       const Evidence& evidence) {
   eval::RunTrajectories metrics;
   metrics.fused = evaluate(config, rig, reference, pass.fused);
-  if (sensors.dvl) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
-  if (sensors.cameras > 0) metrics.vio = evaluate(config, rig, reference, pass.vio);
+  if (dipo_served(evidence)) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
+  if (vio_served(evidence)) metrics.vio = evaluate(config, rig, reference, pass.vio);
   return metrics;
 }
 
 // A reference is optional: whatever is wrong with it, the results of the run are kept.
 eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
                                const io::SequenceReader& reader, const Pass& pass,
-                               const localization::ActiveSensors& sensors) {
+                               const Evidence& evidence) {
   try {
-    return evaluate_against(reference_of(config, reader, pass.first), config, rig, pass, sensors);
+    return evaluate_against(reference_of(config, reader, pass.first), config, rig, pass, evidence);
   } catch (const std::exception& e) {
     log::warning("no evaluation against the reference: {}", e.what());
-    return evaluate_against(std::nullopt, config, rig, pass, sensors);
+    return evaluate_against(std::nullopt, config, rig, pass, evidence);
   }
 }
 
@@ -282,20 +344,24 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   const Pass pass = runner.run(reader, options.interrupted);
   const localization::System& system = runner.system();
   folder.close();
-  warn_if_sensors_disagree(config, pass);
+  const Evidence evidence = evidence_of(config, reader, system, pass);
+  eval::Json counts = counts_json(system, reader);
+  if (auto images = image_counts_json(evidence); !images.empty()) counts["images"] = images;
   RunResult result{.interrupted = pass.interrupted,
                    .poses = pass.fused.size(),
                    .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
                    .wall_s = watch.seconds(),
-                   .metrics = evaluate(config, rig, reader, pass, sensors)};
+                   .metrics = evaluate(config, rig, reader, pass, evidence),
+                   .warnings = collect_warnings(evidence, rig, pass.fused)};
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
-                      {"counts", counts_json(system, reader)},
+                      {"warnings", result.warnings},
+                      {"counts", counts},
                       {"speed", speed},
                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = system.visual()) {
-    sections["vio"] = vio_json(*visual, pass);
+    sections["vio"] = vio_json(*visual, evidence);
     sections["dropped"]["images"] = visual->dropped_images();
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "eval/metrics_file.hpp"
 #include "localization/map_sink.hpp"
@@ -26,6 +28,7 @@ struct RunResult {
   double sequence_s = 0.0;  ///< span of the samples that were read
   double wall_s = 0.0;      ///< processing time
   eval::RunTrajectories metrics;
+  std::vector<std::string> warnings;  ///< sensors that did not serve, implausible results
 };
 
 /// Runs localization on a recording into a run folder and evaluates it against the recording's

@@ -248,10 +248,12 @@ class WholeRun(Case):
 
 
 class PartialRun(Case):
-    def test_unknown_metric_is_shown_by_its_key(self):
+    def test_unknown_metric_is_shown_by_its_key_and_warnings_come_first(self):
         self.keep_only_poses()
-        self.folder.write(self.folder.run / "metrics.json", json.dumps({"vio": {"new_figure": 7}}))
+        metrics = {"warnings": ["cam0: 9 of 9"], "vio": {"new_figure": 7}}
+        self.folder.write(self.folder.run / "metrics.json", json.dumps(metrics))
         self.assert_has(self.make(), r'<td>vio\.new_figure</td><td class="n">7</td>')
+        self.assert_has(self.make(), r'<main>\s*<section[^>]*>\s*<h2>Warnings</h2>\s*<ul>\s*<li>cam0: 9 of 9</li>')
 
     def test_optional_files_may_be_missing(self):
         self.keep_only_poses()

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <utility>
+
+#include "apvi/core/log.hpp"
+#include "runs/warnings.hpp"
+
+namespace apvi::runs {
+namespace {
+
+using localization::ImageCounts;
+using Warnings = std::vector<std::string>;
+using Verdicts = std::map<dipo::Verdict, std::size_t>;
+
+std::size_t count_of(const Verdicts& verdicts, dipo::Verdict verdict) {
+  const auto found = verdicts.find(verdict);
+  return found == verdicts.end() ? 0 : found->second;
+}
+
+std::size_t used_of(const Verdicts& verdicts) {
+  return count_of(verdicts, dipo::Verdict::accepted) +
+         count_of(verdicts, dipo::Verdict::downweighted);
+}
+
+// "12 rejected, 3 no_lock"
+std::string list_of(const Verdicts& verdicts) {
+  std::string list;
+  for (const auto& [verdict, count] : verdicts) {
+    list += fmt::format("{}{} {}", list.empty() ? "" : ", ", count, dipo::to_string(verdict));
+  }
+  return list;
+}
+
+std::string choice_of(const std::string& kind) {
+  return kind == "depth" ? "pressure" : kind;
+}
+
+bool in_use(const Evidence& evidence, const std::string& kind) {
+  const auto& use = evidence.sensors_in_use;
+  return std::find(use.begin(), use.end(), choice_of(kind)) != use.end();
+}
+
+void check_stream(const std::string& kind, const io::StreamReport& report, Warnings& warnings) {
+  std::size_t dropped = 0;
+  std::string reasons;
+  for (const auto& [reason, count] : report.dropped) {
+    dropped += count;
+    const auto first = report.first_drop.find(reason);
+    reasons += fmt::format("{}{} {}", reasons.empty() ? "" : ", ", count, to_string(reason));
+    if (first != report.first_drop.end()) reasons += fmt::format(" (first: {})", first->second);
+  }
+  if (report.delivered + dropped == 0) {
+    warnings.push_back(fmt::format("{}: recorded without a sample; check the file or topic", kind));
+  } else if (dropped > report.delivered) {
+    warnings.push_back(fmt::format("{}: {} of {} samples were dropped: {}; check the recording",
+                                   kind, dropped, dropped + report.delivered, reasons));
+  }
+}
+
+void check_described(const Evidence& evidence, const Rig& rig, Warnings& warnings) {
+  const std::vector<std::pair<std::string, bool>> described = {
+      {"dvl", rig.dvl.has_value()},
+      {"pressure", rig.pressure.has_value()},
+      {"depth", rig.depth.has_value()}};
+  for (const auto& [kind, known] : described) {
+    const auto stream = evidence.streams.find(kind);
+    if (known || !in_use(evidence, kind) || stream == evidence.streams.end()) continue;
+    if (stream->second.delivered == 0) continue;
+    warnings.push_back(
+        fmt::format("{0}: recorded, but unused: the rig does not describe {0}0; add it, or remove "
+                    "{1} from sensors.use",
+                    kind, choice_of(kind)));
+  }
+}
+
+void check_images(const ImageCounts& counts, std::size_t camera, Warnings& warnings) {
+  if (counts.images == 0 || 2 * counts.unusable() <= counts.images) return;
+  std::string text = fmt::format("cam{}: {} of {} images could not be used:", camera,
+                                 counts.unusable(), counts.images);
+  if (counts.undecodable > 0) {
+    text +=
+        fmt::format(" {} not decodable (first: {});", counts.undecodable, counts.first_undecodable);
+  }
+  if (counts.wrong_size > 0) {
+    text += fmt::format(
+        " {} of the wrong size ({}): calibrate at the size of the images, or scale fx, fy, cx, cy "
+        "and resolution in the rig",
+        counts.wrong_size, counts.first_wrong_size);
+  } else {
+    text += " export the images again, or look at them";
+  }
+  warnings.push_back(std::move(text));
+}
+
+void check_vio(const VioService& vio, Warnings& warnings) {
+  if (vio.frames == 0) {
+    warnings.push_back("vio: no image reached it; check the stamps of camera and IMU");
+  } else if (vio.with_pose == 0) {
+    warnings.push_back(fmt::format(
+        "vio: never initialized in {} frames; at the end it waited for {}; look at health.csv and "
+        "at the image rate and the camera's calibration with `apvi doctor`",
+        vio.frames, vio.waiting_for));
+  } else if (vio.used == 0) {
+    warnings.push_back(fmt::format(
+        "vio: none of its {} poses was accepted by failure detection; look at the reasons in "
+        "health.csv and at the camera's calibration with `apvi doctor`",
+        vio.with_pose));
+  }
+}
+
+void check_acoustic(const AcousticService& acoustic, Warnings& warnings) {
+  const Verdicts& pings = acoustic.counts.pings;
+  if (!acoustic.waiting_for.empty()) {
+    warnings.push_back(fmt::format(
+        "dvl: odometry never started; at the end it waited for {}; check bottom lock and the "
+        "stamps of DVL and IMU with `apvi doctor`",
+        acoustic.waiting_for));
+  } else if (used_of(pings) == 0) {
+    warnings.push_back(
+        fmt::format("dvl: no ping was used ({}); check the DVL's mounting, units and validity with "
+                    "`apvi doctor`",
+                    pings.empty() ? "none reported" : list_of(pings)));
+  }
+  const Verdicts& depths = acoustic.counts.depths;
+  if (depths.empty() || used_of(depths) > 0) return;
+  warnings.push_back(
+      fmt::format("pressure: no sample was used ({}); check its unit and stamps with `apvi doctor`",
+                  list_of(depths)));
+}
+
+}  // namespace
+
+std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) {
+  Warnings warnings;
+  for (const auto& [kind, report] : evidence.streams) {
+    if (in_use(evidence, kind)) check_stream(kind, report, warnings);
+  }
+  check_described(evidence, rig, warnings);
+  for (std::size_t i = 0; i < evidence.images.size(); ++i) {
+    check_images(evidence.images[i], i, warnings);
+  }
+  if (evidence.vio) check_vio(*evidence.vio, warnings);
+  if (evidence.acoustic) check_acoustic(*evidence.acoustic, warnings);
+  return warnings;
+}
+
+bool vio_served(const Evidence& evidence) {
+  return evidence.vio && evidence.vio->used > 0;
+}
+
+bool dipo_served(const Evidence& evidence) {
+  return evidence.acoustic && used_of(evidence.acoustic->counts.pings) > 0;
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "apvi/core/log.hpp"
+#include "runs/warnings.hpp"
+
+namespace apvi::runs {
+namespace {
+
+using Warnings = std::vector<std::string>;
+
+// Bias (up to 0.5 m/s²) and scale error (up to 3 %) of a working accelerometer stay below this
+// part of gravity, as does the acceleration of a vehicle in water on the median.
+constexpr double kMaxGravityError = 0.1;
+
+// Vehicles in water turn slower than this most of the time [rad/s].
+constexpr double kMaxMedianRate = 1.5;
+
+// Shocks are single samples; more than this part of them is a unit or a range.
+constexpr double kMaxSaturated = 0.01;
+
+// Faster than underwater vehicles: AUVs cruise at 1 to 3 m/s, and a DVL's range of velocity ends
+// near 10 m/s [m/s].
+constexpr double kMaxSpeed = 10.0;
+// With a DVL the trajectory is compared with it, twice its high speed and at least this [m/s].
+constexpr double kMinSpeedLimit = 3.0;
+constexpr double kSpeedMargin = 2.0;
+constexpr double kSpeedWindow_s = 1.0;
+constexpr int kMinFastWindows = 3;  // one alone may be a correction of the pose
+
+// The gates pass 99 % of the pings of a consistent DVL. Below these parts something is wrong.
+constexpr double kMinUsed = 0.5;
+constexpr double kMinLock = 0.1;
+
+void check_gravity(const Evidence& evidence, Warnings& warnings) {
+  const auto accel = evidence.samples.median_accel();
+  if (!accel || std::abs(*accel / evidence.gravity - 1.0) <= kMaxGravityError) return;
+  const auto near = [&](double target) { return std::abs(*accel / target - 1.0) < 0.2; };
+  const char* hint = "check the accelerometer's unit, range and calibration";
+  if (near(1.0)) {
+    hint = "it seems to be in g: convert it to m/s²";
+  } else if (near(1000.0)) {
+    hint = "it seems to be in milli-g or cm/s²: convert it to m/s²";
+  } else if (*accel < 0.3 * evidence.gravity) {
+    hint = "gravity seems to be removed: record the raw specific force";
+  }
+  warnings.push_back(fmt::format(
+      "imu: the median specific force is {:.3g} m/s², far from gravity ({:.3g} m/s²): {}", *accel,
+      evidence.gravity, hint));
+}
+
+void check_gyro(const Evidence& evidence, Warnings& warnings) {
+  const auto gyro = evidence.samples.median_gyro();
+  if (!gyro || *gyro <= kMaxMedianRate) return;
+  warnings.push_back(fmt::format(
+      "imu: the median angular rate is {:.3g} rad/s, more than vehicles turn: check whether it is "
+      "in deg/s",
+      *gyro));
+}
+
+void check_saturation(const Evidence& evidence, Warnings& warnings) {
+  const auto imu = evidence.streams.find("imu");
+  if (imu == evidence.streams.end() || !evidence.acoustic) return;
+  const std::size_t saturated = evidence.acoustic->saturated_imu;
+  const auto samples = static_cast<double>(imu->second.delivered);
+  if (static_cast<double>(saturated) <= kMaxSaturated * samples) return;
+  warnings.push_back(
+      fmt::format("imu: {} of {} samples exceed dipo.inertial.max_gyro or max_accel and were not "
+                  "used: check the unit (rad/s, m/s²) and range",
+                  saturated, imu->second.delivered));
+}
+
+void check_dvl_speed(const Evidence& evidence, Warnings& warnings) {
+  const auto speed = evidence.samples.median_dvl_speed();
+  if (!speed || *speed <= kMaxSpeed) return;
+  warnings.push_back(
+      fmt::format("dvl: the median speed is {:.3g} m/s, more than vehicles move: check whether it "
+                  "is in mm/s or cm/s, and the placeholder for pings without bottom lock",
+                  *speed));
+}
+
+void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
+  using dipo::Verdict;
+  const auto count = [&](Verdict verdict) {
+    const auto found = acoustic.counts.pings.find(verdict);
+    return found == acoustic.counts.pings.end() ? 0.0 : static_cast<double>(found->second);
+  };
+  const double used = count(Verdict::accepted) + count(Verdict::downweighted);
+  const double locked = used + count(Verdict::rejected) + count(Verdict::beams_disagree);
+  const double all = locked + count(Verdict::no_lock);
+  if (used == 0.0) return;  // reported by check_inputs
+  if (used < kMinUsed * locked) {
+    warnings.push_back(
+        fmt::format("dvl: only {:.0f} of {:.0f} pings with bottom lock were used, as they "
+                    "contradict the IMU or each other: check the DVL's mounting, axes and units "
+                    "and the IMU's units with `apvi doctor`",
+                    used, locked));
+  }
+  if (locked < kMinLock * all) {
+    warnings.push_back(fmt::format(
+        "dvl: only {:.0f} of {:.0f} pings had bottom lock: check altitude and validity flags",
+        locked, all));
+  }
+}
+
+// Innovations too large even for the maximum accelerometer noise have another cause.
+void check_agreement(const AcousticService& acoustic, Warnings& warnings) {
+  if (acoustic.accel_factor < 0.5 * acoustic.max_accel_factor) return;
+  warnings.push_back(
+      "dvl: DVL and IMU disagree at the end of the run: check the DVL's mounting and axes with "
+      "`apvi doctor`, and dipo.initialization.gyro_bias_sigma (MEMS gyros may need 0.1)");
+}
+
+struct FastSpans {
+  int windows = 0;
+  double fastest = 0.0;  ///< [m/s]
+};
+
+FastSpans find_fast_spans(const Trajectory& fused, double limit) {
+  FastSpans spans;
+  if (fused.empty()) return spans;
+  const StampedPose* from = &fused.poses.front();
+  for (const StampedPose& pose : fused.poses) {
+    const double dt = seconds_between(from->stamp, pose.stamp);
+    if (dt < kSpeedWindow_s) continue;
+    const Eigen::Vector3d moved = pose.T_world_body.translation - from->T_world_body.translation;
+    spans.windows += moved.norm() > limit * dt ? 1 : 0;
+    spans.fastest = std::max(spans.fastest, moved.norm() / dt);
+    from = &pose;
+  }
+  return spans;
+}
+
+void check_speed(const Evidence& evidence, const Trajectory& fused, Warnings& warnings) {
+  const auto measured = evidence.samples.high_dvl_speed();
+  const bool by_dvl = measured && *measured <= kMaxSpeed;
+  const double limit = by_dvl ? std::max(kSpeedMargin * *measured, kMinSpeedLimit) : kMaxSpeed;
+  const FastSpans spans = find_fast_spans(fused, limit);
+  if (spans.windows < kMinFastWindows) return;
+  const std::string reason =
+      by_dvl ? fmt::format("the DVL measured {:.2g} m/s", *measured) : "vehicles are slower";
+  warnings.push_back(fmt::format(
+      "trajectory: up to {:.3g} m/s, but {}: the estimate diverged; check units, axes, calibration "
+      "and time offsets with `apvi doctor`",
+      spans.fastest, reason));
+}
+
+}  // namespace
+
+std::vector<std::string> check_result(const Evidence& evidence, const Trajectory& fused) {
+  Warnings warnings;
+  check_gravity(evidence, warnings);
+  check_gyro(evidence, warnings);
+  check_saturation(evidence, warnings);
+  check_dvl_speed(evidence, warnings);
+  if (evidence.acoustic) check_acceptance(*evidence.acoustic, warnings);
+  if (evidence.acoustic) check_agreement(*evidence.acoustic, warnings);
+  check_speed(evidence, fused, warnings);
+  return warnings;
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/sample_statistics.hpp"
+
+#include <algorithm>
+
+namespace apvi::runs {
+namespace {
+
+std::optional<double> quantile(std::vector<float> values, double q) {
+  if (values.empty()) return std::nullopt;
+  const auto place =
+      values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
+}  // namespace
+
+void SampleStatistics::add(const SensorEvent& event) {
+  if (const auto* imu = std::get_if<ImuSample>(&event)) {
+    accel_.push_back(static_cast<float>(imu->accel.norm()));
+    gyro_.push_back(static_cast<float>(imu->gyro.norm()));
+  } else if (const auto* ping = std::get_if<DvlSample>(&event); ping != nullptr && ping->valid) {
+    dvl_speed_.push_back(static_cast<float>(ping->velocity.norm()));
+  }
+}
+
+std::optional<double> SampleStatistics::median_accel() const {
+  return quantile(accel_, 0.5);
+}
+
+std::optional<double> SampleStatistics::median_gyro() const {
+  return quantile(gyro_, 0.5);
+}
+
+std::optional<double> SampleStatistics::median_dvl_speed() const {
+  return quantile(dvl_speed_, 0.5);
+}
+
+std::optional<double> SampleStatistics::high_dvl_speed() const {
+  return quantile(dvl_speed_, 0.99);
+}
+
+}  // namespace apvi::runs

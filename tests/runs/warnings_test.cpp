@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/warnings.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "eval/metrics_file.hpp"
+#include "runs/run.hpp"
+#include "support/dive_folder.hpp"
+#include "support/tmp_dir.hpp"
+
+namespace apvi::runs {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+Rig full_rig() {
+  Rig rig;
+  rig.imu = ImuCalibration{};
+  rig.dvl = DvlCalibration{};
+  rig.depth = PressureDepthCalibration{};
+  return rig;
+}
+
+// A run in which every sensor served.
+Evidence good_evidence() {
+  Evidence evidence;
+  evidence.sensors_in_use = {"camera", "imu", "dvl", "pressure"};
+  for (const char* kind : {"imu", "dvl", "depth", "camera"}) evidence.streams[kind].delivered = 100;
+  evidence.images = {{.images = 100}};
+  evidence.vio = VioService{.frames = 100, .with_pose = 90, .used = 80};
+  AcousticService acoustic;
+  acoustic.counts.pings = {{dipo::Verdict::accepted, 95}, {dipo::Verdict::rejected, 5}};
+  acoustic.counts.depths = {{dipo::Verdict::accepted, 100}};
+  acoustic.max_accel_factor = 300.0;
+  evidence.acoustic = acoustic;
+  for (int i = 0; i < 100; ++i) {
+    evidence.samples.add(ImuSample{Stamp{i}, {0.1, 0.0, 0.0}, {0.0, 0.0, 9.8}});
+    DvlSample ping;
+    ping.velocity.x() = 0.5;
+    ping.valid = true;
+    evidence.samples.add(ping);
+  }
+  return evidence;
+}
+
+Trajectory straight(double speed, int seconds = 20) {
+  Trajectory trajectory;
+  for (int i = 0; i <= 10 * seconds; ++i) {
+    trajectory.poses.push_back(
+        {Stamp{100'000'000LL * i}, SE3{Eigen::Quaterniond::Identity(), {0.1 * i * speed, 0, 0}}});
+  }
+  return trajectory;
+}
+
+std::vector<std::string> warnings_of(const Evidence& evidence) {
+  return check_inputs(evidence, full_rig());
+}
+
+TEST(InputWarnings, SensorsThatServedAreNotMentioned) {
+  EXPECT_THAT(warnings_of(good_evidence()), IsEmpty());
+  EXPECT_TRUE(vio_served(good_evidence()));
+  EXPECT_TRUE(dipo_served(good_evidence()));
+}
+
+TEST(InputWarnings, NameStreamsWithoutUsableSamples) {
+  Evidence evidence = good_evidence();
+  evidence.streams["depth"] = {.delivered = 0,
+                               .dropped = {{io::DropReason::malformed, 7}},
+                               .first_drop = {{io::DropReason::malformed, "data.csv:2"}}};
+  evidence.streams["dvl"] = {};
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(AllOf(HasSubstr("depth: 7 of 7"), HasSubstr("data.csv:2")),
+                          HasSubstr("dvl: recorded without a sample")));
+  evidence.sensors_in_use = {"camera", "imu"};
+  EXPECT_THAT(warnings_of(evidence), IsEmpty());
+}
+
+TEST(InputWarnings, NameRecordedSensorsThatTheRigDoesNotDescribe) {
+  Rig rig = full_rig();
+  rig.depth.reset();
+  EXPECT_THAT(check_inputs(good_evidence(), rig),
+              ElementsAre(HasSubstr("does not describe depth0")));
+}
+
+TEST(InputWarnings, NameACameraWithoutUsableImages) {
+  Evidence evidence = good_evidence();
+  evidence.images = {{.images = 100,
+                      .undecodable = 0,
+                      .wrong_size = 100,
+                      .first_undecodable = "",
+                      .first_wrong_size = "an image has 376 x 240 px"}};
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("cam0: 100 of 100 images")));
+  evidence.images = {{.images = 100,
+                      .undecodable = 60,
+                      .wrong_size = 0,
+                      .first_undecodable = "a.png: damaged",
+                      .first_wrong_size = ""}};
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("first: a.png: damaged")));
+  evidence.images[0].undecodable = 3;  // single damaged images are counted only
+  EXPECT_THAT(warnings_of(evidence), IsEmpty());
+}
+
+TEST(InputWarnings, NameVioThatNeverInitializedOrWasNeverAccepted) {
+  Evidence evidence = good_evidence();
+  evidence.vio = VioService{.frames = 50, .with_pose = 0, .used = 0, .waiting_for = "parallax"};
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(AllOf(HasSubstr("vio: never initialized"), HasSubstr("parallax"))));
+  EXPECT_FALSE(vio_served(evidence));
+  evidence.vio->with_pose = 50;
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(HasSubstr("vio: none of its 50 poses was accepted")));
+  EXPECT_FALSE(vio_served(evidence));
+}
+
+TEST(InputWarnings, NameDvlAndPressureOfWhichNothingWasUsed) {
+  Evidence evidence = good_evidence();
+  evidence.acoustic->counts.pings = {{dipo::Verdict::rejected, 40}, {dipo::Verdict::no_lock, 2}};
+  evidence.acoustic->counts.depths = {{dipo::Verdict::rejected, 9}};
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(HasSubstr("dvl: no ping was used (40 rejected"),
+                          HasSubstr("pressure: no sample was used (9 rejected")));
+  EXPECT_FALSE(dipo_served(evidence));
+  evidence.acoustic->waiting_for = "a DVL ping with bottom lock";
+  EXPECT_THAT(warnings_of(evidence), Contains(HasSubstr("dvl: odometry never started")));
+}
+
+TEST(ResultWarnings, APlausibleResultIsNotMentioned) {
+  EXPECT_THAT(check_result(good_evidence(), straight(0.5)), IsEmpty());
+  EXPECT_THAT(check_result(good_evidence(), straight(2.5)), IsEmpty());
+}
+
+TEST(ResultWarnings, NameASpeedBeyondTheDvlOrVehicles) {
+  Evidence evidence = good_evidence();
+  EXPECT_THAT(check_result(evidence, straight(4.0)), ElementsAre(HasSubstr("trajectory: up to 4")));
+  evidence.samples = {};
+  EXPECT_THAT(check_result(evidence, straight(4.0)), IsEmpty());
+  EXPECT_THAT(check_result(evidence, straight(12.0)), ElementsAre(HasSubstr("vehicles")));
+}
+
+TEST(ResultWarnings, OneCorrectionOfThePoseIsNoSpeed) {
+  Trajectory trajectory = straight(0.5);
+  for (std::size_t i = 100; i < trajectory.size(); ++i) {
+    trajectory.poses[i].T_world_body.translation.y() += 30.0;
+  }
+  EXPECT_THAT(check_result(good_evidence(), trajectory), IsEmpty());
+}
+
+TEST(ResultWarnings, NameLowAcceptanceOfTheDvl) {
+  Evidence evidence = good_evidence();
+  evidence.acoustic->counts.pings = {{dipo::Verdict::accepted, 24}, {dipo::Verdict::rejected, 117}};
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("only 24 of 141 pings")));
+  evidence.acoustic->counts.pings = {{dipo::Verdict::accepted, 24}, {dipo::Verdict::no_lock, 400}};
+  EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("had bottom lock")));
+}
+
+TEST(ResultWarnings, NameTheUnitsOfTheImu) {
+  const auto warnings_of_imu = [](const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel) {
+    Evidence evidence = good_evidence();
+    evidence.samples = {};
+    evidence.samples.add(ImuSample{Stamp{1}, gyro, accel});
+    return check_result(evidence, straight(0.5));
+  };
+  EXPECT_THAT(warnings_of_imu({0, 0, 0.1}, {0, 0, 9.5}), IsEmpty());
+  EXPECT_THAT(warnings_of_imu({0, 0, 0.1}, {0, 0, 1.0}), ElementsAre(HasSubstr("in g")));
+  EXPECT_THAT(warnings_of_imu({0, 0, 0.1}, {0, 0, 0.1}), ElementsAre(HasSubstr("gravity seems")));
+  EXPECT_THAT(warnings_of_imu({0, 0, 5.0}, {0, 0, 9.8}), ElementsAre(HasSubstr("deg/s")));
+}
+
+// A dive whose depth sensor is unusable, with a camera whose images have the wrong size.
+RunConfig troubled_dive(const test::TmpDir& tmp) {
+  test::write_dive(tmp, "dive", {.duration_s = 20.0});
+  tmp.write("dive/mav0/depth0/data.csv", "#timestamp [ns],depth [m]\n1,deep\n2,deep\n");
+  std::ofstream(tmp.path() / "dive/rig.yaml", std::ios::app)
+      << "cam0: {model: pinhole, intrinsics: [400, 400, 320, 240], resolution: [640, 480]}\n";
+  std::string table = "#timestamp [ns],filename\n";
+  std::ifstream truth(tmp.path() / "dive/mav0/state_groundtruth_estimate0/data.csv");
+  std::string line;
+  std::getline(truth, line);
+  for (int i = 0; std::getline(truth, line); ++i) {
+    if (i % 50 == 0) table += line.substr(0, line.find(',')) + ",small.png\n";
+  }
+  tmp.write("dive/mav0/cam0/data.csv", table);
+  fs::create_directories(tmp.path() / "dive/mav0/cam0/data");
+  cv::imwrite((tmp.path() / "dive/mav0/cam0/data/small.png").string(),
+              cv::Mat(240, 320, CV_8UC1, cv::Scalar(90)));
+  RunConfig config;
+  config.dataset.path = (tmp.path() / "dive").string();
+  return config;
+}
+
+TEST(RunWarnings, AreInMetricsAndVioWithoutAPoseHasNoFigures) {
+  const test::TmpDir tmp;
+  const RunResult result = run(troubled_dive(tmp), {.folder = tmp.path() / "run"});
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("depth: 2 of 2 samples were dropped")));
+  EXPECT_THAT(result.warnings, Contains(AllOf(HasSubstr("cam0: "), HasSubstr("320 x 240"))));
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("vio: ")));
+  const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
+  EXPECT_EQ(metrics["warnings"].get<std::vector<std::string>>(), result.warnings);
+  EXPECT_EQ(metrics["vio"], eval::Json({{"success", false}}));
+  EXPECT_FALSE(metrics["trajectory"].contains("vio"));
+  EXPECT_TRUE(metrics["trajectory"].contains("dipo"));
+  EXPECT_GT(metrics["counts"]["images"]["cam0"]["wrong_size"].get<int>(), 30);
+}
+
+TEST(RunWarnings, AGoodDiveHasNone) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {.duration_s = 20.0});
+  RunConfig config;
+  config.dataset.path = (tmp.path() / "dive").string();
+  EXPECT_THAT(run(config, {.folder = tmp.path() / "run"}).warnings, IsEmpty());
+}
+
+}  // namespace
+}  // namespace apvi::runs
