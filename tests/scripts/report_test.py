@@ -22,8 +22,7 @@ CALIBRATION_HEADER = (
     "#timestamp [ns],dvl_time_offset [s],dvl_time_offset_sigma [s],dvl_scale_error,"
     "dvl_scale_error_sigma,mounting_x [rad],mounting_y [rad],mounting_z [rad],mounting_sigma [rad],"
     "lever_x [m],lever_y [m],lever_z [m],lever_sigma [m],depth_bias [m],depth_bias_sigma [m],"
-    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],"
-    "gyro_bias_sigma [rad s^-1],"
+    "gyro_bias_x [rad s^-1],gyro_bias_y [rad s^-1],gyro_bias_z [rad s^-1],gyro_bias_sigma [rad s^-1],"
     "accel_bias_x [m s^-2],accel_bias_y [m s^-2],accel_bias_z [m s^-2],accel_bias_sigma [m s^-2]")
 HEALTH_HEADER = (
     "#timestamp [ns],verdict,nis,degrees_of_freedom,accel_noise_factor,dvl_variance_factor,"
@@ -250,8 +249,7 @@ class WholeRun(Case):
 class PartialRun(Case):
     def test_unknown_metric_is_shown_by_its_key_and_warnings_come_first(self):
         self.keep_only_poses()
-        metrics = {"warnings": ["cam0: 9 of 9"], "vio": {"new_figure": 7}}
-        self.folder.write(self.folder.run / "metrics.json", json.dumps(metrics))
+        self.folder.write(self.folder.run / "metrics.json", '{"warnings": ["cam0: 9 of 9"], "vio": {"new_figure": 7}}')
         self.assert_has(self.make(), r'<td>vio\.new_figure</td><td class="n">7</td>')
         self.assert_has(self.make(), r'<main>\s*<section[^>]*>\s*<h2>Warnings</h2>\s*<ul>\s*<li>cam0: 9 of 9</li>')
 
