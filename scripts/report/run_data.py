@@ -190,19 +190,39 @@ def first_stamp(path):
     return 0.0
 
 
+def good_rows(data):
+    """The rows of a reference with finite numbers, a rotation if any, and increasing stamps."""
+    good = np.isfinite(data).all(axis=1)
+    if data.shape[1] == 8:
+        good &= np.abs(np.linalg.norm(data[:, 4:8], axis=1) - 1.0) < 0.02
+    data = data[good]
+    if not len(data):
+        raise InputError("it has no usable row")
+    latest = np.maximum.accumulate(data[:, 0])
+    return data[np.concatenate(([True], data[1:, 0] > latest[:-1]))]
+
+
 def read_reference(dataset, start_s, ned):
+    """(Track or None, note why there is none). A reference is optional: a bad one is a note."""
+    try:
+        return find_reference(dataset, start_s, ned)
+    except (InputError, TypeError, ValueError) as error:
+        return None, f"No reference: {error}."
+
+
+def find_reference(dataset, start_s, ned):
     """(Track or None, note why there is none)."""
     if not (dataset / "mav0").is_dir():
         what = "was not found" if not dataset.exists() else "is not a dataset folder"
         return None, f"No reference: the recording {what}."
     poses = read_table(dataset / "mav0" / "state_groundtruth_estimate0" / "data.csv")
     if poses is not None:
-        data = np.column_stack(list(poses.columns.values())[:8])
+        data = good_rows(np.column_stack(list(poses.columns.values())[:8]))
         q = data[:, [5, 6, 7, 4]] if data.shape[1] == 8 else None
         return make_track(data[:, 0] * 1e-9 - start_s, data[:, 1:4], q, ned), ""
     gnss = read_table(dataset / "mav0" / "gnss0" / "data.csv")
     if gnss is not None:
-        data = np.column_stack(list(gnss.columns.values())[:4])
+        data = good_rows(np.column_stack(list(gnss.columns.values())[:4]))
         return make_track(data[:, 0] * 1e-9 - start_s, data[:, 1:4], planar=True), ""
     return None, "The recording has no reference trajectory."
 
