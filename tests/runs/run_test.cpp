@@ -96,6 +96,19 @@ TEST(Run, AnInterruptKeepsResults) {
   EXPECT_TRUE(fs::exists(tmp.path() / "run" / "metrics.json"));
 }
 
+TEST(Run, KeepsResultsWhenTheReferenceCannotBeRead) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  tmp.write("dive/mav0/state_groundtruth_estimate0/data.csv", "nothing of use\n");
+  const RunResult result = run(config_for(tmp.path() / "dive"), {.folder = tmp.path() / "run"});
+  EXPECT_GT(result.poses, 250U);
+  EXPECT_FALSE(result.metrics.fused.ate.value);
+  const auto metrics = eval::read_metrics(tmp.path() / "run" / "metrics.json");
+  EXPECT_GT(metrics["counts"]["dvl"]["accepted"].get<int>(), 250);
+  EXPECT_THAT(read_all(tmp.path() / "run" / "log.txt"),
+              testing::HasSubstr("no evaluation against the reference"));
+}
+
 TEST(Run, RefusesToOverwriteRun) {
   const test::TmpDir tmp;
   test::write_dive(tmp, "dive", {});
