@@ -86,7 +86,10 @@ inline void add_pressure(Dive& dive) {
 }
 
 inline std::string imu_csv(const std::vector<ImuSample>& samples) {
-  std::string text = "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n";
+  // With units, as the reader converts accelerations in g without one.
+  std::string text =
+      "#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],"
+      "a_x [m s^-2],a_y [m s^-2],a_z [m s^-2]\n";
   for (const ImuSample& s : samples) {
     text += fmt::format("{},{},{},{},{},{},{}\n", s.stamp.ns, s.gyro.x(), s.gyro.y(), s.gyro.z(),
                         s.accel.x(), s.accel.y(), s.accel.z());
