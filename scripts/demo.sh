@@ -55,8 +55,6 @@ mkdir -p "$output"
 make_demo_data "$output/dataset"
 say "Running localization and mapping; the camera is dark from 10 to 13 s"
 run_demo "$output/dataset" "$output/run" "$@"
-say "Creating the report"
-/usr/bin/python3 scripts/report.py "$output/run"
 say "Results"
 /usr/bin/python3 scripts/explain_run.py "$output/run"
 cat <<END
