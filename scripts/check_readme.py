@@ -18,12 +18,13 @@ OUR_FILE = re.compile(r"(?<![\w/.-])((?:scripts|configs|examples|\.ci|docs|tests
 
 def code_lines(text):
     """(line number, line) of fenced shell code blocks."""
-    inside = False
+    inside = shell = False
     for number, line in enumerate(text.split("\n"), start=1):
         fence = re.match(r"\s*```\s*(\w*)", line)
         if fence:
-            inside = not inside and fence.group(1) in ("", "sh", "bash", "console", "shell")
-        elif inside:
+            inside = not inside
+            shell = inside and fence.group(1) in ("", "sh", "bash", "console", "shell")
+        elif shell:
             yield number, line
 
 
