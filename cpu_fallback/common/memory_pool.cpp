@@ -83,7 +83,8 @@ torch::Tensor pooled_empty(at::IntArrayRef sizes, const torch::TensorOptions& op
       static_cast<std::size_t>(c10::multiply_integers(sizes)) * options.dtype().itemsize();
   if (bytes < kMinBlockBytes) return torch::empty(sizes, options);
   const Block block = pool->allocate((bytes + kAlignment - 1) / kAlignment * kAlignment);
-  TORCH_CHECK(block.memory != nullptr, "render: cannot allocate ", bytes >> 20U, " MiB");
+  TORCH_CHECK_WITH(OutOfMemoryError, block.memory != nullptr, "render: cannot allocate ",
+                   bytes >> 20U, " MiB");
   return torch::from_blob(
       block.memory, sizes, [owner = pool, block](void*) { owner->release(block); },
       options.requires_grad(false));

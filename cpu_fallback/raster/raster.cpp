@@ -258,16 +258,6 @@ RasterInputGradient backward(const RasterKernels<T>& kernels, const RasterInput&
   return out;
 }
 
-/// Runs f and converts std::bad_alloc to c10::Error.
-template <typename F>
-auto convert_bad_alloc(F&& f) {
-  try {
-    return f();
-  } catch (const std::bad_alloc&) {
-    TORCH_CHECK(false, "render: insufficient memory for so many Gaussians");
-  }
-}
-
 class CpuRasterBackend final : public RasterBackend {
  public:
   CpuRasterBackend(std::string_view name, RasterKernels<float> in_float)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "kernels/raster/moments.cuh"
+#include "kernels/optimizer/moments.cuh"
 
 namespace apvi::gaussians::cuda {
 namespace {

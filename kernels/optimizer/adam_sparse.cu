@@ -3,7 +3,7 @@
 // dense gradient of every parameter. The idea of stepping directly from the backward pass is that
 // of Faster-GS and related fused optimizers.
 #include "gaussians/render/sh_math.hpp"
-#include "kernels/raster/moments.cuh"
+#include "kernels/optimizer/moments.cuh"
 #include "kernels/raster/raster.hpp"
 
 namespace apvi::gaussians::cuda {

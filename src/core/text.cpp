@@ -86,6 +86,12 @@ std::string_view trim(std::string_view text) {
   return text;
 }
 
+std::string_view without_byte_order_mark(std::string_view text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kMark)) text.remove_prefix(kMark.size());
+  return text;
+}
+
 void split(std::string_view line, char separator, std::vector<std::string_view>& parts) {
   parts.clear();
   std::size_t begin = 0;

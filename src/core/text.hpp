@@ -12,6 +12,8 @@ namespace apvi::text {
 
 /// The text without leading and trailing white space (including '\r').
 std::string_view trim(std::string_view text);
+/// The text without a leading UTF-8 byte order mark, as Windows programs write it.
+std::string_view without_byte_order_mark(std::string_view text);
 /// The parts between separators, trimmed; "a,,b" has three, "" has one empty part.
 void split(std::string_view line, char separator, std::vector<std::string_view>& parts);
 /// The entire text as a number; nullopt for anything else. Accepts "nan" and "inf".

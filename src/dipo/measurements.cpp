@@ -117,26 +117,4 @@ Measurement zero_velocity(const State& x, double variance) {
   return m;
 }
 
-Measurement zero_rate(const State& x, const Vector3d& gyro, const imu::EarthModel& world,
-                      double variance) {
-  Measurement m(3);
-  const Vector3d earth = x.nav.R_world_body.conjugate() * world.earth_rate;
-  m.residual = gyro - x.nav.gyro_bias - earth;
-  m.H.block<3, 3>(0, kGyroBias).setIdentity();
-  m.H.block<3, 3>(0, kTheta) = so3::hat(earth);
-  m.R = variance * Matrix3d::Identity();
-  return m;
-}
-
-Measurement zero_acceleration(const State& x, const Vector3d& accel, const imu::EarthModel& world,
-                              double variance) {
-  Measurement m(3);
-  const Vector3d gravity = x.nav.R_world_body.conjugate() * world.gravity;
-  m.residual = accel - x.nav.accel_bias + gravity;
-  m.H.block<3, 3>(0, kAccelBias).setIdentity();
-  m.H.block<3, 3>(0, kTheta) = -so3::hat(gravity);
-  m.R = variance * Matrix3d::Identity();
-  return m;
-}
-
 }  // namespace apvi::dipo

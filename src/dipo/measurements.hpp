@@ -52,11 +52,5 @@ Measurement pressure_depth(const State& x, const Eigen::Vector3d& p_body_sensor,
 
 /// The vehicle is stationary: v = 0.
 Measurement zero_velocity(const State& x, double variance);
-/// The vehicle does not rotate: the gyro measures its bias and the Earth's rotation.
-Measurement zero_rate(const State& x, const Eigen::Vector3d& gyro, const imu::EarthModel& world,
-                      double variance);
-/// The vehicle is stationary: the accelerometer measures its bias and gravity.
-Measurement zero_acceleration(const State& x, const Eigen::Vector3d& accel,
-                              const imu::EarthModel& world, double variance);
 
 }  // namespace apvi::dipo

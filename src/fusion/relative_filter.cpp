@@ -114,7 +114,7 @@ void RelativeFilter::step(Stamp stamp, const PoseEstimate& dipo,
   const bool continues = vio && vio_;
   vio_.reset();
   if (!vio) return;
-  if (continues && !update(*vio)) ++rejected_;
+  if (continues) update(*vio);
   if (!continues || nis_.value_or(0.0) > config_.nis_gate) clone(*vio);
   vio_ = vio->pose;
 }
@@ -168,7 +168,7 @@ void RelativeFilter::clone(const VioPose& vio) {
   covariance_.bottomRightCorner<6, 6>() = J * P * J.transpose();
 }
 
-bool RelativeFilter::update(const VioPose& vio) {
+void RelativeFilter::update(const VioPose& vio) {
   const auto& U = vio.directions.basis;
   const SE3 by_dipo = boxplus(dipo_->T_world_body, mean_.head<6>());
   const SE3 by_vio = boxplus(vio.pose.T_world_body, mean_.tail<6>());
@@ -182,12 +182,11 @@ bool RelativeFilter::update(const VioPose& vio) {
   const Eigen::VectorXd r = U.transpose() * boxminus(by_vio, by_dipo);
   const Eigen::LDLT<Eigen::MatrixXd> S(H * covariance_ * H.transpose() + R);
   nis_ = r.dot(S.solve(r));
-  if (!(*nis_ <= config_.nis_gate)) return false;
+  if (!(*nis_ <= config_.nis_gate)) return;
   const Eigen::MatrixXd K = S.solve(H * covariance_).transpose();
   mean_ += K * r;
   const Matrix12 I_KH = Matrix12::Identity() - K * H;  // Joseph form
   covariance_ = I_KH * covariance_ * I_KH.transpose() + K * R * K.transpose();
-  return true;
 }
 
 PoseEstimate RelativeFilter::estimate() const {

@@ -76,8 +76,6 @@ class RelativeFilter {
   PoseEstimate estimate() const;
   /// NIS of the newest frame; nullopt if VIO was absent or started in it.
   std::optional<double> nis() const { return nis_; }
-  /// Number of frames rejected by the NIS gate.
-  int rejected() const { return rejected_; }
 
  private:
   using Vector12 = Eigen::Matrix<double, 12, 1>;
@@ -86,8 +84,8 @@ class RelativeFilter {
   void predict(double dt, const PoseEstimate& dipo, const std::optional<VioPose>& vio);
   Matrix6 vio_noise(double dt, const VioPose& vio);
   void clone(const VioPose& vio);
-  /// False if the NIS gate rejects.
-  bool update(const VioPose& vio);
+  /// Changes only the NIS if the gate rejects.
+  void update(const VioPose& vio);
 
   RelativeConfig config_;
   Stamp stamp_;
@@ -98,7 +96,6 @@ class RelativeFilter {
   RandomWalkEstimator dipo_walk_;
   RandomWalkEstimator vio_walk_;
   std::optional<double> nis_;
-  int rejected_ = 0;
 };
 
 }  // namespace apvi::fusion

@@ -16,7 +16,6 @@ double Slew::step(double size, double dt, double min_rate) const {
 PoseEstimate Slew::update(double dt, const std::optional<SE3>& motion, const PoseEstimate& target) {
   if (!output_ || !motion) {
     output_ = target.T_world_body;
-    remaining_.setZero();
     return target;
   }
   const SE3 predicted = *output_ * *motion;
@@ -28,8 +27,8 @@ PoseEstimate Slew::update(double dt, const std::optional<SE3>& motion, const Pos
   }
   if (distance > 0.0) correction.tail<3>() *= step(distance, dt, config_.min_speed_m_s) / distance;
   output_ = boxplus(predicted, correction);
-  remaining_ = boxminus(target.T_world_body, *output_);
-  return {*output_, target.covariance + remaining_ * remaining_.transpose()};
+  const Vector6 remaining = boxminus(target.T_world_body, *output_);
+  return {*output_, target.covariance + remaining * remaining.transpose()};
 }
 
 }  // namespace apvi::fusion

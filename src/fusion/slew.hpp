@@ -18,15 +18,11 @@ class Slew {
   /// the output jumps to the target. The returned covariance includes the remaining difference.
   PoseEstimate update(double dt, const std::optional<SE3>& motion, const PoseEstimate& target);
 
-  /// Remaining difference between output and target at the newest frame.
-  const Vector6& remaining() const { return remaining_; }
-
  private:
   double step(double size, double dt, double min_rate) const;
 
   SlewConfig config_;
   std::optional<SE3> output_;
-  Vector6 remaining_ = Vector6::Zero();
 };
 
 }  // namespace apvi::fusion

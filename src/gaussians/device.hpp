@@ -23,7 +23,7 @@ struct DeviceMemory {
 std::optional<DeviceMemory> device_memory();
 void reset_peak_memory();
 
-/// Whether the error is an out-of-memory error of LibTorch or CUDA.
+/// Whether the error is an out-of-memory error of LibTorch, CUDA or the CPU rasterizer.
 bool is_out_of_memory(const c10::Error& error);
 
 }  // namespace apvi::gaussians

@@ -13,7 +13,6 @@ namespace apvi::localization {
 
 /// Processing times of one frame [s].
 struct FrameTiming {
-  double wait_s = 0.0;    ///< from arrival to output; real time only
   double decode_s = 0.0;  ///< image decoding; zero for a live camera
   double track_s = 0.0;   ///< front end
   double solve_s = 0.0;
@@ -42,8 +41,10 @@ struct FrameOutput {
 /// frame that has both.
 class FusionStage {
  public:
+  /// A gap in the inertial data of more than `segment_gap_s` begins a new segment.
   FusionStage(const vio::Config& vio, const fusion::Config& fusion,
-              const fusion::FreezeConfig& freeze, const Rig& rig);
+              const fusion::FreezeConfig& freeze, const Rig& rig,
+              double segment_gap_s = dipo::InertialConfig{}.segment_gap_s);
 
   /// `tracked` empty: the image was dropped; the other sensors' data are still processed.
   FrameOutput process(const FrameJob& job, const std::optional<vio::TrackedFrame>& tracked);
@@ -54,6 +55,8 @@ class FusionStage {
   std::optional<double> vio_init_time_s() const { return vio_init_time_s_; }
 
  private:
+  void add(const ImuSample& sample);
+  void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
   std::optional<SE3> restart_pose(const std::optional<vio::StatePrior>& dipo) const;
   void align_dipo(const vio::StatePrior& dipo, const vio::Result& vio, bool vio_was_first);
@@ -67,8 +70,15 @@ class FusionStage {
   vio::Estimator estimator_;
   fusion::Fuser fuser_;
   std::optional<SE3> T_output_dipo_;
-  std::optional<SE3> last_pose_;
+  std::optional<fusion::PoseEstimate> last_pose_;  // fused
+  Stamp last_pose_stamp_;
   SE3 T_vio_dipo_ = SE3::identity();  // updated while the two agree
+  double segment_gap_s_;
+  bool height_is_measured_;
+  bool align_pending_ = true;         // the segment has no pose of DIPO yet
+  bool segment_began_ = false;        // after a gap, and has no pose yet
+  dipo::SegmentError segment_error_;  // of the poses of the current one
+  std::optional<Stamp> last_imu_;
   std::optional<Stamp> first_frame_;
   std::optional<double> vio_init_time_s_;
 };

@@ -23,6 +23,14 @@ TEST(Text, TrimRemovesWhiteSpaceAndCarriageReturns) {
   EXPECT_EQ(trim(""), "");
 }
 
+TEST(Text, ByteOrderMarkIsRemovedAtTheStartOnly) {
+  EXPECT_EQ(without_byte_order_mark("\xEF\xBB\xBF"
+                                    "a"),
+            "a");
+  EXPECT_EQ(without_byte_order_mark("a\xEF\xBB\xBF"), "a\xEF\xBB\xBF");
+  EXPECT_EQ(without_byte_order_mark(""), "");
+}
+
 TEST(Text, SplitKeepsEmptyPartsAndTrims) {
   EXPECT_THAT(parts_of("a, b ,c\r"), ElementsAre("a", "b", "c"));
   EXPECT_THAT(parts_of("a,,b"), ElementsAre("a", "", "b"));

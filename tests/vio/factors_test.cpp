@@ -349,42 +349,6 @@ TEST(DvlVelocityFactor, IsInvariantToYawAndPosition) {
   EXPECT_GT(by_pose.leftCols<3>().norm(), 1.0) << "tilt is observable";
 }
 
-TEST(DvlDisplacementFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
-  Random random(13);
-  const SE3 pose_i = test::random_pose(random, 2.0, 10.0);
-  const SE3 pose_j = pose_i * test::random_pose(random, 0.3, 1.0);
-  DvlDisplacement measured;
-  measured.displacement = (pose_i.inverse() * pose_j).translation;
-  measured.gyro_bias_jacobian = so3::hat(random_vector(random, 1.0)) + Matrix3d::Identity();
-  measured.gyro_bias = random_vector(random, 0.01);
-  measured.covariance = Vector3d(1e-4, 4e-4, 9e-4).asDiagonal();
-  measured.covariance(0, 1) = measured.covariance(1, 0) = 5e-5;
-  const DvlDisplacementFactor plain(measured, nullptr, nullptr);
-  MotionBlock motion = test::random_motion(random);
-  Eigen::Map<Vector3d>(motion.data() + 3) = measured.gyro_bias;
-  Values x{as_vector(to_block(pose_i)), as_vector(motion), as_vector(to_block(pose_j))};
-  EXPECT_LT(residual(plain, x).norm(), 1e-9);
-  x = all_nudged(x, random, 0.05);
-  expect_jacobians(plain, x);
-  const Values first_values = all_nudged(x, random, 0.05);
-  const FirstEstimate first_i{.pose = as_pose(first_values[0]), .motion = {}};
-  const FirstEstimate first_j{.pose = as_pose(first_values[2]), .motion = {}};
-  const DvlDisplacementFactor fixed(measured, &first_i, &first_j);
-  expect_jacobians(fixed, x, plain, first_values);
-  EXPECT_EQ(residual(fixed, x), residual(plain, x));
-}
-
-TEST(DvlDisplacementFactor, IsWhitenedByTheCovariance) {
-  DvlDisplacement measured;
-  measured.covariance << 4e-4, 1e-4, 0.0, 1e-4, 9e-4, 2e-4, 0.0, 2e-4, 1e-4;
-  const DvlDisplacementFactor factor(measured, nullptr, nullptr);
-  const Vector3d off(0.01, -0.02, 0.005);
-  const Values x{as_vector(to_block(SE3::identity())), as_vector(MotionBlock{}),
-                 as_vector(to_block({Eigen::Quaterniond::Identity(), off}))};
-  EXPECT_NEAR(residual(factor, x).squaredNorm() / off.dot(measured.covariance.ldlt().solve(off)),
-              1.0, 1e-6);
-}
-
 TEST(PressureDepthFactor, AppliesTheLeverArmAndJacobianMatches) {
   Random random(14);
   const Vector3d lever(0.2, -0.3, 0.4);

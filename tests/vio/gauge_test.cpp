@@ -45,7 +45,7 @@ Prior prior_after_two_frames(CameraWindow& window, bool use_first, Method method
 /// Basis of the gauge: translation along each axis and rotation about the vertical of the whole
 /// window.
 MatrixXd gauge(const CameraWindow& window, const Prior& prior) {
-  MatrixXd N = MatrixXd::Zero(prior.tangent_size(), 4);
+  MatrixXd N = MatrixXd::Zero(prior.J.cols(), 4);
   const Vector3d up = Vector3d::UnitZ();
   Index row = 0;
   for (const auto& kept : prior.kept) {

@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <Eigen/Cholesky>
-
-#include "apvi/core/error.hpp"
 #include "vio/factors/block_math.hpp"
 #include "vio/factors/corrected_delta.hpp"
 #include "vio/factors/factors.hpp"
@@ -12,15 +9,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using imu::Preintegration;
-
-// Added to variances [m²], so that a noise-free displacement has a finite weight: (1 µm)².
-constexpr double kVarianceFloor_m2 = 1e-12;
-
-Matrix3d sqrt_information_of(const Matrix3d& covariance) {
-  const Eigen::LLT<Matrix3d> llt(covariance + kVarianceFloor_m2 * Matrix3d::Identity());
-  APVI_CHECK(llt.info() == Eigen::Success);
-  return llt.matrixL().solve(Matrix3d::Identity());
-}
 
 /// Motion at the ping predicted from the state of frame i.
 struct PingMotion {
@@ -76,45 +64,6 @@ bool DvlVelocityFactor::Evaluate(double const* const* parameters, double* residu
   }
   if (jacobians[1] != nullptr) {
     write_ping_motion(jacobians[1], at, S_dvl_body, ping_.since_frame->bias_jacobian(), lever);
-  }
-  return true;
-}
-
-DvlDisplacementFactor::DvlDisplacementFactor(const DvlDisplacement& measured,
-                                             const FirstEstimate* first_i,
-                                             const FirstEstimate* first_j)
-    : measured_(measured),
-      sqrt_information_(sqrt_information_of(measured.covariance)),
-      first_i_(first_i),
-      first_j_(first_j) {}
-
-bool DvlDisplacementFactor::Evaluate(double const* const* parameters, double* residuals,
-                                     double** jacobians) const {
-  const Rigid i(parameters[0]);
-  const MotionView motion(parameters[1]);
-  const Vector3d p_i_j = i.R.transpose() * (ConstVector3(parameters[2]) - i.p);
-  const Vector3d expected = measured_.displacement +
-                            measured_.gyro_bias_jacobian * (motion.gyro_bias - measured_.gyro_bias);
-  Eigen::Map<Vector3d>{residuals} = sqrt_information_ * (p_i_j - expected);
-  if (jacobians == nullptr) return true;
-  const Rigid at(pose_point(first_i_, parameters[0]));
-  const Vector3d p_j(pose_point(first_j_, parameters[2]));
-  const Matrix3d S_Rt = sqrt_information_ * at.R.transpose();
-  if (jacobians[0] != nullptr) {
-    PoseJacobian<3> J(jacobians[0]);
-    J.leftCols<3>() = sqrt_information_ * so3::hat(at.R.transpose() * (p_j - at.p));
-    J.middleCols<3>(3) = -S_Rt;
-    J.col(6).setZero();
-  }
-  if (jacobians[1] != nullptr) {
-    MotionJacobian<3> J(jacobians[1]);
-    J.setZero();
-    J.middleCols<3>(3) = -sqrt_information_ * measured_.gyro_bias_jacobian;
-  }
-  if (jacobians[2] != nullptr) {
-    PoseJacobian<3> J(jacobians[2]);
-    J.setZero();
-    J.middleCols<3>(3) = S_Rt;
   }
   return true;
 }

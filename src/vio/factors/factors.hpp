@@ -123,30 +123,6 @@ class DvlVelocityFactor final : public ceres::SizedCostFunction<3, 7, 9> {
   const FirstEstimate* first_;
 };
 
-/// Displacement between two frames measured by DVL and gyro: Δp = R_iᵀ (p_j - p_i), to first order
-/// in the gyro bias.
-struct DvlDisplacement {
-  Eigen::Vector3d displacement =
-      Eigen::Vector3d::Zero();  ///< of the body, in the frame of body i [m]
-  Eigen::Matrix3d gyro_bias_jacobian = Eigen::Matrix3d::Zero();  ///< d displacement / d gyro bias
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< gyro bias used in the integration
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< [m²]
-};
-/// Blocks: pose i, motion i, pose j.
-class DvlDisplacementFactor final : public ceres::SizedCostFunction<3, 7, 9, 7> {
- public:
-  DvlDisplacementFactor(const DvlDisplacement& measured, const FirstEstimate* first_i,
-                        const FirstEstimate* first_j);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  DvlDisplacement measured_;
-  Eigen::Matrix3d sqrt_information_;
-  const FirstEstimate* first_i_;
-  const FirstEstimate* first_j_;
-};
-
 /// Pressure depth at a frame. Blocks: pose; measured depth at z = 0 of the world [m], a free
 /// offset. `sign` as Rig::down_sign.
 class PressureDepthFactor final : public ceres::SizedCostFunction<1, 7, 1> {

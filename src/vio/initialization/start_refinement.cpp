@@ -4,9 +4,6 @@
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
 
-#include <Eigen/Cholesky>
-#include <array>
-#include <cmath>
 #include <memory>
 
 #include "apvi/geometry/so3.hpp"
@@ -19,7 +16,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using imu::Preintegration;
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
-using Matrix11 = Eigen::Matrix<double, 11, 11>;
 using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 
 constexpr int kPasses = 2;
@@ -187,12 +183,11 @@ class Refinement {
     RefinedStart out;
     for (int pass = 0; pass < kPasses && !observations_.empty(); ++pass) {
       motion_ = integrate(problem_, x_.gyro_bias, x_.accel_bias);
-      out.converged = solve();
+      solve();
       classify_observations(out);
     }
     if (observations_.empty()) return out;
     motion_ = integrate(problem_, x_.gyro_bias, x_.accel_bias);
-    out.covariance = covariance();
     out.guess = {x_.gravity, x_.velocity, x_.gyro_bias, x_.accel_bias, {}};
     for (const Vector3d& point : x_.points) out.guess.inverse_depth.push_back(point.z());
     out.tracks = accepted_tracks();
@@ -203,7 +198,7 @@ class Refinement {
  private:
   double weight() const { return sigmas_.focal_px / sigmas_.pixel; }
 
-  bool solve() {
+  void solve() {
     Path path(problem_, x_, motion_);
     ceres::Problem::Options options;
     options.evaluation_callback = &path;
@@ -234,13 +229,11 @@ class Refinement {
     solver.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &ceres_problem, &summary);
-    return summary.termination_type == ceres::CONVERGENCE;
   }
 
   // Computes the residuals and reclassifies the inliers.
   void classify_observations(RefinedStart& out) {
     const Path path(problem_, x_, motion_);
-    double sum = 0.0;
     int inlier_count = 0;
     for (Observation& s : observations_) {
       const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
@@ -248,11 +241,8 @@ class Refinement {
       Vector2d r;
       ObservationCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), nullptr);
       s.is_inlier = r.norm() * sigmas_.pixel < kOutlier_px && x_.points[s.track].z() > 0.0;
-      if (!s.is_inlier) continue;
-      sum += r.squaredNorm();
-      ++inlier_count;
+      if (s.is_inlier) ++inlier_count;
     }
-    out.rms_px = inlier_count > 0 ? sigmas_.pixel * std::sqrt(sum / inlier_count) : 1e9;
     out.inlier_fraction =
         static_cast<double>(inlier_count) / static_cast<double>(observations_.size());
   }
@@ -270,47 +260,6 @@ class Refinement {
     return tracks;
   }
 
-  // Inverse of the information with the points eliminated.
-  RefinedStart::Matrix12 covariance() const {
-    using Matrix12 = RefinedStart::Matrix12;
-    using Matrix123 = Eigen::Matrix<double, 12, 3>;
-    const Path path(problem_, x_, motion_);
-    Matrix12 H = Matrix12::Zero();
-    std::vector<Matrix123> shared(problem_.tracks.size(), Matrix123::Zero());
-    std::vector<Matrix3d> own(problem_.tracks.size(), Matrix3d::Zero());
-    for (const Observation& s : observations_) {
-      if (!s.is_inlier) continue;
-      const double* const blocks[] = {nullptr, nullptr, nullptr, nullptr,
-                                      x_.points[s.track].data()};
-      Vector2d r;
-      std::array<RowMajor23, 5> by;
-      double* jacobians[] = {by[0].data(), by[1].data(), by[2].data(), by[3].data(), by[4].data()};
-      ObservationCost(path, s.anchor, s.view, weight()).Evaluate(blocks, r.data(), jacobians);
-      Eigen::Matrix<double, 2, 12> J;
-      J << by[0], by[1], by[2], by[3];
-      H += J.transpose() * J;
-      shared[s.track] += J.transpose() * by[4];
-      own[s.track] += by[4].transpose() * by[4];
-    }
-    for (std::size_t t = 0; t < own.size(); ++t) {
-      if (own[t](2, 2) > 0.0) H -= shared[t] * own[t].ldlt().solve(shared[t].transpose());
-    }
-    H.diagonal().segment<3>(6).array() += 1.0 / (sigmas_.gyro_bias * sigmas_.gyro_bias);
-    H.diagonal().segment<3>(9).array() += 1.0 / (sigmas_.accel_bias * sigmas_.accel_bias);
-    return invert_on_sphere(H);
-  }
-
-  // Gravity is restricted to the sphere of given magnitude.
-  RefinedStart::Matrix12 invert_on_sphere(const RefinedStart::Matrix12& H) const {
-    Eigen::Matrix<double, 12, 11> N = Eigen::Matrix<double, 12, 11>::Zero();
-    const Vector3d down = x_.gravity.normalized();
-    N.block<3, 1>(0, 0) = down.unitOrthogonal();
-    N.block<3, 1>(0, 1) = down.cross(down.unitOrthogonal());
-    N.bottomRightCorner<9, 9>().setIdentity();
-    const Matrix11 information = N.transpose() * H * N;
-    return N * information.ldlt().solve(Matrix11::Identity()) * N.transpose();
-  }
-
   const StartProblem& problem_;
   const StartSigmas& sigmas_;
   Parameters x_;
@@ -323,35 +272,6 @@ class Refinement {
 RefinedStart refine_start(const StartProblem& problem, const StartGuess& guess,
                           const StartSigmas& sigmas) {
   return Refinement(problem, guess, sigmas).run();
-}
-
-double relative_scale_sigma(const RefinedStart& start) {
-  using Matrix312 = Eigen::Matrix<double, 3, 12>;
-  const auto n = static_cast<double>(start.motion.size());
-  std::vector<Vector3d> p;
-  std::vector<Matrix312> by;
-  Vector3d center = Vector3d::Zero();
-  for (const Preintegration& motion : start.motion) {
-    const double t = motion.duration_s();
-    p.emplace_back(start.guess.velocity * t + 0.5 * t * t * start.guess.gravity +
-                   motion.delta().position);
-    center += p.back() / n;
-    Matrix312 J;
-    J << 0.5 * t * t * Matrix3d::Identity(), t * Matrix3d::Identity(),
-        block(motion, Preintegration::kPosition, Preintegration::kGyroBias),
-        block(motion, Preintegration::kPosition, Preintegration::kAccelBias);
-    by.push_back(J);
-  }
-  // L = log(Σ |p - center|²) / 2; the derivative of the center cancels.
-  double size2 = 0.0;
-  Eigen::Matrix<double, 1, 12> gradient = Eigen::Matrix<double, 1, 12>::Zero();
-  for (std::size_t k = 0; k < p.size(); ++k) {
-    size2 += (p[k] - center).squaredNorm();
-    gradient += (p[k] - center).transpose() * by[k];
-  }
-  if (!(size2 > 0.0)) return 1e9;
-  gradient /= size2;
-  return std::sqrt((gradient * start.covariance * gradient.transpose())(0, 0));
 }
 
 }  // namespace apvi::vio

@@ -24,7 +24,6 @@ class Prior {
   Eigen::MatrixXd J;
   Eigen::VectorXd r;
 
-  int tangent_size() const;
   /// Updates the address of a block; ignores unknown blocks. To shift a whole window in place, go
   /// from the oldest block on, so that no two blocks share an address.
   void relocate(const double* from, double* to);

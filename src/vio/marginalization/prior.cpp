@@ -18,12 +18,6 @@ void difference(const Prior::Kept& kept, const double* x, double* delta) {
 
 }  // namespace
 
-int Prior::tangent_size() const {
-  int size = 0;
-  for (const Kept& k : kept) size += k.block.tangent();
-  return size;
-}
-
 void Prior::relocate(const double* from, double* to) {
   for (Kept& k : kept) {
     if (k.block.data == from) k.block.data = to;
