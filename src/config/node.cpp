@@ -205,8 +205,12 @@ void fail_at(const Node& node, std::string_view key, std::string_view what) {
   throw InputError(message);
 }
 
-Node parse_yaml(const std::string& text, const std::string& source) {
+Node parse_yaml(const std::string& given, const std::string& source) {
   ParseContext context{std::make_shared<const std::string>(source)};
+  std::string text = given;
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // byte order mark
+  // OpenCV writes an invalid directive; turned into a comment, it does not shift line numbers.
+  if (text.starts_with("%YAML:")) text[0] = '#';
   try {
     if (const auto line = find_second_document(text)) {
       fail_input("{}:{}: second YAML document; move it to a separate file", source, *line);

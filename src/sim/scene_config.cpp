@@ -7,6 +7,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "apvi/io/rig_file.hpp"
 #include "config/renamed_keys.hpp"
 #include "core/random.hpp"
 
@@ -64,7 +65,7 @@ void resolve_file_names(Node& root) {
 }
 
 Node load_rig(const Node& given) {
-  if (given.kind == Node::Kind::scalar) return config::load_file(resolve_relative(given));
+  if (given.kind == Node::Kind::scalar) return io::load_rig_file(resolve_relative(given));
   Node rig = config::parse_yaml(kDefaultRig, "built-in rig");
   if (!given.is_null()) config::merge(rig, given);
   return rig;

@@ -45,12 +45,6 @@ std::string with_decimal_point(std::string_view cell) {
   return number;
 }
 
-std::string_view without_byte_order_mark(std::string_view line) {
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";
-  if (line.starts_with(kMark)) line.remove_prefix(kMark.size());
-  return line;
-}
-
 std::pair<std::string, std::string> split_unit(std::string_view cell) {
   const std::size_t open = cell.find_first_of("[(");
   std::string name = text::to_lower(text::trim(cell.substr(0, open)));

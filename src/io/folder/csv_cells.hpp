@@ -15,8 +15,6 @@ char separator_of(std::string_view header);
 void split_quoted(std::string_view line, char separator, std::vector<std::string_view>& cells);
 /// "1,5" as "1.5", where commas do not separate cells.
 std::string with_decimal_point(std::string_view cell);
-/// The line without a UTF-8 byte order mark.
-std::string_view without_byte_order_mark(std::string_view line);
 /// Splits "timestamp [ns]" into the lower-case column "timestamp" and the unit "ns"; parentheses
 /// do as well.
 std::pair<std::string, std::string> split_unit(std::string_view cell);

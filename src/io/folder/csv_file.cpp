@@ -59,12 +59,12 @@ bool CsvFile::read_line() {
 
 std::string_view CsvFile::find_header() {
   bool found = false;
-  while (!found && read_line()) found = !text::trim(without_byte_order_mark(line_)).empty();
+  while (!found && read_line()) found = !text::trim(text::without_byte_order_mark(line_)).empty();
   if (!found) fail_input("{}: the file is empty; expected a header line", name_);
   if (line_.starts_with("\xFF\xFE") || line_.starts_with("\xFE\xFF")) {
     fail_input("{}: this file is UTF-16; save it as UTF-8", name_);
   }
-  std::string_view header = text::trim(without_byte_order_mark(line_));
+  std::string_view header = text::trim(text::without_byte_order_mark(line_));
   if (header.starts_with('#')) header.remove_prefix(1);
   return header;
 }

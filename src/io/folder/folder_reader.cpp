@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "apvi/io/rig_file.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_sensors.hpp"
@@ -33,8 +34,8 @@ double atmospheric_pressure_pa(const config::Node& rig) {
 }  // namespace
 
 config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
-  if (!config.rig.empty()) return config::load_with_inheritance(config.rig);
-  if (fs::exists(own)) return config::load_with_inheritance(own);
+  if (!config.rig.empty()) return load_rig_file(config.rig);
+  if (fs::exists(own)) return load_rig_file(own);
   return {};
 }
 
