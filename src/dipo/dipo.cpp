@@ -122,6 +122,10 @@ void Dipo::add(const ImuSample& sample) {
   if (last_imu_ && seconds_between(last_imu_->stamp, sample.stamp) > config_.inertial.max_gap_s) {
     ++gaps_;
   }
+  if (last_imu_ &&
+      seconds_between(last_imu_->stamp, sample.stamp) > config_.inertial.segment_gap_s) {
+    begin_segment();
+  }
   last_imu_ = sample;
   vibration_.add(sample);
   stationary_.add(sample);
@@ -175,7 +179,27 @@ void Dipo::add_pressure_depth(const PressureDepthReading& reading) {
   apply_pending();
 }
 
-void Dipo::start(const Initializer::Start& start) {
+// What was measured before the gap says nothing about the motion after it.
+void Dipo::begin_segment() {
+  if (initialized()) {
+    last_segment_ = Segment{history_.newest(), history_.newest_filter(), segment_error_};
+  }
+  history_.clear();
+  early_imu_.clear();
+  last_used_ping_.reset();
+  vibration_ = VibrationTracker(config_.inertial, datasheet_noise(rig_));
+  stationary_ = StationaryDetector(config_.zero_velocity);
+  swell_ = SwellTracker(config_.depth.swell_window_s);
+  const imu::NavState nav = last_segment_ ? last_segment_->filter.state().nav : imu::NavState{};
+  initializer_ = Initializer(config_, rig_, nav.gyro_bias, nav.accel_bias);
+}
+
+void Dipo::start(const Initializer::Start& fresh) {
+  Initializer::Start start = fresh;
+  if (last_segment_) {
+    start = continue_segment(*last_segment_, fresh, make_walk(config_), rig_);
+    segment_error_ = error_after(*last_segment_, fresh);
+  }
   history_.start(start.sample, Eskf(start.state, start.covariance));
   for (const ImuSample& sample : early_imu_) {
     if (sample.stamp > start.sample.stamp) history_.push(sample, noise_now());
@@ -334,16 +358,19 @@ std::string Dipo::waiting_for() const {
 
 std::optional<Estimate> Dipo::latest() const {
   if (!initialized()) return std::nullopt;
-  const Eskf& filter = history_.newest_filter();
-  return Estimate{history_.newest(), filter.state(), filter.covariance()};
+  return estimate(history_.newest(), history_.newest_filter());
 }
 
 std::optional<Estimate> Dipo::at(Stamp stamp) const {
   if (!initialized() || stamp < history_.oldest() || stamp > history_.newest()) {
     return std::nullopt;
   }
-  const Eskf filter = history_.filter_at(stamp);
-  return Estimate{stamp, filter.state(), filter.covariance()};
+  return estimate(stamp, history_.filter_at(stamp));
+}
+
+Estimate Dipo::estimate(Stamp stamp, const Eskf& filter) const {
+  return {stamp, filter.state(), filter.covariance(),
+          segment_error_.covariance(filter.state().nav.pose())};
 }
 
 }  // namespace apvi::dipo

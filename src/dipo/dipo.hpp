@@ -16,6 +16,7 @@
 #include "dipo/filter_history.hpp"
 #include "dipo/initializer.hpp"
 #include "dipo/noise_tracker.hpp"
+#include "dipo/segment.hpp"
 
 namespace apvi::dipo {
 
@@ -36,7 +37,10 @@ struct Report {
 struct Estimate {
   Stamp stamp;
   State state;
-  Matrix covariance;
+  Matrix covariance;  ///< of the error since the start of the segment
+  /// Covariance of the pose error that all poses of the segment share, order as in `covariance`;
+  /// zero in the first segment. The covariance of the pose in the world is the sum.
+  SegmentError::Matrix6 segment_covariance = SegmentError::Matrix6::Zero();
 };
 
 /// DVL-inertial-pressure odometry: the error-state Kalman filter of the paper (section III-B). Add
@@ -51,6 +55,8 @@ class Dipo {
   void add(const PressureSample& sample);
   void add(const PressureDepthSample& sample);
 
+  /// False again after a gap in the inertial data of more than `segment_gap_s`, until the next
+  /// segment is initialized.
   bool initialized() const { return history_.started(); }
   /// What initialization is waiting for, for the status line; empty once initialized.
   std::string waiting_for() const;
@@ -87,7 +93,8 @@ class Dipo {
 
   void add_pressure_depth(const PressureDepthReading& reading);
   void report_dvl(Report report);
-  void start(const Initializer::Start& start);
+  void start(const Initializer::Start& fresh);
+  void begin_segment();
   void apply_pending();
   /// False if the sample's time is not yet covered by inertial data.
   bool apply(const DvlSample& ping);
@@ -101,6 +108,7 @@ class Dipo {
                                                MeasurementGate& gate, Report& report) const;
   void insert_displacement(const DvlSample& ping, Stamp stamp);
   void update_if_stationary(const ImuSample& sample);
+  Estimate estimate(Stamp stamp, const Eskf& filter) const;
 
   Config config_;
   Rig rig_;
@@ -113,8 +121,10 @@ class Dipo {
   SwellTracker swell_;
   MeasurementGate dvl_gate_;
   MeasurementGate pressure_depth_gate_;
-  std::deque<ImuSample> early_imu_;  // before initialization
-  std::deque<Sample> pending_;       // waiting for inertial data that cover their stamp
+  std::optional<Segment> last_segment_;  // before the current one
+  SegmentError segment_error_;           // of the current one
+  std::deque<ImuSample> early_imu_;      // before initialization
+  std::deque<Sample> pending_;           // waiting for inertial data that cover their stamp
   std::optional<DvlSample> last_ping_;
   std::optional<UsedPing> last_used_ping_;
   std::optional<ImuSample> last_imu_;

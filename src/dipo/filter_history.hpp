@@ -27,6 +27,7 @@ class FilterHistory {
 
   bool started() const { return !steps_.empty(); }
   void start(const ImuSample& sample, const Eskf& filter);
+  void clear() { steps_.clear(); }
   /// Propagates to `sample` with the given noise for this step. Stamps must increase.
   void push(const ImuSample& sample, const imu::Noise& noise);
 

@@ -27,7 +27,7 @@ std::size_t last_not_after(const std::deque<ImuSample>& imu, Stamp stamp) {
 }  // namespace
 
 void Initializer::add(const ImuSample& sample) {
-  imu_.push_back(sample);
+  imu_.push_back({sample.stamp, sample.gyro - gyro_bias_, sample.accel - accel_bias_});
   const Stamp keep = sample.stamp - Duration::from_seconds(3.0 * config_.initialization.window_s);
   while (imu_.front().stamp < keep) imu_.pop_front();
   while (!pings_.empty() && pings_.front().stamp < imu_.front().stamp) pings_.pop_front();
@@ -78,7 +78,9 @@ std::optional<Initializer::Start> Initializer::try_start() const {
                    by_bias.middleRows<3>(imu::Preintegration::kRotation);
   force_by_bias /= sum.duration_s();
   const State state = make_state(force, v_from);
-  return Start{imu_[from], state, make_covariance(state, force, force_by_bias)};
+  const ImuSample raw{imu_[from].stamp, imu_[from].gyro + gyro_bias_,
+                      imu_[from].accel + accel_bias_};
+  return Start{raw, state, make_covariance(state, force, force_by_bias), depth_.has_value()};
 }
 
 State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body) const {
@@ -89,6 +91,8 @@ State Initializer::make_state(const Vector3d& force_body, const Vector3d& v_body
   state.nav.R_world_body =
       so3::exp(Vector3d(0.0, 0.0, heading)) * so3::level_attitude(force_body, gravity);
   state.nav.v_body = v_body;
+  state.nav.gyro_bias = gyro_bias_;
+  state.nav.accel_bias = accel_bias_;
   state.dvl_time_offset_s = rig_.dvl->time_offset_s;
   state.R_body_dvl = rig_.dvl->T_body_dvl.rotation;
   state.p_body_dvl = rig_.dvl->T_body_dvl.translation;

@@ -22,9 +22,14 @@ class Initializer {
     ImuSample sample;  ///< the inertial sample whose time `state` refers to
     State state;
     Matrix covariance;
+    bool has_depth = false;  ///< the z position is measured
   };
 
-  Initializer(const Config& config, const Rig& rig) : config_(config), rig_(rig) {}
+  /// Known biases are given when a run continues after a pause.
+  Initializer(const Config& config, const Rig& rig,
+              const Eigen::Vector3d& gyro_bias = Eigen::Vector3d::Zero(),
+              const Eigen::Vector3d& accel_bias = Eigen::Vector3d::Zero())
+      : config_(config), rig_(rig), gyro_bias_(gyro_bias), accel_bias_(accel_bias) {}
 
   void add(const ImuSample& sample);
   void add(const DvlSample& sample);
@@ -49,7 +54,9 @@ class Initializer {
 
   Config config_;
   Rig rig_;
-  std::deque<ImuSample> imu_;
+  Eigen::Vector3d gyro_bias_;
+  Eigen::Vector3d accel_bias_;
+  std::deque<ImuSample> imu_;  // without the known biases
   std::deque<DvlSample> pings_;
   std::optional<Depth> depth_;
 };

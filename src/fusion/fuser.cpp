@@ -107,6 +107,17 @@ FusionResult Fuser::update(const FusionInput& given) {
   return result;
 }
 
+void Fuser::begin_segment() {
+  stability_ = DipoStability(config_.dipo_stability);
+  relative_ = RelativeFilter(config_.relative);
+  slew_ = Slew(config_.slew);
+  last_.reset();
+  last_dipo_.reset();
+  dipo_drift_ = {};
+  last_target_ = {};
+  agreed_poses_.clear();
+}
+
 Fuser::Assessment Fuser::validate(const FusionInput& input, const Stability& dipo) const {
   Assessment result;
   const auto reject = [&result](const Verdict& verdict) {

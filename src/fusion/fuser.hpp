@@ -60,6 +60,9 @@ class Fuser {
   /// Processes one frame; stamps must not decrease. Never throws on invalid estimates.
   FusionResult update(const FusionInput& given);
 
+  /// The vehicle moved unobserved: forgets poses, keeps the state of the freeze policy.
+  void begin_segment();
+
   const FreezePolicy& freeze_policy() const { return freeze_; }
 
  private:

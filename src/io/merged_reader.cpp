@@ -11,12 +11,14 @@
 namespace apvi::io {
 
 MergedReader::MergedReader(Recording recording, const DatasetConfig& config)
-    : recording_(std::move(recording)), config_(config) {
+    : recording_(std::move(recording)),
+      config_(config),
+      clocks_(recording_.kinds, Duration::from_seconds(config.max_time_jump_s)) {
   const auto max_jump = Duration::from_seconds(config_.max_time_jump_s);
   for (std::size_t i = 0; i < recording_.sources.size(); ++i) {
     SampleSource* source = recording_.sources[i].get();
     StreamReport& report = report_[recording_.kinds[i]];
-    streams_.push_back({source, &report,
+    streams_.push_back({i, source, &report,
                         StreamCleaner(recording_.kinds[i], max_jump, report,
                                       [source] { return source->where(); })});
   }
@@ -26,7 +28,8 @@ MergedReader::MergedReader(Recording recording, const DatasetConfig& config)
 bool MergedReader::fill(Stream& stream) {
   while (stream.cleaner.ready.empty() && !stream.ended) {
     SensorEvent event;
-    switch (stream.source->next(event)) {
+    const auto drop = [&stream] { stream.cleaner.drop(DropReason::broken_stamp); };
+    switch (clocks_.next(stream.index, *stream.source, event, drop)) {
       case SourceState::sample:
         stream.cleaner.push(std::move(event));
         break;

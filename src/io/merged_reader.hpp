@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apvi/io/sequence.hpp"
+#include "io/clock_monitor.hpp"
 #include "io/sample_source.hpp"
 #include "io/stream_cleaner.hpp"
 
@@ -26,6 +27,7 @@ class MergedReader : public SequenceReader {
 
  private:
   struct Stream {
+    std::size_t index;
     SampleSource* source;
     StreamReport* report;
     StreamCleaner cleaner;
@@ -40,6 +42,7 @@ class MergedReader : public SequenceReader {
   Recording recording_;
   DatasetConfig config_;
   std::map<std::string, StreamReport> report_;
+  ClockMonitor clocks_;
   std::vector<Stream> streams_;
   std::optional<Stamp> begin_;  // of the recording; origin of the span
   Stamp from_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "localization/fusion_stage.hpp"
 
+#include <utility>
+
 #include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "core/stopwatch.hpp"
@@ -37,20 +39,22 @@ std::optional<StampedPose> FrameOutput::fused() const {
 }
 
 FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
-                         const fusion::FreezeConfig& freeze, const Rig& rig)
+                         const fusion::FreezeConfig& freeze, const Rig& rig, double segment_gap_s)
     // The baseline without freezing reinitializes like a system without a DVL.
     : tight_(vio.graph == vio::GraphKind::tight && rig.dvl),
       allow_state_prior_(freeze.enabled || tight_),
       track_drift_(fusion.discriminator.agreement.window_s > 0.0),
       unfreeze_(freeze.frozen_frames == fusion::FrozenFrames::unfreeze),
       estimator_(vio, rig),
-      fuser_(scale_to_camera(fusion, rig), freeze) {}
+      fuser_(scale_to_camera(fusion, rig), freeze),
+      segment_gap_s_(segment_gap_s),
+      height_is_measured_(rig.pressure || rig.depth) {}
 
 FrameOutput FusionStage::process(const FrameJob& job,
                                  const std::optional<vio::TrackedFrame>& tracked) {
   const Stopwatch watch;
   if (!first_frame_) first_frame_ = job.stamp;
-  for (const ImuSample& sample : job.imu) estimator_.add(sample);
+  for (const ImuSample& sample : job.imu) add(sample);
   for (const vio::DvlMeasurement& ping : job.pings) estimator_.add(ping);
   for (const vio::PressureDepthMeasurement& depth : job.depths) estimator_.add(depth);
   for (const dipo::Report& report : job.reports) fuser_.add(report);
@@ -77,7 +81,7 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (output.vio.has_state() && !vio_init_time_s_) {
     vio_init_time_s_ = seconds_between(*first_frame_, job.stamp);
   }
-  if (job.dipo && !T_output_dipo_) {
+  if (job.dipo && std::exchange(align_pending_, false)) {
     const bool initialized_from_dipo = output.vio.status == vio::Status::started && with_prior;
     align_dipo(*job.dipo, output.vio, output.vio.has_state() && !initialized_from_dipo);
   }
@@ -92,12 +96,36 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (output.vio.has_state()) input.vio = estimate_of(output.vio);
   output.fusion = fuser_.update(input);
   update_vio_dipo_transform(input, output);
+  if (output.fusion.pose) add_segment_error(*output.fusion.pose, job.stamp);
   apply(output.fusion.freeze.action);
   output.timing.solve_s = output.vio.solve_s;
   output.timing.information_s = output.vio.information_s;
   output.timing.marginalize_s = output.vio.marginalize_s;
   output.timing.localize_s = watch.seconds();
   return output;
+}
+
+// Nothing relates the poses before a long gap to those after it.
+void FusionStage::add(const ImuSample& sample) {
+  if (last_imu_ && seconds_between(*last_imu_, sample.stamp) > segment_gap_s_) {
+    estimator_.reset();
+    fuser_.begin_segment();
+    segment_began_ = align_pending_ = true;
+  }
+  last_imu_ = sample.stamp;
+  estimator_.add(sample);
+}
+
+// The estimators know the error within the segment only.
+void FusionStage::add_segment_error(fusion::PoseEstimate& pose, Stamp stamp) {
+  if (std::exchange(segment_began_, false) && last_pose_) {
+    const bool height = !(T_output_dipo_ && height_is_measured_);
+    segment_error_ = {last_pose_->T_world_body, last_pose_->covariance,
+                      seconds_between(last_pose_stamp_, stamp), height};
+  }
+  pose.covariance += segment_error_.covariance(pose.T_world_body);
+  last_pose_ = pose;
+  last_pose_stamp_ = stamp;
 }
 
 std::optional<vio::StatePrior> FusionStage::to_output_frame(
@@ -108,21 +136,22 @@ std::optional<vio::StatePrior> FusionStage::to_output_frame(
 
 void FusionStage::align_dipo(const vio::StatePrior& dipo, const vio::Result& vio,
                              bool vio_was_first) {
-  T_output_dipo_ = SE3::identity();
+  if (!T_output_dipo_) T_output_dipo_ = SE3::identity();
   if (!vio_was_first) return;
+  T_vio_dipo_ = SE3::identity();
   T_output_dipo_ = vio::level_alignment(vio.state.pose(), dipo.state.pose());
 }
 
 // Pose at which VIO continues when it initializes without a prior.
 std::optional<SE3> FusionStage::restart_pose(const std::optional<vio::StatePrior>& dipo) const {
-  return dipo ? dipo->state.pose() : last_pose_;
+  if (dipo) return dipo->state.pose();
+  return last_pose_ ? std::optional(last_pose_->T_world_body) : std::nullopt;
 }
 
 // When DIPO bridges an outage or reinitializes VIO, the drift between the two since the start must
 // not shift the window: it continues at VIO's own last pose.
 void FusionStage::update_vio_dipo_transform(const fusion::FusionInput& input,
                                             const FrameOutput& output) {
-  if (output.fusion.pose) last_pose_ = output.fusion.pose->T_world_body;
   if (!track_drift_ || output.fusion.state != fusion::FusionState::fused) return;
   T_vio_dipo_ = vio::level_alignment(input.vio->T_world_body, input.dipo->T_world_body);
 }

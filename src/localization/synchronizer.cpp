@@ -23,6 +23,13 @@ constexpr Duration kCameraTimeout{500'000'000};
 // Period of jobs without images during a camera outage.
 constexpr Duration kImagelessJobPeriod{100'000'000};
 
+// Without a DVL there are no frames while the camera is silent, and nobody takes the samples. VIO
+// starts anew after so long an outage.
+constexpr Duration kMaxPending{60'000'000'000};
+
+// Segments that are logged.
+constexpr int kMaxMessages = 20;
+
 // Frames waiting for IMU data; beyond this the oldest is dropped.
 constexpr std::size_t kMaxPendingJobs = 60;
 
@@ -78,7 +85,10 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& samples,
 
 Synchronizer::Synchronizer(const dipo::Config& config, const Rig& rig, bool use_dvl,
                            std::size_t cameras)
-    : rig_(rig), cameras_(cameras), imu_(kBufferDuration) {
+    : rig_(rig),
+      segment_gap_s_(config.inertial.segment_gap_s),
+      cameras_(cameras),
+      imu_(kBufferDuration) {
   if (use_dvl) acoustic_odometry_.emplace(config, rig);
 }
 
@@ -129,7 +139,6 @@ void Synchronizer::update_image_period(Stamp stamp) {
 
 void Synchronizer::add_imageless_job(Stamp now) {
   if (cameras_ == 0) return;
-  if (!first_imu_) first_imu_ = now;
   const Stamp since = last_image_.value_or(*first_imu_);
   if (now - since < Duration{std::max(kCameraTimeout.ns, 3 * image_period_.ns)}) return;
   const Stamp last =
@@ -143,12 +152,13 @@ void Synchronizer::add_imageless_job(Stamp now) {
 
 void Synchronizer::add(const SensorEvent& event) {
   if (const auto* sample = std::get_if<ImuSample>(&event)) {
-    if (imu_.add(*sample)) new_imu_.push_back(*sample);
+    add(*sample);
   } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
     pings_[ping->stamp] = *ping;
     constexpr std::size_t kMaxPings = 64;
     while (pings_.size() > kMaxPings) pings_.erase(pings_.begin());
   }
+  if (cameras_ == 0) return;
   if (const auto* p = std::get_if<PressureSample>(&event); p && rig_.pressure) {
     new_depths_.push_back({p->stamp, rig_.pressure->depth(p->pressure_pa),
                            std::hypot(rig_.pressure->noise_m, swell_m())});
@@ -157,11 +167,39 @@ void Synchronizer::add(const SensorEvent& event) {
   }
 }
 
+void Synchronizer::add(const ImuSample& sample) {
+  if (!first_imu_) first_imu_ = run_began_ = sample.stamp;
+  const auto last = imu_.newest();
+  if (last && seconds_between(*last, sample.stamp) > segment_gap_s_) {
+    begin_segment(*last, sample.stamp);
+  }
+  if (!imu_.add(sample) || cameras_ == 0) return;
+  new_imu_.push_back(sample);
+  if (sample.stamp - new_imu_.front().stamp < kMaxPending) return;
+  new_imu_.clear();
+  new_depths_.clear();
+}
+
+// Frames in the gap have no motion that relates them to others.
+void Synchronizer::begin_segment(Stamp last, Stamp now) {
+  if (++segments_ <= kMaxMessages) {
+    log::info("a new segment begins at {:.2f} s, after {:.2f} s without inertial samples",
+              seconds_between(*run_began_, now), seconds_between(last, now));
+  }
+  const auto in_gap = [now](const FrameJob& job) { return job.stamp < now; };
+  abandoned_frames_ += std::erase_if(pending_jobs_, in_gap);
+  imu_ = imu::SampleBuffer(kBufferDuration);
+  last_frame_.reset();
+  last_image_.reset();
+  first_imu_ = now;
+}
+
 double Synchronizer::swell_m() const {
   return acoustic_odometry_ ? acoustic_odometry_->dipo().swell_m() : 0.0;
 }
 
 void Synchronizer::add_pings(const std::vector<PingOutput>& outputs) {
+  if (cameras_ == 0) return;
   for (const PingOutput& output : outputs) {
     new_reports_.push_back(output.ping);
     const dipo::Verdict verdict = output.ping.verdict;

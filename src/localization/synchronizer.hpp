@@ -31,12 +31,14 @@ class Synchronizer {
 
   bool has_acoustic_odometry() const { return acoustic_odometry_.has_value(); }
   const AcousticOdometry& acoustic_odometry() const { return *acoustic_odometry_; }
-  /// Frames dropped because IMU data never arrived.
+  /// Frames dropped because IMU data never arrived, or only after a gap that began a new segment.
   std::size_t abandoned_frames() const { return abandoned_frames_; }
 
  private:
   void add(const ImageFrame& image);
   void add(const SensorEvent& event);
+  void add(const ImuSample& sample);
+  void begin_segment(Stamp last, Stamp now);
   void update_image_period(Stamp stamp);
   void add_imageless_job(Stamp now);
   double swell_m() const;  ///< wave-induced noise of the depth readings, one sigma [m]
@@ -45,6 +47,7 @@ class Synchronizer {
   void complete(FrameJob& job);
 
   Rig rig_;
+  double segment_gap_s_;
   std::size_t cameras_;
   std::optional<AcousticOdometry> acoustic_odometry_;
   imu::SampleBuffer imu_;
@@ -56,7 +59,9 @@ class Synchronizer {
   std::vector<dipo::Report> new_reports_;
   std::deque<FrameJob> pending_jobs_;
   std::optional<Stamp> last_frame_;
-  std::optional<Stamp> first_imu_;
+  std::optional<Stamp> run_began_;
+  int segments_ = 0;  // after the first
+  std::optional<Stamp> first_imu_;  // of the segment
   std::optional<Stamp> last_image_;
   Duration image_period_{
       2'000'000'000};  // between the last two images; large at first, as cameras start slowly

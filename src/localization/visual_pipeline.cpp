@@ -32,7 +32,8 @@ VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, std::size
     : mode_(options.run.mode),
       image_monitor_(first_cameras(rig, cameras)),
       tracker_(options.vio.tracker, first_cameras(rig, cameras)),
-      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig),
+      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig,
+                    options.dipo.inertial.segment_gap_s),
       sink_(std::move(sink)),
       map_(map) {
   if (map_ != nullptr) map_feed_.emplace(options, rig);

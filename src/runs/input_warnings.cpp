@@ -112,7 +112,7 @@ void check_acoustic(const AcousticService& acoustic, Warnings& warnings) {
   const Verdicts& pings = acoustic.counts.pings;
   if (!acoustic.waiting_for.empty()) {
     warnings.push_back(fmt::format(
-        "dvl: odometry never started; at the end it waited for {}; check bottom lock and the "
+        "dvl: at the end odometry was not initialized and waited for {}; check bottom lock and the "
         "stamps of DVL and IMU with `apvi doctor`",
         acoustic.waiting_for));
   } else if (used_of(pings) == 0) {
@@ -128,6 +128,28 @@ void check_acoustic(const AcousticService& acoustic, Warnings& warnings) {
                   list_of(depths)));
 }
 
+std::string length_text(double length_s) {
+  constexpr double kDay = 86400.0;
+  return length_s < kDay ? fmt::format("{:.1f} s", length_s)
+                         : fmt::format("{:.1f} days", length_s / kDay);
+}
+
+// One warning for each of the first pauses, as the trajectory has a break there.
+void check_pauses(const SampleStatistics& samples, Warnings& warnings) {
+  constexpr std::size_t kMaxWarnings = 5;
+  const auto& pauses = samples.pauses();
+  for (std::size_t i = 0; i < std::min(pauses.size(), kMaxWarnings); ++i) {
+    const double since_s = seconds_between(*samples.first(), pauses[i].since);
+    warnings.push_back(fmt::format(
+        "imu: no samples for {} after {:.2f} s{}: a new segment begins there; its heading and "
+        "position relative to the last one are uncertain",
+        length_text(pauses[i].length_s), since_s,
+        pauses[i].length_s < 86400.0 ? "" : " (or the clock was set)"));
+  }
+  if (pauses.size() <= kMaxWarnings) return;
+  warnings.push_back(fmt::format("imu: {} more pauses", pauses.size() - kMaxWarnings));
+}
+
 }  // namespace
 
 std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) {
@@ -136,6 +158,7 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) 
     if (in_use(evidence, kind)) check_stream(kind, report, warnings);
   }
   check_described(evidence, rig, warnings);
+  check_pauses(evidence.samples, warnings);
   for (std::size_t i = 0; i < evidence.images.size(); ++i) {
     check_images(evidence.images[i], i, warnings);
   }

@@ -17,12 +17,24 @@ std::optional<double> quantile(std::vector<float> values, double q) {
 }  // namespace
 
 void SampleStatistics::add(const SensorEvent& event) {
+  const Stamp stamp = stamp_of(event);
+  if (!first_) first_ = stamp;
+  const double step_s = last_ ? seconds_between(*last_, stamp) : 0.0;
+  if (step_s > segment_gap_s_) silent_s_ += step_s;
+  last_ = stamp;
   if (const auto* imu = std::get_if<ImuSample>(&event)) {
+    add_pause(imu->stamp);
     accel_.push_back(static_cast<float>(imu->accel.norm()));
     gyro_.push_back(static_cast<float>(imu->gyro.norm()));
   } else if (const auto* ping = std::get_if<DvlSample>(&event); ping != nullptr && ping->valid) {
     dvl_speed_.push_back(static_cast<float>(ping->velocity.norm()));
   }
+}
+
+void SampleStatistics::add_pause(Stamp stamp) {
+  const double step_s = last_imu_ ? seconds_between(*last_imu_, stamp) : 0.0;
+  if (step_s > segment_gap_s_) pauses_.push_back({*last_imu_, step_s});
+  last_imu_ = stamp;
 }
 
 std::optional<double> SampleStatistics::median_accel() const {

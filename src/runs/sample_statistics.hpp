@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -11,6 +12,15 @@ namespace apvi::runs {
 /// Magnitudes of the samples of a run: evidence of wrong units. Four bytes per value are kept.
 class SampleStatistics {
  public:
+  /// A gap between IMU samples that begins a new segment.
+  struct Pause {
+    Stamp since;
+    double length_s = 0.0;
+  };
+
+  explicit SampleStatistics(double segment_gap_s = std::numeric_limits<double>::infinity())
+      : segment_gap_s_(segment_gap_s) {}
+
   void add(const SensorEvent& event);
 
   /// Empty without a sample.
@@ -20,7 +30,20 @@ class SampleStatistics {
   /// The speed that 99 % of the pings with bottom lock do not exceed: without outliers [m/s].
   std::optional<double> high_dvl_speed() const;
 
+  const std::vector<Pause>& pauses() const { return pauses_; }
+  /// Time in which no sensor reported, in steps longer than the limit of a pause [s].
+  double silent_s() const { return silent_s_; }
+  std::optional<Stamp> first() const { return first_; }  ///< sample
+
  private:
+  void add_pause(Stamp stamp);
+
+  double segment_gap_s_;
+  std::optional<Stamp> first_;
+  std::optional<Stamp> last_;
+  double silent_s_ = 0.0;
+  std::optional<Stamp> last_imu_;
+  std::vector<Pause> pauses_;
   std::vector<float> accel_;
   std::vector<float> gyro_;
   std::vector<float> dvl_speed_;

@@ -67,6 +67,7 @@ struct InertialConfig {
   double accel_noise_factor = 1.0;
   double vibration_factor = 3.0;
   double max_gap_s = 0.5;
+  double segment_gap_s = 3.0;
   double max_gyro = 8.7;
   double max_accel = 80.0;
 
@@ -82,6 +83,10 @@ struct InertialConfig {
       "rig's noise");
     v("max_gap_s", max_gap_s, Range{0.01, 60.0},
       "a longer gap between IMU samples is bridged at constant velocity [s]");
+    v("segment_gap_s", segment_gap_s, Range{0.01, 1e9},
+      "a longer gap between IMU samples begins a new segment, as nothing can be said about the "
+      "motion: at 0.2 rad/s and 0.3 m/s² heading and velocity change by 0.6 rad and 0.9 m/s in 3 s "
+      "[s]");
     v("max_gyro", max_gyro, Range{0.1, 100.0},
       "samples with a larger angular rate are rejected as shock or saturation [rad/s]");
     v("max_accel", max_accel, Range{10.0, 1000.0},

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/clock_monitor.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "apvi/core/log.hpp"
+
+namespace apvi::io {
+namespace {
+
+constexpr Duration kDay{86'400'000'000'000};
+
+// Samples read ahead to see whether a clock returns.
+constexpr std::size_t kMaxHeld = 256;
+
+void shift_stamp(SensorEvent& event, Duration shift) {
+  std::visit([shift](auto& sample) { sample.stamp = sample.stamp + shift; }, event);
+}
+
+}  // namespace
+
+ClockMonitor::ClockMonitor(const std::vector<std::string>& kinds, Duration max_jump)
+    : max_jump_(max_jump) {
+  for (const std::string& kind : kinds) {
+    sensors_.emplace_back();
+    sensors_.back().kind = kind;
+  }
+}
+
+SourceState ClockMonitor::next(std::size_t index, SampleSource& source, SensorEvent& event,
+                               const Drop& drop) {
+  Sensor& sensor = sensors_[index];
+  for (;;) {
+    const bool open = sensor.state == State::jumped && !resolve(sensor, drop);
+    if (sensor.state == State::regular && !sensor.held.empty()) return deliver(sensor, event);
+    if (open && (sensor.ended || sensor.held.size() >= kMaxHeld)) return SourceState::pending;
+    SensorEvent read;
+    const SourceState state = source.next(read);
+    if (state == SourceState::sample) {
+      take(sensor, std::move(read), drop);
+      continue;
+    }
+    if (state != SourceState::end) return state;
+    sensor.ended = true;
+    if (sensor.state == State::suspect) sensor.state = State::regular;  // a single last sample
+    if (sensor.state == State::regular && sensor.held.empty()) return SourceState::end;
+  }
+}
+
+void ClockMonitor::take(Sensor& sensor, SensorEvent event, const Drop& drop) {
+  const Stamp stamp = stamp_of(event);
+  const bool jumps = sensor.last && is_jump(*sensor.last, stamp);
+  if (sensor.state == State::jumped) {
+    if (!jumps) return_to_clock(sensor, stamp, drop);
+  } else if (sensor.state == State::suspect) {
+    const Stamp first = stamp_of(sensor.held.front());
+    sensor.state = jumps && is_near(stamp, first) ? State::jumped : State::regular;
+    if (sensor.state == State::jumped) sensor.jump = first;
+  } else if (jumps) {
+    sensor.state = State::suspect;
+  }
+  sensor.held.push_back(std::move(event));
+}
+
+SourceState ClockMonitor::deliver(Sensor& sensor, SensorEvent& event) {
+  event = std::move(sensor.held.front());
+  sensor.held.pop_front();
+  const Stamp stamp = stamp_of(event);
+  // A single sample far from its neighbors is left to the stream cleaner.
+  const bool regular = (sensor.last && is_near(*sensor.last, stamp)) ||
+                       (sensor.candidate && is_near(*sensor.candidate, stamp));
+  if (regular) sensor.last = stamp;
+  sensor.candidate = stamp;
+  shift_stamp(event, shift_);
+  return SourceState::sample;
+}
+
+bool ClockMonitor::is_near(Stamp a, Stamp b) const {
+  return (a > b ? a - b : b - a) <= max_jump_;
+}
+
+bool ClockMonitor::is_jump(Stamp from, Stamp to) const {
+  return from - to > max_jump_ || to - from > kDay;
+}
+
+bool ClockMonitor::all_jumped() const {
+  return std::all_of(sensors_.begin(), sensors_.end(), [](const Sensor& sensor) {
+    return sensor.state == State::jumped || (sensor.ended && sensor.held.empty());
+  });
+}
+
+// How long the others continued after the last regular sample of a sensor.
+Duration ClockMonitor::progress_of_others(const Sensor& sensor) const {
+  Duration progress{0};
+  for (const Sensor& other : sensors_) {
+    if (other.last) progress = std::max(progress, *other.last - *sensor.last);
+  }
+  return progress;
+}
+
+void ClockMonitor::drop_front(Sensor& sensor, const Drop& drop) {
+  sensor.held.pop_front();
+  ++sensor.dropped;
+  drop();
+}
+
+bool ClockMonitor::others_ended(const Sensor& sensor) const {
+  return std::all_of(sensors_.begin(), sensors_.end(), [&](const Sensor& other) {
+    return &other == &sensor || (other.ended && other.held.empty());
+  });
+}
+
+void ClockMonitor::drop_overtaken(Sensor& sensor, Duration progress, const Drop& drop) {
+  while (!sensor.held.empty()) {
+    const Duration since_jump = stamp_of(sensor.held.front()) - *sensor.jump;
+    if (!others_ended(sensor) && since_jump + max_jump_ >= progress) return;
+    drop_front(sensor, drop);
+  }
+}
+
+bool ClockMonitor::resolve(Sensor& sensor, const Drop& drop) {
+  const Duration progress = progress_of_others(sensor);
+  const bool alone = progress > max_jump_ && (!all_jumped() || others_ended(sensor));
+  if (alone) drop_overtaken(sensor, progress, drop);
+  if (sensor.held.empty() && sensor.ended) {
+    sensor.state = State::regular;
+    log::warning("{}: its clock jumped while the others continued; the last {} samples are dropped",
+                 sensor.kind, sensor.dropped);
+    return true;
+  }
+  if (alone || !all_jumped()) return false;
+  set_clock();
+  return true;
+}
+
+void ClockMonitor::set_clock() {
+  Stamp last = Stamp::min();
+  Stamp first = Stamp::max();
+  for (const Sensor& sensor : sensors_) {
+    if (sensor.last) last = std::max(last, *sensor.last);
+    const bool jumped = sensor.state == State::jumped && !sensor.held.empty();
+    if (jumped) first = std::min(first, stamp_of(sensor.held.front()));
+  }
+  if (first < last) {
+    shift_ = shift_ + (last - first) + kClockSetPause;
+    log::warning(
+        "the clock of all sensors was set back by {:.1f} s at {:.3f}; later stamps are shifted by "
+        "{:.1f} s",
+        seconds_between(first, last), last.seconds(), shift_.seconds());
+  }
+  for (Sensor& sensor : sensors_) {
+    if (sensor.state == State::jumped) {
+      sensor.state = State::regular;
+      sensor.last = *sensor.jump;
+    } else {
+      sensor.last.reset();  // ended: its stamps say nothing about the new clock
+    }
+  }
+}
+
+void ClockMonitor::return_to_clock(Sensor& sensor, Stamp stamp, const Drop& drop) {
+  while (!sensor.held.empty()) drop_front(sensor, drop);
+  if (++sensor.returns == 1) {
+    log::warning("{}: its clock jumped while the others continued; {} samples dropped until {:.3f}",
+                 sensor.kind, sensor.dropped, stamp.seconds());
+  }
+  sensor.dropped = 0;
+  sensor.state = State::regular;
+}
+
+}  // namespace apvi::io

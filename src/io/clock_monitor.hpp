@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/core/stamp.hpp"
+#include "apvi/sensors/samples.hpp"
+#include "io/sample_source.hpp"
+
+namespace apvi::io {
+
+/// Recognizes clocks that jump: backward by more than `max_jump`, or forward by more than a day,
+/// for two samples or more.
+///
+/// - All sensors jump: the clock was set. After a jump back all stamps are shifted, so that they
+///   increase; the time that passed is unknown, and kClockSetPause is assumed.
+/// - One sensor jumps while others continue: its samples are dropped until its stamps return.
+///
+/// A sensor that has jumped is pending until its next samples or the others show which of the two
+/// it is. If the others continue for `max_jump` after one of its samples, that one is dropped.
+class ClockMonitor {
+ public:
+  static constexpr Duration kClockSetPause{10'000'000'000};
+  using Drop = std::function<void()>;  ///< counts a dropped sample
+
+  ClockMonitor(const std::vector<std::string>& kinds, Duration max_jump);
+
+  /// The next sample of a sensor, read from its source.
+  SourceState next(std::size_t sensor, SampleSource& source, SensorEvent& event, const Drop& drop);
+
+ private:
+  enum class State { regular, suspect, jumped };
+  struct Sensor {
+    std::string kind;
+    State state = State::regular;
+    std::optional<Stamp> last;       // regular sample, as recorded
+    std::optional<Stamp> candidate;  // for `last`, far from it
+    std::optional<Stamp> jump;       // first sample after the jump
+    std::deque<SensorEvent> held;
+    std::size_t dropped = 0;
+    std::size_t returns = 0;  // only the first is logged; the drops are counted
+    bool ended = false;
+  };
+
+  bool is_near(Stamp a, Stamp b) const;
+  bool is_jump(Stamp from, Stamp to) const;
+  bool all_jumped() const;
+  bool others_ended(const Sensor& sensor) const;
+  Duration progress_of_others(const Sensor& sensor) const;
+  void take(Sensor& sensor, SensorEvent event, const Drop& drop);
+  void drop_front(Sensor& sensor, const Drop& drop);
+  void drop_overtaken(Sensor& sensor, Duration progress, const Drop& drop);
+  /// False while it is open what the jump of a sensor was.
+  bool resolve(Sensor& sensor, const Drop& drop);
+  void set_clock();
+  void return_to_clock(Sensor& sensor, Stamp stamp, const Drop& drop);
+  SourceState deliver(Sensor& sensor, SensorEvent& event);
+
+  Duration max_jump_;
+  Duration shift_;
+  std::vector<Sensor> sensors_;
+};
+
+}  // namespace apvi::io
