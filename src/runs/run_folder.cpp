@@ -61,7 +61,8 @@ std::string calibration_line(const dipo::Estimate& e) {
 }
 
 std::string ping_line(const localization::PingOutput& output) {
-  const dipo::Matrix& P = output.estimate.covariance;
+  dipo::Matrix P = output.estimate.covariance;
+  P.topLeftCorner<6, 6>() += output.estimate.segment_covariance;
   const dipo::Report& ping = output.ping;
   return fmt::format("{},{},{:.4f},{},{:.3f},{:.3f},{:.5f},{:.5f},{:.5f}\n",
                      output.estimate.stamp.ns, dipo::to_string(ping.verdict), ping.nis, ping.rows,
@@ -102,7 +103,7 @@ std::ofstream open_file(const fs::path& path, const char* header) {
 
 }  // namespace
 
-void prepare_folder(const fs::path& path, bool overwrite) {
+void check_vacant(const fs::path& path, bool overwrite) {
   if (fs::exists(path) && !fs::is_directory(path)) {
     fail_input("{}: is a file; expected a folder", path.string());
   }
@@ -111,6 +112,10 @@ void prepare_folder(const fs::path& path, bool overwrite) {
     fail_input("{}: already holds a run; choose another folder with -o, or use --overwrite",
                path.string());
   }
+}
+
+void prepare_folder(const fs::path& path, bool overwrite) {
+  check_vacant(path, overwrite);
   std::error_code error;
   fs::create_directories(path, error);
   if (error) fail_run("{}: cannot create folder: {}", path.string(), error.message());

@@ -10,6 +10,9 @@
 
 namespace apvi::runs {
 
+/// Throws InputError when the folder already holds a run and `overwrite` is false.
+void check_vacant(const std::filesystem::path& path, bool overwrite);
+
 /// Creates the folder of a run and deletes files of an earlier run that this one may not overwrite.
 /// Throws InputError when it already holds a run and `overwrite` is false, RunError when it cannot
 /// be created.

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
+#include <memory>
+
+#include "apvi/core/log.hpp"
+#include "cli/commands.hpp"
+#include "cli/import_support.hpp"
+
+namespace apvi::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path source;
+  fs::path out;
+  importer::ImportOptions options;
+};
+
+void import_source_of(const Arguments& a) {
+  import_into(a.source, a.out, a.options);
+  const auto notes = importer::read_notes(a.out);
+  if (notes && notes->imu_samples == 0 && notes->poses == 0) {
+    log::warning(
+        "{}: images without an IMU cannot be localized; reconstruct them with COLMAP, then import "
+        "its folder",
+        a.out.string());
+    return;
+  }
+  log::info("next: apvi run {}", a.out.string());
+}
+
+}  // namespace
+
+void add_import(CLI::App& app) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "import", "make a data set folder of a video, photographs or a COLMAP model");
+  command
+      ->add_option("SOURCE", a->source,
+                   "video file (with a GoPro's IMU, if it has one), folder of JPEG or PNG images, "
+                   "or folder of a COLMAP model (sparse/0, text or binary)")
+      ->required();
+  command->add_option("-o,--output", a->out, "data set folder to create")
+      ->required()
+      ->type_name("DIVE");
+  command->add_flag("--overwrite", a->options.overwrite, "replace an earlier import in the folder");
+  add_import_options(*command, a->options);
+  command->callback([a] { import_source_of(*a); });
+}
+
+}  // namespace apvi::cli

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include "apvi/config/node.hpp"
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "importer/sources.hpp"
+
+namespace apvi::importer {
+namespace {
+
+// A given rig is copied with its comments resolved; its size must be that of the images.
+CameraRig given_rig(const std::filesystem::path& file, ImageSize size) {
+  const config::Node node = config::load_with_inheritance(file);
+  const Rig rig = make_rig(node);
+  if (rig.cameras.empty()) fail_input("{}: has no cam0", file.string());
+  const CameraModel::Parameters& p = rig.cameras.front().model.parameters();
+  if (p.width != size.width || p.height != size.height) {
+    fail_input("{}: cam0.resolution: {} x {}, but the images are {} x {} after --scale",
+               file.string(), p.width, p.height, size.width, size.height);
+  }
+  return {.yaml = config::to_yaml(node), .describes_imu = rig.imu.has_value()};
+}
+
+FieldOfView field_of_view(const ImportOptions& options, const std::optional<FieldOfView>& known) {
+  if (!options.fov_deg) return known ? *known : default_field_of_view();
+  return {.degrees = *options.fov_deg, .origin = "--fov"};
+}
+
+}  // namespace
+
+CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
+                          ImageSize size, double rate_hz) {
+  if (!options.rig.empty()) return given_rig(options.rig, size);
+  const FieldOfView view = field_of_view(options, known);
+  const CameraModel::Parameters camera = assumed_camera(view, size, !options.in_air);
+  const std::string port = view.in_air && !options.in_air ? ", behind a flat port under water" : "";
+  const std::string note =
+      fmt::format("ASSUMED, not calibrated: {} field of view {:.1f} degrees{}, from {}",
+                  view.diagonal ? "diagonal" : "horizontal", view.degrees, port, view.origin);
+  log::warning("cam0: {}; give --rig or --fov for better results", note);
+  return {.yaml = camera_yaml(camera, rate_hz, note), .assumed = true};
+}
+
+}  // namespace apvi::importer

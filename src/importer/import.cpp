@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "importer/import.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <system_error>
+
+#include "apvi/config/node.hpp"
+#include "apvi/core/error.hpp"
+#include "core/text.hpp"
+#include "importer/mp4.hpp"
+#include "importer/sources.hpp"
+
+namespace apvi::importer {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool has_video_extension(const fs::path& path) {
+  const std::string extension = text::to_lower(path.extension().string());
+  const auto known = {".mp4", ".mov",  ".m4v", ".360",  ".lrv", ".avi", ".mkv",
+                      ".mpg", ".mpeg", ".mts", ".m2ts", ".wmv", ".webm"};
+  return std::find(known.begin(), known.end(), extension) != known.end();
+}
+
+std::optional<SourceKind> folder_kind(const fs::path& folder) {
+  for (const char* data_set : {"mav0", "IMG_L", "imu.csv", "metadata.yaml"}) {
+    if (fs::exists(folder / data_set)) return std::nullopt;
+  }
+  if (find_colmap_model(folder)) return SourceKind::colmap;
+  if (!list_photos(folder).empty()) return SourceKind::photos;
+  return std::nullopt;
+}
+
+const char* name_of(SourceKind kind) {
+  switch (kind) {
+    case SourceKind::video:
+      return "video";
+    case SourceKind::photos:
+      return "photos";
+    case SourceKind::colmap:
+      return "colmap";
+  }
+  return "";
+}
+
+config::Node scalar(const std::string& text) {
+  config::Node node;
+  node.kind = config::Node::Kind::scalar;
+  node.text = text;
+  return node;
+}
+
+void write_notes(const fs::path& source, const ImportOptions& options, const ImportResult& result,
+                 DiveWriter& dive) {
+  const bool metric = result.imu_samples > 0 || options.meters_per_unit > 0.0;
+  config::Node notes;
+  notes.member("source") = scalar(fs::absolute(source).lexically_normal().string());
+  notes.member("kind") = scalar(name_of(result.kind));
+  notes.member("images") = scalar(std::to_string(result.images));
+  notes.member("imu_samples") = scalar(std::to_string(result.imu_samples));
+  notes.member("poses") = scalar(std::to_string(result.poses));
+  notes.member("calibration") = scalar(result.assumed_camera ? "assumed" : "given");
+  notes.member("medium") = scalar(options.in_air ? "air" : "water");
+  notes.member("scale") = scalar(metric ? "known" : "unknown");
+  dive.write_text(kImportNotes, config::to_yaml(notes));
+}
+
+ImportResult import_kind(SourceKind kind, const fs::path& source, const ImportOptions& options,
+                         DiveWriter& dive) {
+  switch (kind) {
+    case SourceKind::video:
+      return import_video(source, options, dive);
+    case SourceKind::photos:
+      return import_photos(source, options, dive);
+    case SourceKind::colmap:
+      return import_colmap(source, options, dive);
+  }
+  return {};
+}
+
+void check(const ImportOptions& options) {
+  if (!(options.images.scale > 0.0 && options.images.scale <= 1.0)) {
+    fail_input("--scale: {}; must be above 0 and at most 1", options.images.scale);
+  }
+  if (options.every < 1) fail_input("--every: {}; must be at least 1", options.every);
+  if (options.fps < 0.0) fail_input("--fps: {}; must not be negative", options.fps);
+}
+
+// An option without effect is a mistake.
+void check_kind(SourceKind kind, const ImportOptions& o) {
+  const bool selects = o.every > 1 || o.fps > 0.0 || o.start_s > 0.0 || o.duration_s > 0.0;
+  if (kind != SourceKind::video && selects) {
+    fail_input("--every, --fps, --from, --length: only for a video");
+  }
+  if (kind != SourceKind::colmap && (o.meters_per_unit > 0.0 || !o.image_folder.empty())) {
+    fail_input("--meters-per-unit, --images: only for a COLMAP model");
+  }
+  if (kind == SourceKind::colmap && (o.fov_deg || !o.rig.empty())) {
+    fail_input("--fov, --rig: not for a COLMAP model, which has its own calibration");
+  }
+}
+
+std::string value_of(const config::Node& notes, const char* key) {
+  const config::Node* node = notes.find(key);
+  return node == nullptr ? "" : node->text;
+}
+
+std::size_t count_of(const config::Node& notes, const char* key) {
+  const auto count = text::parse_int64(value_of(notes, key));
+  return count && *count > 0 ? static_cast<std::size_t>(*count) : 0;
+}
+
+}  // namespace
+
+std::optional<ImportNotes> read_notes(const fs::path& folder) {
+  if (!fs::exists(folder / kImportNotes)) return std::nullopt;
+  const config::Node notes = config::load_file(folder / kImportNotes);
+  return ImportNotes{.kind = value_of(notes, "kind"),
+                     .imu_samples = count_of(notes, "imu_samples"),
+                     .poses = count_of(notes, "poses"),
+                     .in_air = value_of(notes, "medium") == "air"};
+}
+
+std::optional<SourceKind> source_kind(const fs::path& source) {
+  std::error_code ignored;
+  if (fs::is_directory(source, ignored)) return folder_kind(source);
+  if (!fs::is_regular_file(source, ignored)) return std::nullopt;
+  if (has_video_extension(source) || is_mp4(source)) return SourceKind::video;
+  return std::nullopt;
+}
+
+ImportResult import_source(const fs::path& source, const fs::path& out,
+                           const ImportOptions& options) {
+  check(options);
+  if (!fs::exists(source)) fail_input("{}: no such file or folder", source.string());
+  const auto kind = source_kind(source);
+  if (!kind) {
+    fail_input("{}: not a video, no folder of JPEG or PNG images, no COLMAP model",
+               source.string());
+  }
+  check_kind(*kind, options);
+  try {
+    DiveWriter dive(out, options.overwrite);
+    ImportResult result = import_kind(*kind, source, options, dive);
+    result.kind = *kind;
+    result.images = dive.images();
+    if (result.interrupted) return result;
+    if (result.images == 0) fail_input("{}: no image in it", source.string());
+    result.length_s = seconds_between(dive.stamps().front(), dive.stamps().back());
+    write_notes(source, options, result, dive);
+    dive.finish();
+    return result;
+  } catch (const fs::filesystem_error& e) {
+    fail_run("{}: {}", e.path1().string(), e.code().message());
+  }
+}
+
+}  // namespace apvi::importer

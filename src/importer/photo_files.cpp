@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "importer/photo_files.hpp"
+
+#include <cctype>
+#include <fstream>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+
+#include "apvi/core/error.hpp"
+#include "core/text.hpp"
+#include "io/folder/csv_file.hpp"
+
+namespace apvi::importer {
+namespace {
+
+std::vector<std::uint8_t> read_all(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), {}};
+  if (!in || bytes.empty()) fail_input("{}: cannot be read", file.string());
+  return bytes;
+}
+
+cv::Mat decode(const std::vector<std::uint8_t>& bytes, const std::filesystem::path& file) {
+  cv::Mat image;
+  try {
+    image = cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception&) {  // reported below
+  }
+  if (image.empty()) fail_input("{}: cannot be decoded; remove it", file.string());
+  return image;
+}
+
+}  // namespace
+
+// Digits count as numbers: "img2" before "img10".
+bool natural_less(const std::string& a, const std::string& b) {
+  const auto digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  std::size_t i = 0;
+  std::size_t k = 0;
+  while (i < a.size() && k < b.size()) {
+    if (!digit(a[i]) || !digit(b[k])) {
+      if (a[i] != b[k]) return a[i] < b[k];
+      ++i;
+      ++k;
+      continue;
+    }
+    const auto number = [&](const std::string& s, std::size_t& at) {
+      while (at < s.size() && s[at] == '0') ++at;
+      const std::size_t from = at;
+      while (at < s.size() && digit(s[at])) ++at;
+      return s.substr(from, at - from);
+    };
+    const std::string x = number(a, i);
+    const std::string y = number(b, k);
+    if (x.size() != y.size()) return x.size() < y.size();
+    if (x != y) return x < y;
+  }
+  if (i < a.size() || k < b.size()) return k < b.size();
+  return a < b;  // "01" and "1"
+}
+
+std::optional<std::vector<Stamp>> stamps_of_names(const std::vector<std::string>& names) {
+  constexpr std::size_t kDigits = 16;  // fewer are numbers of images
+  std::vector<Stamp> stamps;
+  for (const std::string& name : names) {
+    const std::string stem = std::filesystem::path(name).stem().string();
+    const auto ns = text::parse_int64(stem);
+    const bool plausible = ns && *ns >= 0 && *ns <= io::kMaxStampNs && stem.size() >= kDigits;
+    if (!plausible || (!stamps.empty() && *ns <= stamps.back().ns)) return std::nullopt;
+    stamps.push_back(Stamp{*ns});
+  }
+  return stamps;
+}
+
+std::vector<Stamp> stamps_a_second_apart(std::size_t count) {
+  std::vector<Stamp> stamps;
+  for (std::size_t i = 0; i < count; ++i) {
+    stamps.push_back(kWithoutDate + Duration{static_cast<std::int64_t>(i) * 1'000'000'000});
+  }
+  return stamps;
+}
+
+void add_photo(const std::filesystem::path& file, Stamp stamp, const ImageOptions& options,
+               DiveWriter& dive) {
+  const std::vector<std::uint8_t> bytes = read_all(file);
+  if (options.scale == 1.0 && !options.png) {
+    return dive.add_image(stamp, text::to_lower(file.extension().string()), bytes);
+  }
+  dive.add_image(stamp, options.extension(), encode(decode(bytes, file), options));
+}
+
+}  // namespace apvi::importer

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "importer/dive_writer.hpp"
+#include "importer/import.hpp"
+
+/// One function per kind of source. Each fills a folder, except for its import.yaml, and returns
+/// what it found.
+namespace apvi::importer {
+
+ImportResult import_video(const std::filesystem::path& file, const ImportOptions& options,
+                          DiveWriter& dive);
+ImportResult import_photos(const std::filesystem::path& folder, const ImportOptions& options,
+                           DiveWriter& dive);
+ImportResult import_colmap(const std::filesystem::path& folder, const ImportOptions& options,
+                           DiveWriter& dive);
+
+/// Whether a folder holds a COLMAP model: in itself, in `sparse/0` or in `sparse`. The folder of
+/// its cameras file.
+std::optional<std::filesystem::path> find_colmap_model(const std::filesystem::path& folder);
+/// JPEG and PNG files of a folder, in natural order ("img2" before "img10").
+std::vector<std::filesystem::path> list_photos(const std::filesystem::path& folder);
+
+/// The rig of images without calibration: `options.rig`, else `options.fov_deg`, else `known`, else
+/// the default; with a warning unless a rig was given. `size` is that of the stored images.
+struct CameraRig {
+  std::string yaml;
+  bool assumed = false;
+  bool describes_imu = false;
+};
+CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
+                          ImageSize size, double rate_hz);
+
+}  // namespace apvi::importer

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <opencv2/videoio.hpp>
+
+#include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
+#include "core/status_line.hpp"
+#include "importer/gpmf.hpp"
+#include "importer/mp4.hpp"
+#include "importer/sources.hpp"
+#include "importer/video_frames.hpp"
+
+namespace apvi::importer {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What the file says beside its images.
+struct VideoFile {
+  Mp4Movie movie;
+  std::optional<Telemetry> telemetry;
+  double first_image_s = 0.0;  // on the clock of the telemetry
+};
+
+VideoFile read_file(const fs::path& path) {
+  VideoFile file;
+  if (!is_mp4(path)) return file;
+  file.movie = read_mp4(path);
+  if (const Mp4Track* video = file.movie.with_handler("vide")) {
+    file.first_image_s = video->first_s();
+  }
+  file.telemetry = read_telemetry(path, file.movie);
+  return file;
+}
+
+bool has_imu(const VideoFile& file) {
+  return file.telemetry && !file.telemetry->imu.empty();
+}
+
+Clock clock_of(const VideoFile& file) {
+  if (!file.movie.created_unix_s) return {kWithoutDate};
+  return {Stamp{*file.movie.created_unix_s * 1'000'000'000}};
+}
+
+cv::VideoCapture open_video(const fs::path& path, bool keep_sensor_axes) {
+  cv::VideoCapture video;
+  try {
+    video.open(path.string());
+  } catch (const cv::Exception&) {  // reported below
+  }
+  if (!video.isOpened()) {
+    fail_input("{}: not a video that this OpenCV can read; convert it to H.264 in MP4",
+               path.string());
+  }
+  // A camera that hung upside down turns its images, but not its IMU.
+  if (keep_sensor_axes) video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0.0);
+  return video;
+}
+
+struct Images {
+  ImageSize size;
+  double last_s = 0.0;
+  bool interrupted = false;
+};
+
+double total_frames(const cv::VideoCapture& video, const FrameClock& clock,
+                    const ImportOptions& options) {
+  const double all = video.get(cv::CAP_PROP_FRAME_COUNT);
+  if (options.duration_s <= 0.0) return all;
+  return std::min(all, clock.fps() * (options.start_s + options.duration_s));
+}
+
+Images write_images(cv::VideoCapture& video, const VideoFile& file, const ImportOptions& options,
+                    DiveWriter& dive) {
+  Images images;
+  FrameClock clock(video);
+  Selection selection(options);
+  const double total = total_frames(video, clock, options);
+  StatusLine status("reading images");
+  cv::Mat image;
+  for (double count = 1.0; video.grab(); ++count) {
+    if (options.interrupted()) {
+      images.interrupted = true;
+      break;
+    }
+    const double time = clock.next();
+    status.update(total > 0.0 ? std::min(1.0, count / total) : -1.0,
+                  fmt::format("{} images, {:.1f} s", dive.images(), time));
+    if (selection.past_end(time)) break;
+    if (!selection.take(time) || !video.retrieve(image) || image.empty()) continue;
+    const auto stamp = clock_of(file).at(time + file.first_image_s);
+    if (!stamp || (dive.images() > 0 && *stamp <= dive.stamps().back())) continue;
+    const ImageSize size = scaled(ImageSize{image.cols, image.rows}, options.images.scale);
+    if (dive.images() > 0 && (size.width != images.size.width || size.height != images.size.height))
+      continue;
+    images.size = size;
+    images.last_s = time;
+    dive.add_image(*stamp, options.images.extension(), encode(image, options.images));
+  }
+  return images;
+}
+
+template <typename Row>
+void restrict_to(std::vector<Row>& rows, double from_s, double to_s) {
+  std::erase_if(rows, [&](const Row& r) { return r.time_s < from_s || r.time_s > to_s; });
+}
+
+// IMU and exposures of the images that were imported, with a second more on either side.
+Telemetry telemetry_of(const VideoFile& file, const ImportOptions& options, double last_s) {
+  constexpr double kMargin_s = 1.0;
+  Telemetry telemetry = *file.telemetry;
+  const double from = options.start_s + file.first_image_s - kMargin_s;
+  const double to = last_s + file.first_image_s + kMargin_s;
+  if (options.start_s > 0.0 || options.duration_s > 0.0) {
+    restrict_to(telemetry.imu, from, to);
+    restrict_to(telemetry.exposure, from, to);
+  }
+  return telemetry;
+}
+
+double rate_of(const std::vector<ImuRow>& rows) {
+  const double span = rows.back().time_s - rows.front().time_s;
+  const double rate = static_cast<double>(rows.size() - 1) / std::max(span, 1e-9);
+  return std::clamp(rate, 1.0, 10000.0);
+}
+
+std::optional<FieldOfView> field_of_view(const VideoFile& file) {
+  const GpmfSettings settings = parse_gpmf_settings(file.movie.gpmf);
+  std::string device = settings.device;
+  if (device.empty() && file.telemetry) device = file.telemetry->device;
+  if (settings.field_of_view == "S") {
+    log::warning(
+        "SuperView stretches images unevenly; no camera model fits them. Record in linear "
+        "or wide mode");
+  }
+  return gopro_field_of_view(device, settings.field_of_view, settings.diagonal_deg);
+}
+
+std::string imu_note(const Telemetry& telemetry) {
+  const std::string device = telemetry.device.empty() ? "the camera" : telemetry.device;
+  return fmt::format("IMU of {}; its noise is ASSUMED. The body frame is that of the camera",
+                     device);
+}
+
+void warn_about_rotation(const Telemetry& telemetry) {
+  constexpr double kDegree = std::numbers::pi / 180.0;
+  const double degrees = telemetry.image_rotation_rad / kDegree;
+  if (degrees < 1.0) return;  // without stabilization it is a fraction of a degree
+  log::warning(
+      "images are turned against the camera by up to {:.1f} degrees (IORI), which the rig cannot "
+      "describe; switch stabilization (HyperSmooth) and automatic rotation off",
+      degrees);
+}
+
+}  // namespace
+
+ImportResult import_video(const fs::path& path, const ImportOptions& options, DiveWriter& dive) {
+  ImportResult result;
+  const VideoFile file = read_file(path);
+  cv::VideoCapture video = open_video(path, has_imu(file));
+  const Images images = write_images(video, file, options, dive);
+  result.interrupted = images.interrupted;
+  if (result.interrupted || dive.images() == 0) return result;
+  const CameraRig camera =
+      make_camera_rig(options, field_of_view(file), images.size, dive.image_rate_hz());
+  result.assumed_camera = camera.assumed;
+  std::string rig = camera.yaml;
+  if (file.telemetry) {
+    warn_about_rotation(*file.telemetry);
+    const Telemetry telemetry = telemetry_of(file, options, images.last_s);
+    result.imu_samples = telemetry.imu.size();
+    if (!telemetry.exposure.empty()) dive.write_exposure(telemetry.exposure, clock_of(file));
+    if (!telemetry.imu.empty()) dive.write_imu(telemetry.imu, clock_of(file));
+    if (!camera.describes_imu && !telemetry.imu.empty()) {
+      rig = imu_yaml(rate_of(telemetry.imu), imu_note(telemetry)) + rig;
+    }
+  }
+  if (result.imu_samples == 0) log::info("{}: no IMU in this video; images only", path.string());
+  dive.write_text("rig.yaml", rig);
+  return result;
+}
+
+}  // namespace apvi::importer
