@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
+#include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
-#include "map_io/ply.hpp"
 
 namespace apvi::cli {
 namespace {
@@ -15,24 +15,55 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  fs::path run;
+  fs::path source;
   std::string format;
   fs::path out;
 };
 
-void export_run(const Arguments& a) {
-  const runs::FinishedRun run = runs::load_finished_run(a.run);
-  const gaussians::Gaussians map = map_io::read_ply(run.map);
-  const fs::path out = a.out.empty() ? a.run / a.format : a.out;
+bool is_dataset_format(const std::string& format) {
+  return format == "colmap" || format == "nerfstudio";
+}
+
+void export_dataset(const Arguments& a) {
+  const runs::FinishedRun run = runs::load_finished_run(a.source);
+  const fs::path out = a.out.empty() ? a.source / a.format : a.out;
   if (a.format == "colmap") {
-    runs::export_colmap(out, run.keyframes, map);
-  } else if (a.format == "nerfstudio") {
-    runs::export_nerfstudio(out, run.keyframes, map);
+    runs::export_colmap(out, run.keyframes, run.map);
   } else {
-    fs::create_directories(out);
-    map_io::write_ply(out / "map.ply", map, map_io::read_ply_medium(run.map));
+    runs::export_nerfstudio(out, run.keyframes, run.map);
   }
-  log::info("{} Gaussians and {} keyframes in {}", map.size(), run.keyframes.size(), out.string());
+  log::info("{} Gaussians and {} keyframes in {}", run.map.gaussians.size(), run.keyframes.size(),
+            out.string());
+}
+
+std::string ending_of(const std::string& format) {
+  return format == "compressed_ply" ? ".compressed.ply" : "." + format;
+}
+
+// A map file; without a format, --output is its name.
+fs::path map_file_name(const Arguments& a) {
+  if (map_io::is_map_name(a.out)) {
+    if (!a.format.empty() && !a.out.string().ends_with(ending_of(a.format))) {
+      fail_input("--output: {}: not a file {}", a.out.string(), ending_of(a.format));
+    }
+    return a.out;
+  }
+  if (a.format.empty()) {
+    fail_input("--format: required, unless --output names a file .ply, .compressed.ply or .spz");
+  }
+  if (a.out.empty() && !fs::is_directory(a.source)) fail_input("--output: required for a map file");
+  return (a.out.empty() ? a.source / a.format : a.out) / ("map" + ending_of(a.format));
+}
+
+void export_map(const Arguments& a) {
+  const fs::path file = map_file_name(a);
+  const map_io::MapFile map = runs::load_map(a.source);
+  if (file.has_parent_path()) fs::create_directories(file.parent_path());
+  map_io::write_map(file, map);
+  if (map.medium && file.extension() == ".spz") {
+    log::warning("{}: this format has no medium", file.string());
+  }
+  log::info("{} Gaussians in {}", map.gaussians.size(), file.string());
 }
 
 }  // namespace
@@ -41,13 +72,15 @@ void add_export(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("export", "export a run's map, images and poses to other formats");
-  command->add_option("RUN", a->run, "run folder")->required();
-  command->add_option("--format", a->format, "output format")
-      ->required()
-      ->check(CLI::IsMember({"ply", "colmap", "nerfstudio"}))
+  command->add_option("SOURCE", a->source, "run folder, or a map file")->required();
+  command
+      ->add_option("--format", a->format,
+                   "output format; not needed when --output names a map file")
+      ->check(CLI::IsMember({"ply", "compressed_ply", "spz", "colmap", "nerfstudio"}))
       ->type_name("WORD");
-  command->add_option("-o,--output", a->out, "output folder (default: RUN/FORMAT)");
-  command->callback([a] { export_run(*a); });
+  command->add_option("-o,--output", a->out,
+                      "output folder (default: RUN/FORMAT), or a file .ply, .compressed.ply, .spz");
+  command->callback([a] { is_dataset_format(a->format) ? export_dataset(*a) : export_map(*a); });
 }
 
 }  // namespace apvi::cli

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kMaxLines = 4096;
 constexpr std::size_t kMaxLineBytes = 4096;
-constexpr std::int64_t kMaxVertices = std::int64_t{1} << 40;  // sizes in bytes cannot overflow
+constexpr std::int64_t kMaxRows = std::int64_t{1} << 40;  // sizes in bytes cannot overflow
 
 constexpr std::array<std::pair<std::string_view, PlyType>, 16> kTypes = {{
     {"char", PlyType::int8},
@@ -50,7 +50,7 @@ class HeaderParser {
       parse_line(line, words);
     }
     if (!has_format_) fail("the header has no format line");
-    if (!in_vertices_ && elements_ == 0) fail("the header has no vertex element");
+    if (header_.find("vertex") == nullptr) fail("the header has no vertex element");
     header_.lines = line_;
     return std::move(header_);
   }
@@ -112,26 +112,25 @@ class HeaderParser {
   }
 
   void parse_element(const std::vector<std::string_view>& words) {
-    in_vertices_ = elements_++ == 0;
-    if (!in_vertices_) return;  // elements after the vertices are not read
     const std::int64_t count = words.size() == 3 ? text::parse_int64(words[2]).value_or(-1) : -1;
-    if (words.size() < 2 || words[1] != "vertex") fail("the first element must be vertex");
-    if (count < 0 || count > kMaxVertices) fail("invalid number of vertices");
-    header_.vertices = count;
+    if (words.size() < 2) fail("expected: element NAME COUNT");
+    if (count < 0 || count > kMaxRows) fail("invalid count of element {:.40}", words[1]);
+    header_.elements.push_back({.name = std::string(words[1]), .rows = count, .properties = {}});
   }
 
   void parse_property(const std::vector<std::string_view>& words) {
-    if (elements_ == 0) fail("a property must follow an element");
-    if (!in_vertices_) return;
-    if (words.size() > 1 && words[1] == "list")
-      fail("list properties of vertices are not supported");
-    if (words.size() != 3) fail("expected: property TYPE NAME");
-    for (const PlyProperty& known : header_.properties) {
-      if (known.name == words[2]) fail("duplicate property {}", known.name);
+    if (header_.elements.empty()) fail("a property must follow an element");
+    PlyElement& element = header_.elements.back();
+    if (words.size() > 1 && words[1] == "list") {
+      if (element.name == "vertex") fail("list properties of vertices are not supported");
+      element.has_list = true;
+      return;
     }
+    if (words.size() != 3) fail("expected: property TYPE NAME");
+    if (element.find(words[2])) fail("duplicate property {:.40}", words[2]);
     for (const auto& [name, type] : kTypes) {
       if (name != words[1]) continue;
-      header_.properties.push_back({std::string(words[2]), type});
+      element.properties.push_back({std::string(words[2]), type});
       return;
     }
     fail("unknown PLY property type \"{:.40}\"", words[1]);
@@ -141,12 +140,30 @@ class HeaderParser {
   const std::string& file_;
   PlyHeader header_;
   int line_ = 0;
-  int elements_ = 0;
-  bool in_vertices_ = false;
   bool has_format_ = false;
 };
 
 }  // namespace
+
+std::optional<std::size_t> PlyElement::find(std::string_view property) const {
+  for (std::size_t i = 0; i < properties.size(); ++i) {
+    if (properties[i].name == property) return i;
+  }
+  return std::nullopt;
+}
+
+std::int64_t PlyElement::row_bytes() const {
+  std::int64_t bytes = 0;
+  for (const PlyProperty& property : properties) bytes += size_of(property.type);
+  return bytes;
+}
+
+const PlyElement* PlyHeader::find(std::string_view element) const {
+  for (const PlyElement& known : elements) {
+    if (known.name == element) return &known;
+  }
+  return nullptr;
+}
 
 PlyHeader read_ply_header(std::istream& in, const std::string& file) {
   return HeaderParser(in, file).parse();

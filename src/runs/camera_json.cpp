@@ -7,6 +7,7 @@
 #include <string>
 
 #include "apvi/core/error.hpp"
+#include "runs/local_origin.hpp"
 #include "runs/render_run.hpp"
 
 namespace apvi::runs {
@@ -27,7 +28,7 @@ torch::Tensor read_matrix(const Json& json, std::int64_t size) {
   return matrix;
 }
 
-gaussians::View to_view(const Json& json) {
+gaussians::View to_view(const Json& json, const map_io::Origin& origin) {
   const torch::Tensor K = read_matrix(json.at("K"), 3);
   const auto k = K.accessor<double, 2>();
   const double shift = 0.5 - json.value("pixel_center", 0.5);
@@ -38,8 +39,9 @@ gaussians::View to_view(const Json& json) {
                      .cy = k[1][2] + shift,
                      .width = json.at("width").get<int>(),
                      .height = json.at("height").get<int>()};
-  view.T_camera_world = json.contains("T_cam_world") ? read_matrix(json.at("T_cam_world"), 4)
-                                                     : torch::eye(4, torch::kFloat64);
+  view.T_camera_world = json.contains("T_cam_world")
+                            ? to_local(read_matrix(json.at("T_cam_world"), 4), origin)
+                            : torch::eye(4, torch::kFloat64);
   return view;
 }
 
@@ -57,11 +59,11 @@ void check(const gaussians::View& view, const std::string& file) {
 
 }  // namespace
 
-gaussians::View read_camera_json(const std::filesystem::path& path) {
+gaussians::View read_camera_json(const std::filesystem::path& path, const map_io::Origin& origin) {
   std::ifstream in(path);
   if (!in) fail_input("{}: cannot be read; does the file exist?", path.string());
   try {
-    const gaussians::View view = to_view(Json::parse(in));
+    const gaussians::View view = to_view(Json::parse(in), origin);
     check(view, path.string());
     return view;
   } catch (const Json::exception& e) {

@@ -13,7 +13,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
-#include "map_io/ply.hpp"
+#include "gaussians/model/point_cloud.hpp"
 #include "runs/image_files.hpp"
 #include "runs/posed_images.hpp"
 #include "slam/camera_conversion.hpp"
@@ -110,19 +110,22 @@ void require_keyframes(const mapping::KeyframeStore& keyframes) {
 }  // namespace
 
 void export_colmap(const fs::path& folder, const mapping::KeyframeStore& keyframes,
-                   const gaussians::Gaussians& map) {
+                   const map_io::MapFile& file) {
   require_keyframes(keyframes);
+  const gaussians::Gaussians& map = file.gaussians;
   const fs::path model = folder / "sparse" / "0";
   make_folder(model);
   io::write_text_file(model / "cameras.txt", colmap_cameras(keyframes));
   io::write_text_file(model / "images.txt", colmap_images(keyframes));
   io::write_text_file(model / "points3D.txt", colmap_points(map));
   write_images(folder / "images", keyframes);
+  map_io::write_origin_json(folder / "origin.json", file.origin);
 }
 
 void export_nerfstudio(const fs::path& folder, const mapping::KeyframeStore& keyframes,
-                       const gaussians::Gaussians& map) {
+                       const map_io::MapFile& file) {
   require_keyframes(keyframes);
+  const gaussians::Gaussians& map = file.gaussians;
   write_images(folder / "images", keyframes);
   const gaussians::Intrinsics& k = keyframes[0].intrinsics;
   nlohmann::ordered_json json = {{"camera_model", "OPENCV"},
@@ -144,6 +147,7 @@ void export_nerfstudio(const fs::path& folder, const mapping::KeyframeStore& key
   }
   io::write_text_file(folder / "points.ply", points_ply(map));
   io::write_text_file(folder / "transforms.json", json.dump(1) + "\n");
+  map_io::write_origin_json(folder / "origin.json", file.origin);
 }
 
 FinishedRun load_finished_run(const fs::path& folder) {
@@ -153,7 +157,22 @@ FinishedRun load_finished_run(const fs::path& folder) {
   }
   RunConfig config = load_recorded_run_config(folder / "resolved.yaml");
   config.localization.poses_file = (folder / "keyframes.tum").string();
-  return {.map = folder / "map.ply", .keyframes = load_posed_images(config).store};
+  FinishedRun run{.map = load_map(folder), .keyframes = mapping::KeyframeStore()};
+  run.keyframes = load_posed_images(config, run.map.origin).store;
+  return run;
+}
+
+map_io::MapFile load_map(const fs::path& source) {
+  if (!fs::is_directory(source)) return map_io::read_map(source);
+  if (!fs::exists(source / "map.ply")) {
+    fail_input("{}: missing; is this a mapping run folder?", (source / "map.ply").string());
+  }
+  map_io::MapFile map = map_io::read_map(source / "map.ply");
+  if (fs::exists(source / "resolved.yaml")) {
+    map.antialiased =
+        load_recorded_run_config(source / "resolved.yaml").mapping.trainer.antialiased;
+  }
+  return map;
 }
 
 }  // namespace apvi::runs

@@ -27,25 +27,27 @@ gaussians::PointCloud to_cloud(std::vector<float> positions, std::vector<float> 
           .colors = torch::from_blob(colors.data(), {n, 3}).clone() / 255.0};
 }
 
-mapping::Box configured_box(const RunConfig& config, const mapping::KeyframeStore& store) {
+mapping::Box configured_box(const RunConfig& config, const mapping::KeyframeStore& store,
+                            const map_io::Origin& o) {
   const auto& b = config.mapping.initial_box_m;
   if (b.empty()) return camera_box(store, kBoxMargin);
-  return {.low = {b[0], b[1], b[2]}, .high = {b[3], b[4], b[5]}};
+  return {.low = {b[0] - o[0], b[1] - o[1], b[2] - o[2]},
+          .high = {b[3] - o[0], b[4] - o[1], b[5] - o[2]}};
 }
 
-gaussians::PointCloud read_points(const fs::path& path) {
+gaussians::PointCloud read_points(const fs::path& path, const map_io::Origin& origin) {
   if (!fs::exists(path)) {
     fail_input("mapping.initial_points: {}: not sift, not random, and no such file", path.string());
   }
-  if (path.extension() == ".ply") return map_io::read_ply_points(path);
-  if (path.extension() == ".txt") return read_colmap_points(path);
+  if (path.extension() == ".ply") return map_io::read_ply_points(path, origin);
+  if (path.extension() == ".txt") return read_colmap_points(path, origin);
   fail_input("mapping.initial_points: {}: expected a .ply file or COLMAP's points3D.txt",
              path.string());
 }
 
 }  // namespace
 
-gaussians::PointCloud read_colmap_points(const fs::path& path) {
+gaussians::PointCloud read_colmap_points(const fs::path& path, const map_io::Origin& origin) {
   std::ifstream in(path);
   if (!in) fail_input("{}: cannot be read", path.string());
   std::vector<float> positions;
@@ -64,7 +66,11 @@ gaussians::PointCloud read_colmap_points(const fs::path& path) {
       if (!value || !std::isfinite(*value)) {
         fail_input("{}:{}: \"{:.40}\" is not a number", path.string(), number, words[i]);
       }
-      (i < 4 ? positions : colors).push_back(static_cast<float>(*value));
+      if (i < 4) {
+        positions.push_back(static_cast<float>(*value - origin[i - 1]));
+      } else {
+        colors.push_back(static_cast<float>(*value));
+      }
     }
   }
   return to_cloud(std::move(positions), std::move(colors));
@@ -88,17 +94,18 @@ mapping::Box camera_box(const mapping::KeyframeStore& store, double margin) {
   return box;
 }
 
-gaussians::PointCloud initial_points(const RunConfig& config, const mapping::KeyframeStore& store) {
+gaussians::PointCloud initial_points(const RunConfig& config, const mapping::KeyframeStore& store,
+                                     const map_io::Origin& origin) {
   const std::string& source = config.mapping.initial_points;
   gaussians::PointCloud points;
   if (source == "random") {
-    points =
-        mapping::random_points(configured_box(config, store), config.mapping.initial_random_points,
-                               static_cast<std::uint64_t>(config.run.seed));
+    points = mapping::random_points(configured_box(config, store, origin),
+                                    config.mapping.initial_random_points,
+                                    static_cast<std::uint64_t>(config.run.seed));
   } else if (source == "sift") {
     points = triangulate_points(store);
   } else {
-    points = read_points(source);
+    points = read_points(source, origin);
   }
   const std::int64_t count = points.positions.size(0);
   if (count == 0) {

@@ -10,13 +10,17 @@
 
 namespace apvi::runs {
 
-/// Initial points of a map as configured by `mapping.initial_points`, from training images only.
+/// Initial points of a map as configured by `mapping.initial_points`, from training images only,
+/// relative to the local origin of the map. Files and `mapping.initial_box_m` are in the
+/// coordinates of the recording's poses.
 /// Throws InputError when a file is invalid or no point can be triangulated.
-gaussians::PointCloud initial_points(const RunConfig& config, const mapping::KeyframeStore& store);
+gaussians::PointCloud initial_points(const RunConfig& config, const mapping::KeyframeStore& store,
+                                     const map_io::Origin& origin = {});
 
-/// Reads COLMAP's points3D.txt (POINT3D_ID X Y Z R G B ERROR TRACK…). Throws InputError with file
-/// and line.
-gaussians::PointCloud read_colmap_points(const std::filesystem::path& path);
+/// Reads COLMAP's points3D.txt (POINT3D_ID X Y Z R G B ERROR TRACK…), relative to `origin`. Throws
+/// InputError with file and line.
+gaussians::PointCloud read_colmap_points(const std::filesystem::path& path,
+                                         const map_io::Origin& origin = {});
 
 /// Bounding box of the cameras, extended on every side by `margin` times its diagonal (at least
 /// 1 m).

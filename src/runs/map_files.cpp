@@ -16,6 +16,7 @@
 #include "apvi/version.hpp"
 #include "core/memory.hpp"
 #include "gaussians/device.hpp"
+#include "map_io/map_file.hpp"
 #include "map_io/ply.hpp"
 #include "mapping/density/gaussian_limit.hpp"
 
@@ -91,8 +92,10 @@ void save_or_log(const std::function<void()>& save) {
   }
 }
 
-void write_map(const std::filesystem::path& folder, const mapping::Map& map) {
-  map_io::write_ply(folder / "map.ply", map.gaussians, map.medium);
+void write_map(const std::filesystem::path& folder, const mapping::Map& map,
+               const map_io::Origin& origin) {
+  map_io::write_ply(folder / "map.ply", map.gaussians, map.medium, origin);
+  map_io::write_origin_json(folder / "origin.json", origin);
   if (map.medium) map_io::write_medium_json(folder / "medium.json", *map.medium);
 }
 

@@ -12,6 +12,7 @@
 
 #include "eval/metrics_file.hpp"
 #include "gaussians/device.hpp"
+#include "map_io/origin.hpp"
 #include "mapping/evaluation.hpp"
 #include "mapping/rendering.hpp"
 #include "runs/run_config.hpp"
@@ -42,8 +43,10 @@ auto with_oom_message(const RunConfig& config, const std::filesystem::path& fold
 /// Saves while another error is being handled: a failure to save is only logged.
 void save_or_log(const std::function<void()>& save);
 
-/// Writes map.ply and, with a medium, medium.json. Throws RunError when they cannot be written.
-void write_map(const std::filesystem::path& folder, const mapping::Map& map);
+/// Writes map.ply, medium.json with a medium, and origin.json with an origin that is not zero.
+/// Throws RunError when they cannot be written.
+void write_map(const std::filesystem::path& folder, const mapping::Map& map,
+               const map_io::Origin& origin = {});
 
 /// PSNR of the held-out images and medium parameters over time: mapping.csv.
 class MappingLog {

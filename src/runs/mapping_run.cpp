@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
@@ -23,9 +24,11 @@
 #include "runs/held_out_report.hpp"
 #include "runs/image_files.hpp"
 #include "runs/initial_points.hpp"
+#include "runs/local_origin.hpp"
 #include "runs/map_files.hpp"
 #include "runs/posed_images.hpp"
 #include "runs/run_folder.hpp"
+#include "runs/scale.hpp"
 #include "runs/simulated_truth.hpp"
 #include "slam/camera_conversion.hpp"
 #include "slam/mapper_options.hpp"
@@ -76,7 +79,7 @@ class Training {
 
   void save() {
     save_checkpoint();
-    write_map(options_.folder, map());
+    write_map(options_.folder, map(), images_.origin);
     io::write_tum(options_.folder / "keyframes.tum", keyframes());
     log_.close();
   }
@@ -91,7 +94,8 @@ class Training {
         slam::trainer_options(config.mapping, config.run.seed, make_rig(images.rig));
     const mapping::InitialMapOptions initial = {.sh_degree = options.sh_degree,
                                                 .opacity = config.mapping.initial_opacity};
-    const gaussians::Gaussians map = mapping::initial_map(initial_points(config, store), initial);
+    const gaussians::Gaussians map =
+        mapping::initial_map(initial_points(config, store, images.origin), initial);
     std::optional<medium::Medium> water;
     if (config.mapping.medium) {
       // With a lamp, images also darken with distance because of the light's falloff.
@@ -113,7 +117,7 @@ class Training {
       trajectory.poses.push_back({Stamp{store[i].stamp_ns} - images_.camera_delay,
                                   T_camera_world.inverse() * images_.T_body_camera.inverse()});
     }
-    return trajectory;
+    return to_recording(std::move(trajectory), images_.origin);
   }
 
   const RunConfig& config_;
@@ -133,6 +137,9 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
   io::write_text_file(options.folder / "resolved.yaml",
                       config::to_yaml(config::to_node(resolved(config, images.rig))));
   log::info("{} -> {}", config.dataset.path, options.folder.string());
+  const ScaleSource scale =
+      scale_of_given_poses(config.dataset.path, config.localization.poses_file);
+  warn_about_scale(scale);
   Training training(config, options, images);
   bool finished = false;
   try {
@@ -147,6 +154,9 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
   const eval::Json figures =
       report_held_out(training.map(), images.store, renders, truth ? &*truth : nullptr);
   const mapping::Trainer& trainer = training.trainer();
+  eval::Json sections = eval::Json::object();
+  sections["scale"] = scale_json(scale);
+  eval::merge_metrics(options.folder / "metrics.json", sections);
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = trainer.size(),

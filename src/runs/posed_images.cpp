@@ -14,6 +14,7 @@
 #include "apvi/io/tum.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "runs/local_origin.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::runs {
@@ -42,7 +43,8 @@ CameraCalibration first_camera(const RunConfig& config, const io::SequenceReader
 
 class Loader {
  public:
-  Loader(const RunConfig& config, io::SequenceReader& reader)
+  Loader(const RunConfig& config, io::SequenceReader& reader,
+         const std::optional<map_io::Origin>& origin)
       : heldout_every_(config.eval.heldout_every),
         camera_(first_camera(config, reader)),
         poses_(given_poses(config, reader)),
@@ -51,6 +53,8 @@ class Loader {
       fail_input("{}: the given poses have no rotations; mapping requires them",
                  config.dataset.path);
     }
+    images_.origin = origin ? *origin : local_origin(poses_);
+    poses_ = to_local(std::move(poses_), images_.origin);
     images_.rig = runs::resolve_rig(config, reader.rig());
     images_.camera = camera_.model;
     images_.T_body_camera = camera_.T_body_camera;
@@ -132,16 +136,16 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
   const auto& camera = store[0].intrinsics;
   log::info("{} images of {} x {}, {} of them held out", store.size(), camera.width, camera.height,
             store.held_out().size());
+  const map_io::Origin& o = images.origin;
+  if (!map_io::is_zero(o)) log::info("origin of the map: {} {} {} m", o[0], o[1], o[2]);
 }
 
 }  // namespace
 
-PosedImages load_posed_images(const RunConfig& config) {
-  if (config.dataset.path.empty()) {
-    fail_input("dataset.path: not given; add --set dataset.path=FOLDER");
-  }
+PosedImages load_posed_images(const RunConfig& config,
+                              const std::optional<map_io::Origin>& origin) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});
-  Loader loader(config, *reader);
+  Loader loader(config, *reader, origin);
   while (const auto event = reader->next()) {
     const auto* const frame = std::get_if<ImageFrame>(&*event);
     if (frame != nullptr && frame->camera == 0) loader.add(*frame);

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
+#include "map_io/origin.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "runs/run_config.hpp"
 
@@ -13,8 +15,9 @@ namespace apvi::runs {
 
 /// The usable images of a recording with their poses, and counts of the discarded ones.
 struct PosedImages {
-  mapping::KeyframeStore store;
-  config::Node rig;  ///< as used
+  mapping::KeyframeStore store;  ///< with poses relative to `origin`
+  map_io::Origin origin{};       ///< see `local_origin`
+  config::Node rig;              ///< as used
   CameraModel camera;
   SE3 T_body_camera;
   Duration camera_delay;  ///< delay of the image stamps
@@ -26,8 +29,10 @@ struct PosedImages {
 
 /// Loads the images of camera 0 with given poses, undistorted and downscaled; every
 /// `eval.heldout_every`-th is held out. Images without a pose and damaged, black or low-visibility
-/// images are skipped, counted and logged. Throws InputError when the recording has no images, no
+/// images are skipped, counted and logged. Poses are made relative to `origin`, if it is given, or
+/// to the local origin of the given poses. Throws InputError when the recording has no images, no
 /// poses or no camera in its rig, or when no image is usable.
-PosedImages load_posed_images(const RunConfig& config);
+PosedImages load_posed_images(const RunConfig& config,
+                              const std::optional<map_io::Origin>& origin = std::nullopt);
 
 }  // namespace apvi::runs

@@ -15,10 +15,11 @@
 #include "apvi/sensors/rig.hpp"
 #include "core/status_line.hpp"
 #include "gaussians/device.hpp"
-#include "map_io/ply.hpp"
+#include "map_io/map_file.hpp"
 #include "mapping/rendering.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
+#include "runs/local_origin.hpp"
 #include "runs/run_config.hpp"
 #include "slam/camera_conversion.hpp"
 
@@ -46,8 +47,9 @@ CameraMount mount_of_run(const RunConfig& config) {
           camera.T_body_camera};
 }
 
-std::vector<NamedView> views_along(const fs::path& path, const CameraMount& mount) {
-  const Trajectory trajectory = io::read_trajectory(path);
+std::vector<NamedView> views_along(const fs::path& path, const CameraMount& mount,
+                                   const map_io::Origin& origin) {
+  const Trajectory trajectory = to_local(io::read_trajectory(path), origin);
   if (!trajectory.has_rotation) fail_input("{}: has positions only", path.string());
   std::vector<NamedView> views;
   for (const StampedPose& pose : trajectory.poses) {
@@ -60,12 +62,13 @@ std::vector<NamedView> views_along(const fs::path& path, const CameraMount& moun
   return views;
 }
 
-std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map) {
+std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map,
+                                    const map_io::Origin& origin) {
   const bool is_run = fs::is_directory(r.source);
   if (!r.camera.empty()) {
-    const gaussians::View view = read_camera_json(r.camera);
+    const gaussians::View view = read_camera_json(r.camera, origin);
     if (r.path.empty()) return {{map.stem().string(), view}};
-    return views_along(r.path, {view.intrinsics, SE3::identity()});
+    return views_along(r.path, {view.intrinsics, SE3::identity()}, origin);
   }
   if (!is_run) {
     fail_input(
@@ -73,15 +76,16 @@ std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map)
         r.source.string());
   }
   const CameraMount mount = mount_of_run(load_recorded_run_config(r.source / "resolved.yaml"));
-  return views_along(r.path.empty() ? r.source / "keyframes.tum" : r.path, mount);
+  return views_along(r.path.empty() ? r.source / "keyframes.tum" : r.path, mount, origin);
 }
 
-mapping::Map load_map(const RenderRequest& r, const fs::path& file) {
+mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io::MapFile& stored) {
   mapping::Map map;
-  map.gaussians = map_io::read_ply(file);
+  map.gaussians = stored.gaussians;
   for (torch::Tensor* tensor : map.gaussians.tensors())
     *tensor = tensor->to(gaussians::active_device());
-  map.medium = map_io::read_ply_medium(file);
+  map.medium = stored.medium;
+  map.antialiased = stored.antialiased;
   if (fs::is_directory(r.source)) {
     map.antialiased =
         load_recorded_run_config(r.source / "resolved.yaml").mapping.trainer.antialiased;
@@ -108,8 +112,9 @@ void write_rendering(const mapping::MapRendering& rendering, const RenderRequest
 std::size_t render_run(const RenderRequest& request) {
   const bool is_run = fs::is_directory(request.source);
   const fs::path file = is_run ? request.source / "map.ply" : request.source;
-  const mapping::Map map = load_map(request, file);
-  const auto views = choose_views(request, file);
+  const map_io::MapFile stored = map_io::read_map(file);
+  const mapping::Map map = prepare(request, file, stored);
+  const auto views = choose_views(request, file, stored.origin);
   std::error_code error;
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());

@@ -164,13 +164,128 @@ TEST(Ply, DropsInvalidGaussians) {
   const TmpDir dir;
   gaussians::Gaussians map = random_map(4, 1);
   map.means[0][1] = std::numeric_limits<float>::quiet_NaN();
-  map.logit_opacities[1] = std::numeric_limits<float>::infinity();
+  map.logit_opacities[1] = std::numeric_limits<float>::quiet_NaN();
   map.quaternions[3].zero_();
   write_ply(dir.path() / "map.ply", map);
   const gaussians::Gaussians read = read_ply(dir.path() / "map.ply");
   ASSERT_EQ(read.size(), 1);
   EXPECT_TRUE(torch::equal(read.means[0], map.means[2]));
   EXPECT_TRUE(torch::equal(read.sh_rest[0], map.sh_rest[2]));
+}
+
+TEST(Ply, InfiniteOpacityIsOpaqueOrTransparent) {
+  const TmpDir dir;
+  gaussians::Gaussians map = random_map(3, 0);
+  map.logit_opacities[0] = std::numeric_limits<float>::infinity();
+  map.logit_opacities[1] = -std::numeric_limits<float>::infinity();
+  write_ply(dir.path() / "map.ply", map);
+  const gaussians::Gaussians read = read_ply(dir.path() / "map.ply");
+  ASSERT_EQ(read.size(), 3);
+  const torch::Tensor opacity = torch::sigmoid(read.logit_opacities);
+  EXPECT_TRUE(torch::isfinite(read.logit_opacities).all().item<bool>());
+  EXPECT_GT(opacity[0].item<float>(), 0.99999F);
+  EXPECT_LT(opacity[1].item<float>(), 1e-5F);
+  EXPECT_EQ(read.logit_opacities[2].item<float>(), map.logit_opacities[2].item<float>());
+}
+
+std::string row_of(std::size_t count) {
+  std::string row;
+  for (std::size_t i = 0; i < count; ++i) row += std::to_string(i + 1) + " ";
+  return row + "\n";
+}
+
+TEST(Ply, FlatGaussiansGetThinThirdAxis) {
+  const TmpDir dir;
+  std::vector<std::string> names = required_properties();
+  names.erase(std::remove(names.begin(), names.end(), "scale_2"), names.end());
+  const gaussians::Gaussians map =
+      read_ply(dir.write("map.ply", header("ascii", "1", names) + row_of(names.size())));
+  ASSERT_EQ(map.size(), 1);
+  EXPECT_EQ(map.log_scales[0][1].item<float>(), 9.0F);
+  EXPECT_LT(map.log_scales[0][2].item<float>(), -10.0F);
+}
+
+TEST(Ply, ColorsOfBytesReplaceConstantCoefficients) {
+  const TmpDir dir;
+  std::vector<std::string> names = {"x",       "y",     "z",     "opacity", "scale_0", "scale_1",
+                                    "scale_2", "rot_0", "rot_1", "rot_2",   "rot_3"};
+  std::string text = header("ascii", "1", names);
+  text.insert(text.find("end_header"),
+              "property uchar red\nproperty uchar green\nproperty uchar blue\n");
+  const gaussians::Gaussians map =
+      read_ply(dir.write("map.ply", text + "0 0 0 0 0 0 0 1 0 0 0 255 0 51\n"));
+  EXPECT_TRUE(tensors_near(gaussians::sh_dc_to_color(map.sh_dc),
+                           torch::tensor({{1.0F, 0.0F, 0.2F}}), 1e-6));
+}
+
+TEST(Ply, DropsCoefficientsAboveDegreeThree) {
+  const TmpDir dir;
+  std::vector<std::string> names = required_properties();
+  for (int i = 0; i < 72; ++i) names.push_back("f_rest_" + std::to_string(i));
+  const gaussians::Gaussians map =
+      read_ply(dir.write("map.ply", header("ascii", "1", names) + row_of(names.size())));
+  ASSERT_EQ(map.sh_rest.sizes(), at::IntArrayRef({1, 15, 3}));
+  EXPECT_EQ(map.sh_rest[0][0][0].item<float>(), 15.0F);           // f_rest_0
+  EXPECT_EQ(map.sh_rest[0][14][0].item<float>(), 15.0F + 14.0F);  // f_rest_14
+  EXPECT_EQ(map.sh_rest[0][0][1].item<float>(), 15.0F + 24.0F);   // f_rest_24
+  EXPECT_EQ(map.sh_rest[0][14][2].item<float>(), 15.0F + 62.0F);  // f_rest_62
+}
+
+TEST(Ply, SkipsElementsBeforeAndAfterTheVertices) {
+  const TmpDir dir;
+  for (const std::string format : {"ascii", "binary_little_endian"}) {
+    std::string text = header(format, "1", required_properties());
+    text.insert(text.find("element vertex"),
+                "element camera 2\nproperty float fx\nproperty short n\n");
+    text.insert(text.find("end_header"), "element face 1\nproperty list uchar int indices\n");
+    if (format == "ascii") {
+      text += "1.5 2\n1.5 2\n" + row_of(14) + "3 0 0 0\n";
+    } else {
+      text.append(12, '\7');
+      for (int i = 0; i < 14; ++i) {
+        const float value = static_cast<float>(i + 1);
+        text.append(reinterpret_cast<const char*>(&value), 4);
+      }
+      text.append(13, '\0');
+    }
+    const gaussians::Gaussians map = read_ply(dir.write("map.ply", text));
+    ASSERT_EQ(map.size(), 1) << format;
+    EXPECT_EQ(map.means[0][0].item<float>(), 1.0F) << format;
+    EXPECT_EQ(map.quaternions[0][3].item<float>(), 14.0F) << format;
+  }
+}
+
+TEST(Ply, ReadsHeaderWithCarriageReturns) {
+  const TmpDir dir;
+  std::string text;
+  for (const char c : header("ascii", "1", required_properties())) {
+    text += c == '\n' ? std::string("\r\n") : std::string(1, c);
+  }
+  EXPECT_EQ(read_ply(dir.write("map.ply", text + row_of(14))).size(), 1);
+}
+
+TEST(Ply, ErrorNamesPointCloudsAndMeshes) {
+  const TmpDir dir;
+  const std::string cloud = header("ascii", "1", {"x", "y", "z"});
+  EXPECT_THAT(error_of(dir.write("m.ply", cloud + "1 2 3\n")),
+              HasSubstr("m.ply:7: points, not a map of Gaussians: the vertices have no property "
+                        "opacity, scale_0"));
+  std::string mesh = cloud;
+  mesh.insert(mesh.find("end_header"), "element face 1\nproperty list uchar int vertex_indices\n");
+  EXPECT_THAT(error_of(dir.write("m.ply", mesh + "1 2 3\n3 0 0 0\n")),
+              HasSubstr("a mesh, not a map of Gaussians"));
+}
+
+TEST(Ply, PointsAreRelativeToOrigin) {
+  const TmpDir dir;
+  const std::string text = header("ascii", "1", {"x", "y", "z"}, "double");
+  const gaussians::PointCloud far = read_ply_points(
+      dir.write("m.ply", text + "596000.125 6640000.25 -3.5\n"), {596000.0, 6640000.0, 0.0});
+  EXPECT_TRUE(torch::equal(far.positions, torch::tensor({{0.125F, 0.25F, -3.5F}})));
+  const gaussians::Gaussians map = random_map(3, 0);
+  write_ply(dir.path() / "map.ply", map, std::nullopt, {100.0, 200.0, 0.0});
+  const gaussians::PointCloud moved = read_ply_points(dir.path() / "map.ply", {100.0, 150.0, 0.0});
+  EXPECT_TRUE(tensors_near(moved.positions, map.means + torch::tensor({0.0F, 50.0F, 0.0F}), 1e-5));
 }
 
 TEST(Ply, RoundTripsEmptyMap) {
@@ -187,10 +302,11 @@ TEST(Ply, ChecksVertexCountAgainstFileSize) {
     return dir.write("map.ply", header(format, count, required_properties()) + "0 0 0");
   };
   EXPECT_THAT(error_of(file("binary_little_endian", "1000000000000")),
-              HasSubstr("the header states 1000000000000 vertices"));
+              HasSubstr("the header states 1000000000000 rows of element vertex"));
   EXPECT_THAT(error_of(file("ascii", "1000000000000")), HasSubstr("truncated"));
   EXPECT_THAT(error_of(file("ascii", "99999999999999999999")), HasSubstr("map.ply:3: invalid"));
-  EXPECT_THAT(error_of(file("ascii", "-1")), HasSubstr("map.ply:3: invalid number of vertices"));
+  EXPECT_THAT(error_of(file("ascii", "-1")),
+              HasSubstr("map.ply:3: invalid count of element vertex"));
 }
 
 TEST(Ply, ErrorNamesMissingProperty) {
@@ -217,7 +333,8 @@ TEST(Ply, RejectsInvalidHeaderWithLineNumber) {
   EXPECT_THAT(error("ply\nelement vertex 1\nproperty half x\n"), HasSubstr("type \"half\""));
   EXPECT_THAT(error("ply\nelement vertex 1\nproperty list uchar int x\n"),
               HasSubstr("list properties"));
-  EXPECT_THAT(error("ply\nelement face 1\n"), HasSubstr("the first element must be vertex"));
+  EXPECT_THAT(error("ply\nformat ascii 1.0\nelement face 1\nproperty int x\nend_header\n1\n"),
+              HasSubstr("m.ply:5: the header has no vertex element"));
   EXPECT_THAT(error("ply\nproperty float x\n"), HasSubstr("m.ply:2: a property must follow"));
   EXPECT_THAT(error("ply\n" + std::string(1 << 20, 'x')), HasSubstr("m.ply:2: this line is too"));
   EXPECT_THAT(error("ply\nend_header\n"), HasSubstr("no format line"));

@@ -36,6 +36,23 @@ TEST(InitialPoints, ReadsColmapText) {
   EXPECT_TRUE(test::tensors_near(points.colors, torch::tensor({{1.0F, 0.0F, 0.2F}}), 1e-6));
 }
 
+TEST(InitialPoints, ColmapPointsAreRelativeToOriginInDoublePrecision) {
+  const test::TmpDir dir;
+  const auto file = dir.write("points3D.txt", "7 596000.125 6640000.25 3 255 0 51 0.4\n");
+  const gaussians::PointCloud points = read_colmap_points(file, {596000.0, 6640000.0, 1.0});
+  EXPECT_TRUE(torch::equal(points.positions, torch::tensor({{0.125F, 0.25F, 2.0F}})));
+}
+
+TEST(InitialPoints, ConfiguredBoxIsRelativeToOrigin) {
+  RunConfig config;
+  config.mapping.initial_points = "random";
+  config.mapping.initial_box_m = {596000.0, 0.0, 0.0, 596001.0, 1.0, 1.0};
+  const gaussians::PointCloud points =
+      initial_points(config, mapping::KeyframeStore(), {596000.0, 0.0, 0.0});
+  EXPECT_GE(points.positions.min().item<float>(), 0.0F);
+  EXPECT_LE(points.positions.max().item<float>(), 1.0F);
+}
+
 TEST(InitialPoints, ReportsLineNumberOfInvalidColmapLine) {
   const test::TmpDir dir;
   EXPECT_THAT(error_of(dir.write("p.txt", "# a\n1 2 3\n")), HasSubstr("p.txt:2: expected POINT3D"));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/mapping_run.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/torch.h>
@@ -13,9 +14,11 @@
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
 #include "eval/metrics_file.hpp"
+#include "map_io/map_file.hpp"
 #include "map_io/ply.hpp"
 #include "runs/export.hpp"
 #include "runs/image_files.hpp"
+#include "runs/local_origin.hpp"
 #include "runs/render_run.hpp"
 #include "slam/camera_conversion.hpp"
 #include "support/out_of_memory.hpp"
@@ -34,18 +37,17 @@ class MappingRunTest : public testing::Test {
   MappingRunTest() {
     const mapping::KeyframeStore images = test::render_keyframes(test::gaussian_wall());
     std::string csv = "#timestamp [ns],filename\n";
-    Trajectory trajectory;
     for (std::size_t i = 0; i < images.size(); ++i) {
       const std::string& name = images[i].name;
       csv += name + "," + name + ".png\n";
       cv::imwrite(data_.write("mav0/cam0/data/" + name + ".png", "").string(),
                   slam::to_image(images[i].image));
-      trajectory.poses.push_back(
+      poses_.poses.push_back(
           {Stamp{images[i].stamp_ns}, slam::to_se3(images[i].T_camera_world).inverse()});
     }
     data_.write("mav0/cam0/data.csv", csv);
     fs::create_directories(data_.path() / "mav0/state_groundtruth_estimate0");
-    io::write_euroc(data_.path() / "mav0/state_groundtruth_estimate0/data.csv", trajectory);
+    io::write_euroc(data_.path() / kPoses, poses_);
     data_.write("rig.yaml",
                 "body: imu0\ncam0:\n  model: pinhole\n  intrinsics: [40, 40, 23.5, 15.5]\n"
                 "  resolution: [48, 32]\n"
@@ -71,7 +73,32 @@ class MappingRunTest : public testing::Test {
   fs::path run_folder() const { return data_.path() / "run"; }
   MappingRunOptions options() const { return {.folder = run_folder()}; }
 
+  /// Moves the poses and the initial points from zero to UTM coordinates.
+  RunConfig move_to_utm(int iterations) {
+    io::write_euroc(data_.path() / kPoses, to_recording(poses_, kUtm));
+    const gaussians::Gaussians wall = test::gaussian_wall();
+    const torch::Tensor colors = 255.0 * gaussians::sh_dc_to_color(wall.sh_dc).clamp(0.0, 1.0);
+    std::string text;
+    for (std::int64_t i = 0; i < wall.size(); ++i) {
+      text += std::to_string(i);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto k = static_cast<std::int64_t>(axis);
+        text += fmt::format(" {:.6f}", kUtm[axis] + wall.means[i][k].item<double>());
+      }
+      for (std::int64_t c = 0; c < 3; ++c)
+        text += fmt::format(" {:.3f}", colors[i][c].item<float>());
+      text += " 0\n";
+    }
+    RunConfig moved = config(iterations);
+    moved.mapping.initial_points = data_.write("points3D.txt", text).string();
+    return moved;
+  }
+
+  static constexpr const char* kPoses = "mav0/state_groundtruth_estimate0/data.csv";
+  static constexpr map_io::Origin kUtm = {596000.0, 6640000.0, 0.0};
+
   test::TmpDir data_;
+  Trajectory poses_;
 };
 
 TEST_F(MappingRunTest, WritesAllRunFiles) {
@@ -187,8 +214,7 @@ TEST_F(MappingRunTest, RejectsInvalidCameraFiles) {
 TEST_F(MappingRunTest, ExportsColmapModelOfInputs) {
   run_mapping(config(1), options());
   const FinishedRun run = load_finished_run(run_folder());
-  const gaussians::Gaussians map = map_io::read_ply(run.map);
-  export_colmap(data_.path() / "colmap", run.keyframes, map);
+  export_colmap(data_.path() / "colmap", run.keyframes, run.map);
   std::ifstream images(data_.path() / "colmap/sparse/0/images.txt");
   std::string line;
   std::getline(images, line);
@@ -204,7 +230,7 @@ TEST_F(MappingRunTest, ExportsColmapModelOfInputs) {
 TEST_F(MappingRunTest, ExportsNerfstudioWithOpenGlAxes) {
   run_mapping(config(1), options());
   const FinishedRun run = load_finished_run(run_folder());
-  export_nerfstudio(data_.path() / "ns", run.keyframes, map_io::read_ply(run.map));
+  export_nerfstudio(data_.path() / "ns", run.keyframes, run.map);
   std::ifstream in(data_.path() / "ns/transforms.json");
   const auto json = nlohmann::json::parse(in);
   EXPECT_EQ(json["frames"].size(), 9U);
@@ -213,6 +239,58 @@ TEST_F(MappingRunTest, ExportsNerfstudioWithOpenGlAxes) {
   EXPECT_DOUBLE_EQ(m[1][1].get<double>(), -1.0);
   EXPECT_DOUBLE_EQ(m[2][2].get<double>(), -1.0);
   EXPECT_EQ(map_io::read_ply_points(data_.path() / "ns/points.ply").positions.size(0), 400);
+}
+
+TEST_F(MappingRunTest, PosesInUtmGiveTheMapOfPosesNearZero) {
+  const RunConfig utm = move_to_utm(200);
+  const MappingRunResult result = run_mapping(utm, options());
+  EXPECT_GT(result.psnr_db, 19.0);
+  const map_io::MapFile map = map_io::read_map(run_folder() / "map.ply");
+  EXPECT_EQ(map.origin, kUtm);
+  EXPECT_LT(map.gaussians.means.abs().max().item<float>(), 10.0F);
+  EXPECT_TRUE(fs::exists(run_folder() / "origin.json"));
+  const Trajectory keyframes = io::read_trajectory(run_folder() / "keyframes.tum");
+  ASSERT_EQ(keyframes.size(), poses_.size());
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    const Eigen::Vector3d local =
+        keyframes.poses[i].T_world_body.translation - Eigen::Vector3d(kUtm[0], kUtm[1], kUtm[2]);
+    EXPECT_LT((local - poses_.poses[i].T_world_body.translation).norm(), 0.1);
+  }
+}
+
+TEST_F(MappingRunTest, RendersMapInUtmFromPosesInUtm) {
+  RunConfig one_exposure = move_to_utm(30);
+  one_exposure.mapping.trainer.gain_compensation = false;
+  run_mapping(one_exposure, options());
+  const fs::path out = data_.path() / "out";
+  EXPECT_EQ(render_run({.source = run_folder(), .out = out}), 9U);
+  const cv::Mat drawn = cv::imread((out / "1000000000.png").string());
+  const cv::Mat kept = cv::imread((run_folder() / "renders/1000000000_render.png").string());
+  EXPECT_LE(cv::norm(drawn, kept, cv::NORM_INF), 1.0);
+  const Trajectory keyframes = io::read_trajectory(run_folder() / "keyframes.tum");
+  const Eigen::Matrix4d T = keyframes.poses[0].T_world_body.inverse().matrix();
+  nlohmann::json json = {{"width", 48}, {"height", 32}};
+  json["K"] = {{40, 0, 24}, {0, 40, 16}, {0, 0, 1}};
+  for (int r = 0; r < 4; ++r) json["T_cam_world"].push_back({T(r, 0), T(r, 1), T(r, 2), T(r, 3)});
+  const fs::path file = data_.write("camera.json", json.dump());
+  render_run({.source = run_folder() / "map.ply", .camera = file, .out = out});
+  EXPECT_LE(cv::norm(cv::imread((out / "map.png").string()), kept, cv::NORM_INF), 1.0);
+}
+
+TEST_F(MappingRunTest, ExportsOfMapInUtmAreLocalWithOrigin) {
+  run_mapping(move_to_utm(1), options());
+  const FinishedRun run = load_finished_run(run_folder());
+  EXPECT_EQ(run.map.origin, kUtm);
+  export_colmap(data_.path() / "colmap", run.keyframes, run.map);
+  std::ifstream images(data_.path() / "colmap/sparse/0/images.txt");
+  std::string line;
+  std::getline(images, line);
+  double values[8] = {};  // IMAGE_ID QW QX QY QZ TX TY TZ
+  for (double& value : values) images >> value;
+  EXPECT_NEAR(values[5], 0.4, 1e-6);
+  EXPECT_NEAR(values[6], 0.3, 1e-6);
+  std::ifstream in(data_.path() / "colmap/origin.json");
+  EXPECT_EQ(nlohmann::json::parse(in)["origin_m"].get<map_io::Origin>(), kUtm);
 }
 
 TEST_F(MappingRunTest, ExportRejectsFolderWithoutMap) {

@@ -112,6 +112,32 @@ TEST_F(PosedImagesTest, LoadsGivenPosesFromFile) {
   EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[0][3].item<double>(), -5.0);
 }
 
+TEST_F(PosedImagesTest, PosesFarFromZeroAreRelativeToRoundedCentroid) {
+  write_images(3);
+  RunConfig far = config();
+  far.localization.poses_file = dir_.write("poses.tum",
+                                           "1 596010.25 6640030 -7 0 0 0 1\n"
+                                           "2 596011.25 6640030 -7 0 0 0 1\n"
+                                           "3 596012.25 6640030 -7 0 0 0 1\n")
+                                    .string();
+  const PosedImages images = load_posed_images(far);
+  EXPECT_EQ(images.origin, (map_io::Origin{596000.0, 6640000.0, 0.0}));
+  EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[0][3].item<double>(), -10.25);
+  EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[1][3].item<double>(), -30.0);
+  const PosedImages fixed = load_posed_images(far, map_io::Origin{596010.0, 6640030.0, 0.0});
+  EXPECT_DOUBLE_EQ(fixed.store[0].T_camera_world[0][3].item<double>(), -0.25);
+}
+
+TEST_F(PosedImagesTest, PosesWithinOneKilometerKeepTheirCoordinates) {
+  write_images(2);
+  RunConfig near = config();
+  near.localization.poses_file =
+      dir_.write("poses.tum", "1 900 0 0 0 0 0 1\n2 901 0 0 0 0 0 1\n").string();
+  const PosedImages images = load_posed_images(near);
+  EXPECT_TRUE(map_io::is_zero(images.origin));
+  EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[0][3].item<double>(), -900.0);
+}
+
 TEST_F(PosedImagesTest, ReportsMissingPath) {
   RunConfig missing;
   missing.dataset.path = "/nowhere/at/all";
