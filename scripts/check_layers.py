@@ -31,6 +31,7 @@ BELOW = {
     "io": ["sensors"],
     "eval": ["io"],
     "doctor": ["io"],
+    "importer": ["io"],
     "sim": ["io"],  # independent of the estimators that are tested with its data
     "localization": ["fusion"],
     "gaussians": ["core"],
@@ -40,7 +41,7 @@ BELOW = {
     "mapping": ["depth"],
     "slam": ["localization", "loop_closure", "mapping"],
     "runs": ["slam", "map_io", "io", "eval"],
-    "cli": ["runs", "doctor", "sim"],
+    "cli": ["runs", "doctor", "importer", "sim"],
 }
 # The mapping half, which is built without the module `config` as well (preset `island`), but may
 # include this header of it, of which it needs the templates only.
@@ -117,17 +118,6 @@ def torch_chain(name, seen=None):
             if chain:
                 return [header, *chain]
     return []
-
-
-def reached_files(name, seen=None):
-    """Our files that a file includes, directly or not, itself among them."""
-    seen = set() if seen is None else seen
-    seen.add(name)
-    for header, _ in includes_of(name):
-        path = resolve(header, name)
-        if path and path not in seen:
-            reached_files(path, seen)
-    return seen
 
 
 def library_problem(name, module, header):

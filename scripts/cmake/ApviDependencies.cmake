@@ -16,7 +16,7 @@ apvi_find(spdlog)
 
 if(APVI_LOCALIZATION)
   apvi_find(Eigen3 3.4 NO_MODULE)
-  apvi_find(OpenCV 4 COMPONENTS core imgproc imgcodecs video calib3d features2d)
+  apvi_find(OpenCV 4 COMPONENTS core imgproc imgcodecs video videoio calib3d features2d)
   apvi_find(Ceres 2.1)
   apvi_find(yaml-cpp)
   apvi_find(nlohmann_json)
@@ -34,6 +34,8 @@ if(APVI_LOCALIZATION)
 endif()
 
 if(APVI_MAPPING)
+  apvi_find(nlohmann_json)
+  apvi_find(ZLIB)  # SPZ files
   include("${CMAKE_CURRENT_LIST_DIR}/ApviTorch.cmake")
 endif()
 

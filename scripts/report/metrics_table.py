@@ -24,6 +24,8 @@ TRAJECTORY = {
     "matched": ("Matched poses", "", None),
 }
 OTHERS = {
+    "scale.source": ("Source of the scale", "", None),
+    "scale.known": ("Distances are in meters", "", None),
     "speed.wall_s": ("Computing time", "s", 2),
     "speed.sequence_s": ("Length of the recording", "s", 1),
     "speed.realtime_factor": ("Real-time factor", "", 0),

@@ -159,6 +159,15 @@ def make_sections(run):
     return [section for section in made if section is not None]
 
 
+def scale_note(scale):
+    """What to know about the scale of a run (section `scale` of metrics.json); empty if nothing."""
+    if not scale.get("known", True):
+        return "scale unknown: distances are in units of the given poses, not meters"
+    if scale.get("source") == "accelerometer":
+        return "scale from the accelerometer alone: distances are uncertain"
+    return ""
+
+
 def subtitle(run):
     parts = []
     if run.start_s > EPOCH_PLAUSIBLE_S:
@@ -170,7 +179,8 @@ def subtitle(run):
         parts.append(f"revision {build['git']}")
     if "backend" in build:
         parts.append(f"backend {build['backend']}")
-    return parts
+    note = scale_note(run.metrics.get("scale", {}))
+    return parts + [note] if note else parts
 
 
 def render(run):

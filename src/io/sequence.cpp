@@ -46,7 +46,9 @@ DatasetFormat detect_file(const fs::path& path) {
     return DatasetFormat::rosbag;
   }
   if (has_bag2_extension(path)) return DatasetFormat::rosbag2;
-  fail_input("{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file", path.string());
+  fail_input(
+      "{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file, or `apvi import` a video",
+      path.string());
 }
 
 DatasetFormat detect_folder(const fs::path& path) {
@@ -60,7 +62,8 @@ DatasetFormat detect_folder(const fs::path& path) {
     fail_input("{}: specify the folder that contains mav0, not mav0 itself", path.string());
   }
   fail_input(
-      "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md",
+      "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md. "
+      "Videos, photographs and COLMAP models: `apvi import`",
       path.string());
 }
 

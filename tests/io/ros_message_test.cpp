@@ -157,64 +157,6 @@ TEST(RosMessages, RejectInvalidDefinitions) {
   EXPECT_EQ(error(""), "");
 }
 
-TEST(RosSamples, ReadsDvlForkWithFewerFields) {
-  const RosMessageType fork("fork_msgs/DVL",
-                            "Header header\ngeometry_msgs/Vector3 velocity\nbool velocity_valid\n" +
-                                kHeaderPart + kVectorPart);
-  RosBytes bytes;
-  bytes.header(10, 20).put(0.1).put(0.2).put(0.3).put(std::uint8_t{0});
-  const auto value = fork.decode(bytes.get());
-  ASSERT_TRUE(value);
-  const Stamp stamp = io::stamp_of_message(*value, {}).value();
-  EXPECT_EQ(stamp.ns, 10'000'000'020);
-  const auto sample = std::get<DvlSample>(io::dvl_of(*value, stamp).value());
-  EXPECT_EQ(sample.velocity, Eigen::Vector3d(0.1, 0.2, 0.3));
-  EXPECT_FALSE(sample.valid || sample.figure_of_merit || sample.altitude || sample.beams[0]);
-}
-
-TEST(RosSamples, UuvSimulatorCovarianceMarksInvalid) {
-  const RosMessageType type(
-      "uuv_sensor_ros_plugins_msgs/DVL",
-      "Header header\ngeometry_msgs/Vector3 velocity\nfloat64[9] velocity_covariance\n"
-      "float64 altitude\nuuv_sensor_ros_plugins_msgs/DVLBeam[] beams\n" +
-          kHeaderPart + kVectorPart + kSeparator +
-          "uuv_sensor_ros_plugins_msgs/DVLBeam\nfloat64 range\nfloat64 range_covariance\n"
-          "float64 velocity\nfloat64 velocity_covariance\n");
-  const auto sample = [&](double covariance) {
-    RosBytes bytes;
-    bytes.header(0, 0).put(0.1).put(0.2).put(0.3).put(covariance);
-    for (int i = 0; i < 8; ++i) bytes.put(0.0);
-    bytes.put(4.5).put(std::uint32_t{1}).put(5.0).put(0.0).put(0.25).put(-1.0);
-    const auto value = type.decode(bytes.get());
-    EXPECT_EQ(io::stamp_of_message(*value, Stamp{77})->ns, 77);  // without stamp: recording time
-    return std::get<DvlSample>(io::dvl_of(*value, Stamp{1}).value());
-  };
-  EXPECT_FALSE(sample(-1.0).valid);
-  const DvlSample good = sample(0.0001);
-  EXPECT_TRUE(good.valid);
-  EXPECT_DOUBLE_EQ(good.figure_of_merit.value(), 0.01);
-  EXPECT_DOUBLE_EQ(good.altitude.value(), 4.5);
-  EXPECT_DOUBLE_EQ(good.beams[0]->velocity, 0.25);
-  EXPECT_DOUBLE_EQ(good.beams[0]->range.value(), 5.0);
-  EXPECT_FALSE(good.beams[0]->valid);
-}
-
-TEST(RosSamples, ReadsTwistAsDvl) {
-  const RosMessageType type(
-      "geometry_msgs/TwistWithCovarianceStamped",
-      "Header header\nTwistWithCovariance twist\n" + kHeaderPart + kVectorPart + kSeparator +
-          "geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n" + kSeparator +
-          "geometry_msgs/Twist\nVector3 linear\nVector3 angular\n");
-  RosBytes bytes;
-  bytes.header(1, 0).put(1.0).put(2.0).put(3.0).put(0.0).put(0.0).put(0.0).put(0.04);
-  for (int i = 0; i < 35; ++i) bytes.put(0.0);
-  const auto sample =
-      std::get<DvlSample>(io::dvl_of(type.decode(bytes.get()).value(), Stamp{1}).value());
-  EXPECT_EQ(sample.velocity, Eigen::Vector3d(1, 2, 3));
-  EXPECT_TRUE(sample.valid);
-  EXPECT_DOUBLE_EQ(sample.figure_of_merit.value(), 0.2);
-}
-
 TEST(RosSamples, DecodesRawImagesByEncoding) {
   const RosMessageType type("sensor_msgs/Image",
                             "Header header\nuint32 height\nuint32 width\nstring encoding\n"

@@ -320,6 +320,22 @@ TEST(Db3, OwnDefinitionReplacesTheKnownOne) {
               HasSubstr("cannot read topic /status: no definition of other_msgs/Status"));
 }
 
+// A message of an unknown package in a bag without definitions.
+TEST(Db3, ReadsUnknownMessagesByTheirMsgFiles) {
+  const TmpDir dir;
+  Db3Writer writer(dir.path() / "a.db3");
+  const int id = writer.add_topic("/dvl", "other_msgs/msg/DVL");
+  writer.write(id, at(1), test::CdrBytes().header(at(1)).put(1.0).put(2.0).put(3.0).get());
+  writer.close();
+  auto config = config_for(dir.path() / "a.db3");
+  config.message_definitions = (dir.path() / "defs").string();
+  EXPECT_THAT(input_error([&] { read_dataset(config); }), HasSubstr("no .msg files"));
+  dir.write("defs/other_msgs/msg/DVL.msg", "# a comment\nstd_msgs/Header header\nPart velocity\n");
+  dir.write("defs/other_msgs/msg/Part.msg", "float64 x\nfloat64 y\nfloat64 z\n");
+  const auto out = read_dataset(config);
+  EXPECT_EQ(std::get<DvlSample>(out.events.at(0)).velocity, Eigen::Vector3d(1, 2, 3));
+}
+
 TEST(Db3, ReadsCompressedMessages) {
   const TmpDir dir;
   std::vector<Message> messages = recording();

@@ -34,12 +34,13 @@ struct TopicConfig {
   template <typename V>
   void visit(V& v) {
     v("imu", imu, "sensor_msgs/Imu");
-    v("dvl", dvl, "Water Linked DVL, TwistWithCovarianceStamped or Odometry (its twist)");
+    v("dvl", dvl, "DVL message of a vendor, TwistWithCovarianceStamped or Odometry (its twist)");
     v("pressure", pressure, "sensor_msgs/FluidPressure");
     v("depth", depth, "nav_msgs/Odometry whose pose.position.z is minus the depth");
     v("cam0", cam0, "sensor_msgs/Image or CompressedImage, first camera");
     v("cam1", cam1, "sensor_msgs/Image or CompressedImage, second camera");
-    v("reference", reference, "nav_msgs/Odometry or PoseStamped used as the reference trajectory");
+    v("reference", reference,
+      "nav_msgs/Odometry, PoseStamped or NavSatFix used as the reference trajectory");
   }
 };
 
@@ -55,6 +56,7 @@ struct DatasetConfig {
   PressureUnit pressure_unit = PressureUnit::automatic;
   double max_time_jump_s = 60.0;
   TopicConfig topics;
+  std::string message_definitions;
 
   template <typename V>
   void visit(V& v) {
@@ -89,8 +91,12 @@ struct DatasetConfig {
                             {"psi", PressureUnit::psi}},
       "unit of the pressure readings; auto: the header's, else by all readings of the recording");
     v("max_time_jump_s", max_time_jump_s, Range{0.1, 1e9},
-      "a single sample whose stamp is farther than this from its neighbors is dropped [s]");
+      "a single sample whose stamp is farther than this from its neighbors is dropped; a clock "
+      "that is set back by more is recognized [s]");
     v("topics", topics, "topics of a bag; empty: found by message type and name");
+    v("message_definitions", message_definitions,
+      "folder of PACKAGE/msg/NAME.msg files, for .db3 bags that do not define their messages "
+      "(before ROS 2 Iron)");
   }
 };
 

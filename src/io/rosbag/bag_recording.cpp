@@ -2,12 +2,15 @@
 #include "io/rosbag/bag_recording.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
 #include <map>
 #include <utility>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "io/rosbag/dvl_message.hpp"
+#include "io/rosbag/navsat.hpp"
 #include "io/rosbag/ros_samples.hpp"
 
 namespace apvi::io {
@@ -127,15 +130,36 @@ class BagSource : public SampleSource {
   std::size_t channel_;
 };
 
+// Poses, or the positions of a satellite receiver from its first fix.
+class ReferenceReader {
+ public:
+  std::optional<SE3> pose(const RosValue& message) {
+    if (message.find("latitude") == nullptr) return pose_of(message);
+    const auto fix = fix_of(message);
+    if (!fix) return std::nullopt;
+    if (!origin_) origin_ = *fix;
+    has_height_ = has_height_ && std::isfinite(fix->altitude_m);
+    return SE3{Eigen::Quaterniond::Identity(), east_north_up(*fix, *origin_)};
+  }
+  bool has_rotation() const { return !origin_; }
+  bool has_height() const { return has_height_; }
+
+ private:
+  std::optional<GeodeticPosition> origin_;
+  bool has_height_ = true;
+};
+
 std::optional<Trajectory> read_reference_topic(const Bag& bag, const std::string& topic) {
   const auto cursor = bag.open({topic});
+  ReferenceReader reader;
   Trajectory trajectory;
   std::size_t dropped = 0;
   while (cursor->advance()) {
     const auto message = cursor->message();
     const auto stamp = message ? stamp_of_message(*message, cursor->recorded()) : std::nullopt;
-    const auto pose = stamp ? pose_of(*message) : std::nullopt;
-    if (pose && (trajectory.empty() || *stamp > trajectory.poses.back().stamp)) {
+    const bool later = stamp && (trajectory.empty() || *stamp > trajectory.poses.back().stamp);
+    const auto pose = later ? reader.pose(*message) : std::nullopt;
+    if (pose) {
       trajectory.poses.push_back({*stamp, *pose});
     } else {
       ++dropped;
@@ -143,6 +167,8 @@ std::optional<Trajectory> read_reference_topic(const Bag& bag, const std::string
   }
   if (dropped > 0) log::warning("{}: {} unusable poses of {} dropped", bag.path, dropped, topic);
   if (trajectory.empty()) return std::nullopt;
+  trajectory.has_rotation = reader.has_rotation();
+  trajectory.has_height = reader.has_height();
   return trajectory;
 }
 
@@ -169,7 +195,7 @@ PressureScale read_pressure_scale(const Bag& bag, const std::string& topic, Pres
 std::vector<BagSensor> sensors_of(const ChosenTopics& topics, const PressureScale& pressure) {
   return {
       {"imu0", "imu", "imu", topics.imu, imu_of},
-      {"dvl0", "dvl", "dvl", topics.dvl, dvl_of},
+      {"dvl0", "dvl", "dvl", topics.dvl, dvl_converter(topics.dvl)},
       {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(pressure)},
       {"depth0", "depth", "pressure", topics.depth, depth_of},
       {"cam0", "camera", "camera", topics.cam0, image_of(0, topics.cam0)},

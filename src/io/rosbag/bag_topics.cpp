@@ -108,7 +108,8 @@ ChosenTopics choose_topics(const std::vector<BagTopic>& topics, const TopicConfi
   };
   ChosenTopics chosen;
   chosen.imu = choose(config.imu, {"imu", {"Imu"}, {}, {"mag"}, {"imu/data", "imu0", "imu"}});
-  chosen.dvl = choose(config.dvl, {"dvl", {"DVL"}, {}, {"water_track"}, {"dvl/data", "dvl"}});
+  chosen.dvl = choose(
+      config.dvl, {"dvl", {"DVL", "Dvl", "BottomTrack"}, {}, {"water_track"}, {"dvl/data", "dvl"}});
   if (chosen.dvl.empty()) {
     chosen.dvl = choose("", {"dvl",
                              {"TwistWithCovarianceStamped", "TwistStamped"},
@@ -128,6 +129,9 @@ ChosenTopics choose_topics(const std::vector<BagTopic>& topics, const TopicConfi
                                                {"/gt", "truth", "vicon", "mocap", "optitrack"},
                                                {"gt_full", "slam/pose", "depth"},
                                                {"apriltag_slam/gt", "/gt", "truth"}});
+  if (chosen.reference.empty()) {
+    chosen.reference = choose("", {"reference", {"NavSatFix"}, {}, {}, {}});
+  }
   chosen.cam0 = choose(config.cam0, camera_rule("cam0", {"left", "cam0", "camera0"}));
   chosen.cam1 = choose(config.cam1, camera_rule("cam1", {"right", "cam1", "camera1"}));
   if (chosen.cam0.empty() && config.cam0.empty()) {

@@ -13,16 +13,14 @@
 
 namespace apvi::io {
 
-/// The stamp in a message's header; `recorded` when it is absent or zero. nullopt when out of
-/// range.
+/// The stamp in a message's header, or its `system_timestamp`; `recorded` when it is absent or
+/// zero. nullopt when out of range.
 std::optional<Stamp> stamp_of_message(const RosValue& message, Stamp recorded);
 
 /// Converts a message to a sample; nullopt when it is malformed.
 using MessageToEvent = std::function<std::optional<SensorEvent>(const RosValue&, Stamp)>;
 
 std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
-/// Water Linked, UUV Simulator and others with a `velocity`; twists; odometry twists.
-std::optional<SensorEvent> dvl_of(const RosValue& message, Stamp stamp);
 /// An odometry or pose whose z is minus the depth.
 std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
 MessageToEvent pressure_of(PressureScale scale);

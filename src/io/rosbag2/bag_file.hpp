@@ -12,6 +12,7 @@
 
 #include "apvi/core/stamp.hpp"
 #include "io/rosbag/ros_message.hpp"
+#include "io/rosbag2/message_folder.hpp"
 
 namespace apvi::io {
 
@@ -62,6 +63,7 @@ class BagFile {
 /// Both throw InputError when the file cannot be read at all. Files with damage are read up to it,
 /// with one warning.
 std::unique_ptr<BagFile> open_mcap(const std::filesystem::path& path);
-std::unique_ptr<BagFile> open_sqlite(const std::filesystem::path& path);
+std::unique_ptr<BagFile> open_sqlite(const std::filesystem::path& path,
+                                     const MessageFolder& definitions = {});
 
 }  // namespace apvi::io

@@ -47,6 +47,18 @@ Layout simulator_dvl(std::string_view package, std::string_view beam) {
           {"std_msgs/Header", "geometry_msgs/Vector3", beam}};
 }
 
+// marine_acoustic_msgs, as the drivers of Water Linked, Nortek and Teledyne publish it.
+Layout marine_acoustic_dvl() {
+  return {kHeader +
+              "uint8 velocity_mode\nuint8 dvl_type\ngeometry_msgs/Vector3 velocity\n"
+              "float64[9] velocity_covar\nfloat64 altitude\nfloat64 course_gnd\n"
+              "float64 speed_gnd\nuint8 num_good_beams\nfloat32 sound_speed\n"
+              "bool beam_ranges_valid\nbool beam_velocities_valid\n"
+              "geometry_msgs/Vector3[4] beam_unit_vec\nfloat64[4] range\nfloat32[4] range_covar\n"
+              "float32[4] beam_quality\nfloat32[4] beam_velocity\nfloat32[4] beam_velocity_covar\n",
+          {"std_msgs/Header", "geometry_msgs/Vector3"}};
+}
+
 Layout stamped(const std::string& fields, std::vector<std::string_view> nested) {
   nested.insert(nested.begin(), "std_msgs/Header");
   return {kHeader + fields, std::move(nested)};
@@ -116,6 +128,7 @@ Layouts sensor_layouts() {
        stamped("NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n"
                "float64[9] position_covariance\nuint8 position_covariance_type\n",
                {"sensor_msgs/NavSatStatus"})},
+      {"marine_acoustic_msgs/Dvl", marine_acoustic_dvl()},
       {"dvl_msgs/DVLBeam", kWaterLinkedBeam},
       {"dvl_msgs/DVL", waterlinked_dvl("dvl_msgs", "dvl_msgs/DVLBeam")},
       {"dvl_msgs/DVL", dvl_msgs_dvl()},
@@ -144,13 +157,23 @@ void append_nested(const Layout& layout, std::set<std::string_view>& done, std::
   for (const std::string_view name : layout.nested) {
     if (!done.insert(name).second) continue;
     const Layout& nested = all_layouts().find(name)->second;
-    text.append("\n").append(80, '=').append("\nMSG: ").append(name).append("\n");
-    text.append(nested.text);
+    text.append(ros2_section(name, nested.text));
     append_nested(nested, done, text);
   }
 }
 
 }  // namespace
+
+std::string ros2_section(std::string_view type, std::string_view text) {
+  std::string section = "\n";
+  return section.append(80, '=').append("\nMSG: ").append(type).append("\n").append(text);
+}
+
+std::string ros2_sections() {
+  std::string sections;
+  for (const auto& [type, layout] : all_layouts()) sections.append(ros2_section(type, layout.text));
+  return sections;
+}
 
 std::vector<std::string> ros2_definitions(std::string_view type) {
   std::vector<std::string> definitions;

@@ -12,4 +12,9 @@ namespace apvi::io {
 /// sensor uses.
 std::vector<std::string> ros2_definitions(std::string_view type);
 
+/// A nested type as it follows in a definition.
+std::string ros2_section(std::string_view type, std::string_view text);
+/// All types as nested types.
+std::string ros2_sections();
+
 }  // namespace apvi::io

@@ -18,10 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::shared_ptr<const BagFile> open_one(const fs::path& path) {
+std::shared_ptr<const BagFile> open_one(const fs::path& path, const MessageFolder& definitions) {
   const std::string extension = text::to_lower(path.extension().string());
   if (extension == ".mcap") return open_mcap(path);
-  if (extension == ".db3") return open_sqlite(path);
+  if (extension == ".db3") return open_sqlite(path, definitions);
   if (extension == ".zstd" || extension == ".zst") {
     fail_input(
         "{0}: compressed as a whole file, which cannot be read in parts; run \"zstd -d {0}\"",
@@ -96,8 +96,8 @@ Topics topics_of(const BagFiles& files) {
 }
 
 constexpr const char* kRemedy =
-    "readable are ROS messages (cdr) with a definition (ros2msg); scripts/convert_rosbag2.py "
-    "--types takes definitions from .msg files";
+    "readable are ROS messages (cdr) with a definition (ros2msg); dataset.message_definitions adds "
+    "definitions from .msg files";
 
 std::string list_of(const std::map<std::string, std::string>& unreadable) {
   std::vector<std::string> lines;
@@ -130,9 +130,12 @@ void check_topics(const Topics& topics, const TopicConfig& config, const std::st
 Recording open_rosbag2(const fs::path& path, const DatasetConfig& config,
                        const SensorChoice& choice) {
   const bool folder = fs::is_directory(path);
+  const MessageFolder definitions = config.message_definitions.empty()
+                                        ? MessageFolder()
+                                        : MessageFolder(config.message_definitions);
   BagFiles files;
   for (const fs::path& file : folder ? files_of(path) : std::vector{path}) {
-    files.push_back(open_one(file));
+    files.push_back(open_one(file, definitions));
   }
   Topics topics = topics_of(files);
   check_topics(topics, config.topics, path.string());

@@ -12,7 +12,6 @@
 #include "io/rosbag/bag_recording.hpp"
 #include "io/rosbag2/bag_file.hpp"
 #include "io/rosbag2/database.hpp"
-#include "io/rosbag2/ros2_definitions.hpp"
 
 namespace apvi::io {
 namespace {
@@ -76,13 +75,13 @@ class SqliteBlock : public BagBlock {
 
 class SqliteFile : public BagFile {
  public:
-  explicit SqliteFile(const std::filesystem::path& path) : path_(path.string()) {
+  SqliteFile(const std::filesystem::path& path, const MessageFolder& known) : path_(path.string()) {
     const Database database(path_);
     if (!has_table(database, "topics") || !has_table(database, "messages")) {
       fail_input("{}: this sqlite3 file is no ROS 2 bag: it lacks the tables topics and messages",
                  path_);
     }
-    read_streams(database);
+    read_streams(database, known);
     if (database.truncated()) report_damage("it is truncated");
     read_span(database);
   }
@@ -110,7 +109,7 @@ class SqliteFile : public BagFile {
     if (range.step_or_fail()) blocks_ = {{to_stamp(range.number(0)), to_stamp(range.number(1))}};
   }
 
-  void read_streams(const Database& database) {
+  void read_streams(const Database& database, const MessageFolder& known) {
     const auto definitions = definitions_of(database);
     Query topics(database, "SELECT id, name, type, serialization_format FROM topics");
     while (topics.step_or_fail()) {
@@ -120,7 +119,7 @@ class SqliteFile : public BagFile {
       const std::string format = topics.text(3);
       const auto own = definitions.find(stream.type);
       stream.definitions =
-          own == definitions.end() ? ros2_definitions(stream.type) : std::vector{own->second};
+          own == definitions.end() ? known.definitions(stream.type) : std::vector{own->second};
       if (format != "cdr") {
         stream.problem = fmt::format("encoding \"{}\"", format);
       } else if (stream.definitions.empty()) {
@@ -160,8 +159,9 @@ class SqliteFile : public BagFile {
 
 }  // namespace
 
-std::unique_ptr<BagFile> open_sqlite(const std::filesystem::path& path) {
-  return std::make_unique<SqliteFile>(path);
+std::unique_ptr<BagFile> open_sqlite(const std::filesystem::path& path,
+                                     const MessageFolder& definitions) {
+  return std::make_unique<SqliteFile>(path, definitions);
 }
 
 }  // namespace apvi::io

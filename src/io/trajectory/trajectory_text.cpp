@@ -120,7 +120,7 @@ Content read_content(std::istream& in, const std::string& name) {
   std::size_t number = 0;
   while (std::getline(in, buffer)) {
     content.is_empty = false;
-    Line line{std::string(text::trim(without_byte_order_mark(buffer))), name, ++number};
+    Line line{std::string(text::trim(text::without_byte_order_mark(buffer))), name, ++number};
     if (line.text.empty()) continue;
     if (!is_header(line.text)) {
       content.lines.push_back(std::move(line));
