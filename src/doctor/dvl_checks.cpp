@@ -12,7 +12,6 @@ constexpr double kLowValidFraction = 0.5;
 constexpr double kHighValidFraction = 0.9;
 constexpr double kLongDropout = 5.0;  // [s]
 constexpr double kMaxZeroFraction = 0.01;
-constexpr double kMaxSpeed = 15.0;   // [m/s]
 constexpr double kNoSolution = 2.6;  // devices report 2.66, 2.71, 10 or 17.49 m/s for "none"
 
 void check_validity(const DvlObservations& dvl, Report& report) {
@@ -71,14 +70,27 @@ void check_speed(const DvlObservations& dvl, Report& report) {
   Finding f{Severity::ok, "dvl0",
             "speed",      fmt::format("median {:.3g} m/s, 99 % below {:.3g} m/s", median, highest),
             "",           {{"median_m_s", median}, {"p99_m_s", highest}}};
-  if (median > kMaxSpeed) {
+  if (median > kMaxVehicleSpeed) {
     f.severity = Severity::error;
     f.advice = "too fast for any vehicle: are these mm/s or cm/s?";
-  } else if (highest > kMaxSpeed) {
+  } else if (highest > kMaxVehicleSpeed) {
     f.severity = Severity::warning;
     f.advice = "some pings are outliers; outlier rejection must handle them";
   }
   report.add(std::move(f));
+}
+
+// Pings faster than any DVL measures count as invalid. If most are, the unit is wrong; placeholders
+// repeat.
+void check_excessive_speed(const DvlObservations& dvl, Report& report) {
+  const LogHistogram& speed = dvl.excessive_speed;
+  if (2 * speed.count() < dvl.timing.count) return;
+  report.add({Severity::error,
+              "dvl0",
+              "speed",
+              fmt::format("median {:.3g} m/s of the invalid pings", speed.median()),
+              "too fast for any vehicle: are these mm/s or cm/s?",
+              {{"median_m_s", speed.median()}}});
 }
 
 void check_figure_of_merit(const DvlObservations& dvl, Report& report) {
@@ -94,9 +106,8 @@ void check_figure_of_merit(const DvlObservations& dvl, Report& report) {
       {{"median_m_s", fom.median()}, {"no_solution_share", none}}};
   if (none > 0.0) {
     f.severity = Severity::note;
-    f.message +=
-        fmt::format("; {:.2g} % of the valid pings report {} or more, which means no solution",
-                    100.0 * none, kNoSolution);
+    f.message += fmt::format("; {:.2g} % of the pings report {} or more, which means no solution",
+                             100.0 * none, kNoSolution);
     f.advice =
         "rely on validity and innovations: this value differs by a factor of 30 between firmwares";
   }
@@ -120,6 +131,7 @@ void check_dvl(const CheckInput& c, Report& report) {
   const DvlObservations& dvl = c.observed.dvl;
   if (dvl.timing.count == 0) return;
   check_validity(dvl, report);
+  check_excessive_speed(dvl, report);
   if (dvl.valid == 0) return;
   check_dropouts(dvl, report);
   check_zeros(dvl, report);

@@ -110,9 +110,15 @@ void Collector::add_imu(const ImuSample& sample) {
 void Collector::add_dvl(const DvlSample& sample) {
   DvlObservations& observed = observed_.dvl;
   const bool repeats = last_dvl_ && same(*last_dvl_, sample);
+  const bool same_velocity = last_dvl_ && last_dvl_->velocity == sample.velocity;
   observed.timing.add(sample.stamp, repeats);
   last_dvl_ = sample;
-  if (!sample.valid) return;
+  if (sample.figure_of_merit) observed.figure_of_merit.add(*sample.figure_of_merit);
+  if (!sample.valid) {
+    const double speed = sample.velocity.norm();
+    if (speed > kMaxVehicleSpeed && !same_velocity) observed.excessive_speed.add(speed);
+    return;
+  }
   ++observed.valid;
   const Stamp since = observed.last_valid.value_or(observed.timing.first);
   if (seconds_between(since, sample.stamp) > observed.longest_dropout) {
@@ -121,7 +127,6 @@ void Collector::add_dvl(const DvlSample& sample) {
   }
   observed.last_valid = sample.stamp;
   observed.speed.add(sample.velocity.norm());
-  if (sample.figure_of_merit) observed.figure_of_merit.add(*sample.figure_of_merit);
   if (sample.velocity.isZero(0.0)) ++observed.zero;
   const auto beams = std::count_if(sample.beams.begin(), sample.beams.end(),
                                    [](const auto& beam) { return beam.has_value(); });

@@ -55,6 +55,8 @@ struct DvlPing {
   Eigen::Vector3d velocity;  ///< as reported [m/s]
 };
 
+inline constexpr double kMaxVehicleSpeed = 15.0;  // [m/s]
+
 struct DvlObservations {
   Timing timing;
   std::size_t valid = 0;
@@ -64,8 +66,10 @@ struct DvlObservations {
   std::optional<Stamp> last_valid;
   double longest_dropout = 0.0;  ///< between valid pings [s]
   Stamp dropout_at;
-  LogHistogram speed;            ///< of valid pings [m/s]
-  LogHistogram figure_of_merit;  ///< of valid pings [m/s]
+  LogHistogram speed;  ///< of valid pings [m/s]
+  LogHistogram
+      excessive_speed;  ///< of invalid pings faster than any vehicle, without repeats [m/s]
+  LogHistogram figure_of_merit;  ///< of all pings [m/s]
   BeamMoments beams;
   std::vector<DvlPing> buffer;  ///< valid pings that differ from the previous one
 };
