@@ -6,6 +6,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/live_sequence.hpp"
+#include "apvi/io/rig_file.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/localization/system.hpp"

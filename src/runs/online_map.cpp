@@ -32,27 +32,34 @@ void OnlineMap::write_periodic_output() {
   }
   const double every = config_.mapping.checkpoint_every_s;
   if (every <= 0.0 || since_save_.seconds() < every) return;
-  write_map(options_.folder, mapper.map());
+  save_map();
   since_save_.reset();
 }
 
 // The two large files are written at the same time.
-void OnlineMap::save() {
+void OnlineMap::save_map() {
   const Stopwatch watch;
   const mapping::Mapper& mapper = mapper_.mapper();
   if (mapper.size() > 0) {
     auto checkpoint =
         std::async(std::launch::async, [&] { mapper.save(options_.folder / kCheckpointFile); });
     write_map(options_.folder, mapper.map());
-    io::write_tum(options_.folder / "keyframes.tum", mapper_.keyframes());
     checkpoint.get();
   }
-  if (log_) log_->close();
   saving_s_ += watch.seconds();
 }
 
+void OnlineMap::save() {
+  save_map();
+  if (mapper_.mapper().size() > 0) {
+    io::write_tum(options_.folder / "keyframes.tum", mapper_.keyframes());
+  }
+  if (log_) log_->close();
+}
+
+// While the run goes on, keyframes.tum is that of localization.
 void OnlineMap::report_failure() {
-  save_or_log([this] { save(); });
+  save_or_log([this] { save_map(); });
   try {
     rethrow_failure();
   } catch (const std::exception& error) {

@@ -31,6 +31,7 @@ class OnlineMap {
 
  private:
   void write_periodic_output();
+  void save_map();  ///< all but keyframes.tum
   void report_failure();
 
   const RunConfig& config_;

@@ -33,6 +33,9 @@ constexpr int kMinFastWindows = 3;  // one alone may be a correction of the pose
 constexpr double kMinUsed = 0.5;
 constexpr double kMinLock = 0.1;
 
+// Of the pings, that may repeat the one before exactly. At rest some do.
+constexpr double kMaxRepeated = 0.2;
+
 void check_gravity(const Evidence& evidence, Warnings& warnings) {
   const auto accel = evidence.samples.median_accel();
   if (!accel || std::abs(*accel / evidence.gravity - 1.0) <= kMaxGravityError) return;
@@ -90,6 +93,13 @@ void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
   const double locked = used + count(Verdict::rejected) + count(Verdict::beams_disagree);
   const double all = locked + count(Verdict::no_lock);
   if (used == 0.0) return;  // reported by check_inputs
+  const double repeated = count(Verdict::repeated);
+  if (repeated > kMaxRepeated * (all + repeated)) {
+    warnings.push_back(fmt::format(
+        "dvl: {:.0f} of {:.0f} pings repeat the one before and were not used: the driver holds its "
+        "last value; record each measurement once",
+        repeated, all + repeated));
+  }
   if (used < kMinUsed * locked) {
     warnings.push_back(
         fmt::format("dvl: only {:.0f} of {:.0f} pings with bottom lock were used, as they "

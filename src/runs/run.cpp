@@ -2,10 +2,8 @@
 #include "runs/run.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -20,7 +18,9 @@
 #include "localization/sensor_monitor.hpp"
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
+#include "runs/playback_clock.hpp"
 #include "runs/run_folder.hpp"
+#include "runs/scale.hpp"
 #include "runs/warnings.hpp"
 
 namespace apvi::runs {
@@ -125,7 +125,11 @@ class Runner {
                 {.pose = {},
                  .ping = [this](const localization::PingOutput& o) { record(o); },
                  .frame = [this](const localization::FrameOutput& o) { record(o); },
-                 .map = map_}) {}
+                 .map = map_}) {
+    pass_.samples = SampleStatistics(config.dipo.inertial.segment_gap_s);
+    if (config.run.mode != localization::RunMode::realtime) return;
+    playback_.emplace(config.run.playback_rate, config.dipo.inertial.segment_gap_s);
+  }
 
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
     StatusLine status("localizing");
@@ -134,7 +138,7 @@ class Runner {
       pass_.last = stamp_of(*event);
       if (!pass_.first) pass_.first = pass_.last;
       pass_.samples.add(*event);
-      if (config_.run.mode == localization::RunMode::realtime) wait_until_due();
+      if (playback_) playback_->wait(pass_.last, interrupted);
       system_.process(*event);
       if (++count % 256 == 0) status.update(reader.fraction(), detail());
       if (interrupted()) {
@@ -181,12 +185,6 @@ class Runner {
     if (used) ++service.used;
   }
 
-  void wait_until_due() const {
-    const double due = seconds_between(*pass_.first, pass_.last) / config_.run.playback_rate;
-    const double ahead = due - watch_.seconds();
-    if (ahead > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(ahead));
-  }
-
   std::string detail() {
     const std::scoped_lock lock(mutex_);
     if (!pass_.fused.empty()) {
@@ -204,7 +202,7 @@ class Runner {
   const RunConfig& config_;
   localization::MapSink* map_;
   RunFolder& folder_;
-  Stopwatch watch_;
+  std::optional<PlaybackClock> playback_;
   std::mutex mutex_;
   Pass pass_;
   std::string awaited_ = "the camera";
@@ -307,19 +305,33 @@ eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
   }
 }
 
+// Without pauses of all sensors, which may be a clock that was set.
+double sequence_s(const Pass& pass) {
+  if (!pass.first) return 0.0;
+  return seconds_between(*pass.first, pass.last) - pass.samples.silent_s();
+}
+
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
+void check_not_images_alone(const RunConfig& config, const io::SequenceReader& reader) {
+  const auto& sensors = reader.report();
+  if (!sensors.contains("camera") || sensors.contains("imu") || sensors.contains("dvl")) return;
+  fail_input(
+      "{}: has images but no IMU, and localization by images alone is not part of this program; "
+      "reconstruct the poses with COLMAP and run its folder, or give them with --set "
+      "localization.enabled=false --set localization.poses_file=FILE (TUM or EuRoC)",
+      config.dataset.path);
+}
+
 }  // namespace
 
 RunResult run(const RunConfig& config, const RunOptions& options) {
-  if (config.dataset.path.empty()) {
-    fail_input("dataset.path: not given; add --set dataset.path=FOLDER");
-  }
   const auto reader = io::open_sequence(config.dataset, config.sensors.use);
+  check_not_images_alone(config, *reader);
   return run(config, *reader, options);
 }
 
@@ -337,6 +349,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   io::write_text_file(folder.file("resolved.yaml"),
                       config::to_yaml(config::to_node(effective_config)));
   log::info("{} -> {}", config.dataset.path, folder.path().string());
+  const ScaleSource scale = scale_of(rig, sensors);
+  warn_about_scale(scale);
   options.folder_ready();
 
   const Stopwatch watch;
@@ -349,7 +363,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   if (auto images = image_counts_json(evidence); !images.empty()) counts["images"] = images;
   RunResult result{.interrupted = pass.interrupted,
                    .poses = pass.fused.size(),
-                   .sequence_s = pass.first ? seconds_between(*pass.first, pass.last) : 0.0,
+                   .sequence_s = sequence_s(pass),
                    .wall_s = watch.seconds(),
                    .metrics = evaluate(config, rig, reader, pass, evidence),
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
@@ -357,6 +371,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
                       {"warnings", result.warnings},
+                      {"scale", scale_json(scale)},
                       {"counts", counts},
                       {"speed", speed},
                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};

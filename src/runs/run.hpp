@@ -25,7 +25,7 @@ struct RunOptions {
 struct RunResult {
   bool interrupted = false;
   std::size_t poses = 0;
-  double sequence_s = 0.0;  ///< span of the samples that were read
+  double sequence_s = 0.0;  ///< span of the samples that were read, without pauses
   double wall_s = 0.0;      ///< processing time
   eval::RunTrajectories metrics;
   std::vector<std::string> warnings;  ///< sensors that did not serve, implausible results

@@ -2,6 +2,7 @@
 #include "runs/run_config.hpp"
 
 #include "apvi/core/error.hpp"
+#include "apvi/io/rig_file.hpp"
 #include "config/renamed_keys.hpp"
 
 namespace apvi::runs {
@@ -105,7 +106,7 @@ RunConfig resolved(const RunConfig& config, const config::Node& rig) {
 
 config::Node resolve_rig(const RunConfig& config, const config::Node& recorded) {
   config::Node rig = recorded;
-  if (!config.dataset.rig.empty()) rig = config::load_with_inheritance(config.dataset.rig);
+  if (!config.dataset.rig.empty()) rig = io::load_rig_file(config.dataset.rig);
   if (!config.rig.is_null()) config::merge(rig, config.rig);
   if (rig.is_null()) {
     fail_input("{}: no calibration: add a rig.yaml there, or set dataset.rig", config.dataset.path);

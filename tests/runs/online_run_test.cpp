@@ -140,6 +140,23 @@ TEST_F(OnlineRunTest, InterruptSavesMap) {
   EXPECT_TRUE(fs::exists(folder("run") / "checkpoint.pt"));
 }
 
+// The folder is copied during the run, as a power cut would leave it.
+TEST_F(OnlineRunTest, ACheckpointDuringTheRunCanBeResumed) {
+  MappingRunOptions options{.folder = folder("run")};
+  options.interrupted = [this] {
+    const fs::path checkpoint = folder("run") / "checkpoint.pt";
+    if (!fs::exists(checkpoint) || fs::exists(folder("cut"))) return false;
+    fs::copy(folder("run"), folder("cut"), fs::copy_options::recursive);
+    return true;
+  };
+  run_recording(config({"mapping.checkpoint_every_s=0.5"}), options);
+  ASSERT_TRUE(fs::exists(folder("cut")));
+  const OnlineRunResult more = run_recording(config({"mapping.final_iterations=10"}),
+                                             {.folder = folder("cut"), .resume = true});
+  EXPECT_FALSE(more.map.interrupted);
+  EXPECT_GT(more.map.gaussians, 100);
+}
+
 /// An `interrupted` callback, polled before each of a keyframe's eight steps and once after them,
 /// that makes the allocator fail in the middle of the steps of a later keyframe. It recognizes
 /// mapping by allocations between consecutive polls, which localization hardly ever has.
@@ -168,6 +185,9 @@ TEST_F(OnlineRunTest, OutOfMemoryKeepsMapAndTrajectory) {
   EXPECT_EQ(io::read_trajectory(folder("run") / "trajectory.tum").size(),
             whole.localization->poses);
   EXPECT_TRUE(eval::read_metrics(folder("run") / "metrics.json").contains("trajectory"));
+  const Trajectory keyframes = io::read_trajectory(folder("run") / "keyframes.tum");
+  const Trajectory poses = io::read_trajectory(folder("run") / "trajectory.tum");
+  EXPECT_LT(seconds_between(keyframes.poses.back().stamp, poses.poses.back().stamp), 1.0);
   const OnlineRunResult more = run_recording(config({"mapping.max_gaussians=500"}),
                                              {.folder = folder("run"), .resume = true});
   EXPECT_FALSE(more.map.interrupted);

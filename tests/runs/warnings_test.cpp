@@ -131,7 +131,8 @@ TEST(InputWarnings, NameDvlAndPressureOfWhichNothingWasUsed) {
                           HasSubstr("pressure: no sample was used (9 rejected")));
   EXPECT_FALSE(dipo_served(evidence));
   evidence.acoustic->waiting_for = "a DVL ping with bottom lock";
-  EXPECT_THAT(warnings_of(evidence), Contains(HasSubstr("dvl: odometry never started")));
+  EXPECT_THAT(warnings_of(evidence),
+              Contains(HasSubstr("dvl: at the end odometry was not initialized")));
 }
 
 TEST(ResultWarnings, APlausibleResultIsNotMentioned) {
@@ -142,7 +143,7 @@ TEST(ResultWarnings, APlausibleResultIsNotMentioned) {
 TEST(ResultWarnings, NameASpeedBeyondTheDvlOrVehicles) {
   Evidence evidence = good_evidence();
   EXPECT_THAT(check_result(evidence, straight(4.0)), ElementsAre(HasSubstr("trajectory: up to 4")));
-  evidence.samples = {};
+  evidence.samples = SampleStatistics();
   EXPECT_THAT(check_result(evidence, straight(4.0)), IsEmpty());
   EXPECT_THAT(check_result(evidence, straight(12.0)), ElementsAre(HasSubstr("vehicles")));
 }
@@ -164,10 +165,19 @@ TEST(ResultWarnings, NameLowAcceptanceOfTheDvl) {
   EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("had bottom lock")));
 }
 
+TEST(ResultWarnings, NamePingsThatRepeat) {
+  Evidence evidence = good_evidence();
+  evidence.acoustic->counts.pings[dipo::Verdict::repeated] = 15;
+  EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
+  evidence.acoustic->counts.pings[dipo::Verdict::repeated] = 60;
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("60 of 160 pings repeat")));
+}
+
 TEST(ResultWarnings, NameTheUnitsOfTheImu) {
   const auto warnings_of_imu = [](const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel) {
     Evidence evidence = good_evidence();
-    evidence.samples = {};
+    evidence.samples = SampleStatistics();
     evidence.samples.add(ImuSample{Stamp{1}, gyro, accel});
     return check_result(evidence, straight(0.5));
   };

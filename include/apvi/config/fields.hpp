@@ -64,17 +64,21 @@ struct AnyVisitor {
   void operator()(Args&&...) {}
 };
 
+// C++17, so that clang-tidy 14 can parse sources that include LibTorch as well.
+template <typename T, typename = void>
+inline constexpr bool is_visitable = false;
 template <typename T>
-concept Visitable = requires(T& t, AnyVisitor& v) {
-  t.visit(v);
-};
-
+inline constexpr bool
+    is_visitable<T, std::void_t<decltype(std::declval<T&>().visit(std::declval<AnyVisitor&>()))>> =
+        true;
 template <typename T>
-inline constexpr bool is_list = false;
+inline constexpr bool is_vector = false;
 template <typename T>
-inline constexpr bool is_list<std::vector<T>> = true;
+inline constexpr bool is_vector<std::vector<T>> = true;
+template <typename T>
+inline constexpr bool is_array = false;
 template <typename T, std::size_t N>
-inline constexpr bool is_list<std::array<T, N>> = true;
+inline constexpr bool is_array<std::array<T, N>> = true;
 template <typename T>
 inline constexpr bool is_optional = false;
 template <typename T>
@@ -135,7 +139,7 @@ void read_enum(const Node& node, const std::string& key, E& value, const Choices
 template <typename List, typename Limit>
 void read_list(const Node& node, const std::string& key, List& list, const Limit& limit) {
   if (node.kind != Node::Kind::list) fail_at(node, key, "expected a list, such as [1, 2, 3]");
-  if constexpr (requires { list.resize(1); }) {
+  if constexpr (is_vector<List>) {
     list.assign(node.items.size(), {});
   } else if (node.items.size() != list.size()) {
     fail_at(node, key,
@@ -187,7 +191,7 @@ template <typename T, typename Limit>
 void read_value(const Node& node, const std::string& key, T& value, const Limit& limit) {
   if constexpr (std::is_same_v<T, Node>) {
     value = node;
-  } else if constexpr (Visitable<T>) {
+  } else if constexpr (is_visitable<T>) {
     read_struct(node, key, value);
   } else if constexpr (is_optional<T>) {
     if (node.is_null()) {
@@ -203,7 +207,7 @@ void read_value(const Node& node, const std::string& key, T& value, const Limit&
     for (const auto& [name, member] : node.members) {
       read_value(member, join(key, name), value[name], limit);
     }
-  } else if constexpr (is_list<T>) {
+  } else if constexpr (is_vector<T> || is_array<T>) {
     read_list(node, key, value, limit);
   } else if constexpr (std::is_enum_v<T>) {
     read_enum(node, key, value, limit);
@@ -237,7 +241,7 @@ template <typename T, typename Limit>
 Node value_to_node(const T& value, const Limit& limit) {
   if constexpr (std::is_same_v<T, Node>) {
     return value;
-  } else if constexpr (Visitable<T>) {
+  } else if constexpr (is_visitable<T>) {
     Writer writer;
     T copy = value;  // visit is not const: one method serves reading and writing
     copy.visit(writer);
@@ -249,7 +253,7 @@ Node value_to_node(const T& value, const Limit& limit) {
     for (const auto& [name, member] : value)
       writer.node.member(name) = value_to_node(member, limit);
     return writer.node;
-  } else if constexpr (is_list<T>) {
+  } else if constexpr (is_vector<T> || is_array<T>) {
     Node node;
     node.kind = Node::Kind::list;
     for (const auto& item : value) node.items.push_back(value_to_node(item, limit));
@@ -310,7 +314,7 @@ std::string type_name() {
     return "map";
   else if constexpr (is_optional<T>)
     return type_name<typename T::value_type>() + " or null";
-  else if constexpr (is_list<T>)
+  else if constexpr (is_vector<T> || is_array<T>)
     return "list of " + type_name<typename T::value_type>();
   else
     return "section";
@@ -348,10 +352,10 @@ void Documenter::add_section(const std::string& key, T& section, std::string_vie
 template <typename T, typename Limit>
 void Documenter::add(std::string_view name, T& value, const Limit& limit, std::string_view doc) {
   const std::string key = join(path_, name);
-  if constexpr (Visitable<T>) {
+  if constexpr (is_visitable<T>) {
     add_section(key, value, doc);
   } else if constexpr (is_optional<T>) {
-    if constexpr (Visitable<typename T::value_type>) {
+    if constexpr (is_visitable<typename T::value_type>) {
       typename T::value_type section{};
       add_section(key, section, doc);
     } else {

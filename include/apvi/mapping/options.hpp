@@ -216,7 +216,8 @@ struct OnlineOptions {
     v("uses_per_pyramid_level", uses_per_pyramid_level, Range{0, 1000000},
       "uses of a keyframe per pyramid level before the next finer one, from initial_downscale on");
     v("image_memory_mib", image_memory_mib, Range{1.0, 1e9},
-      "memory for keyframe images; beyond it the most redundant ones are removed [MiB]");
+      "memory for keyframe images; beyond it the most redundant ones are removed; held-out images "
+      "take at most a quarter of it [MiB]");
     v("max_heldout_views", max_heldout_views, Range{1, 1000000},
       "maximum number of held-out images, spread over the run");
     v("medium_min_keyframes", medium_min_keyframes, Range{1, 1000000},

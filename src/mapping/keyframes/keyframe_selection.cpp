@@ -18,6 +18,7 @@ using torch::Tensor;
 // leave semi-transparent Gaussians in the map.
 constexpr std::int64_t kLowVisibilityMargin_ns = 700'000'000;
 constexpr std::size_t kMinTrainingKeyframes = 2;  // that are always kept
+constexpr double kMaxHeldOutShare = 0.25;         // of the memory for images
 
 /// The training keyframe whose neighbors in time are closest to each other; neither the first nor
 /// one of the `recent` last ones.
@@ -120,12 +121,22 @@ void KeyframeSelection::thin_held_out(KeyframeStore& keyframes) {
   const auto is_dropped = [&](std::size_t i) { return keyframes[i].number % heldout_stride_ != 0; };
   const std::size_t newest = keyframes.size() - 1;
   if (is_dropped(newest)) return keyframes.drop_image(newest);
-  if (keyframes.held_out().size() <= max_heldout_views_) return;
-  heldout_stride_ *= 2;
-  const std::vector<std::size_t> all = keyframes.held_out();
-  for (const std::size_t i : all) {
-    if (is_dropped(i)) keyframes.drop_image(i);
+  const std::size_t limit = max_held_out(keyframes[newest]);
+  while (keyframes.held_out().size() > limit) {
+    heldout_stride_ *= 2;
+    const std::vector<std::size_t> all = keyframes.held_out();
+    for (const std::size_t i : all) {
+      if (is_dropped(i)) keyframes.drop_image(i);
+    }
+    if (heldout_stride_ > keyframes[newest].number) return;  // only number zero can remain
   }
+}
+
+// Large held-out images must not take the memory of those that the map is made of.
+std::size_t KeyframeSelection::max_held_out(const Keyframe& keyframe) const {
+  const double images = max_image_bytes_ / static_cast<double>(keyframe.image.nbytes());
+  const auto share = static_cast<std::size_t>(kMaxHeldOutShare * images);
+  return std::clamp<std::size_t>(share, 1, max_heldout_views_);
 }
 
 std::vector<std::size_t> KeyframeSelection::limit_image_memory(KeyframeStore& keyframes) const {

@@ -57,6 +57,7 @@ class KeyframeSelection {
  private:
   KeyframeDecision check(const Keyframe& keyframe, bool low_visibility,
                          const KeyframeStore& keyframes) const;
+  std::size_t max_held_out(const Keyframe& keyframe) const;
 
   std::size_t recent_keyframes_;
   std::size_t max_heldout_views_;

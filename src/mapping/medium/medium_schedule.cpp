@@ -3,6 +3,7 @@
 
 #include <torch/serialize/archive.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -11,7 +12,9 @@
 namespace apvi::mapping {
 namespace {
 
-constexpr double kGrowthFactor = 1.4;     // in keyframes, from one estimation to the next
+constexpr double kGrowthFactor = 1.4;  // in keyframes, from one estimation to the next
+constexpr std::size_t kMaxInterval =
+    300;  // keyframes, some minutes: the water changes on a long dive
 constexpr std::size_t kAfterOutage = 20;  // keyframes, in which the map must first be extended
 constexpr std::size_t kMergeMargin = 10;  // a regular estimation so close before replaces it
 
@@ -27,7 +30,8 @@ bool MediumSchedule::is_due(std::size_t keyframes) const {
   if (keyframes < first_) return false;
   const auto grown =
       static_cast<std::size_t>(std::ceil(kGrowthFactor * static_cast<double>(last_)));
-  return keyframes >= grown || (after_outage_ && keyframes >= *after_outage_);
+  return keyframes >= std::min(grown, last_ + kMaxInterval) ||
+         (after_outage_ && keyframes >= *after_outage_);
 }
 
 void MediumSchedule::mark_estimated(std::size_t keyframes) {

@@ -12,8 +12,9 @@ class OutputArchive;
 namespace apvi::mapping {
 
 /// Schedules medium estimations by the number of accepted keyframes: again when it has grown by 40
-/// % since the last estimation, and 20 keyframes after an outage. During an outage the camera's
-/// gain may change arbitrarily; only the medium can then separate gain from surface brightness.
+/// % or by 300 since the last estimation, and 20 keyframes after an outage. During an outage the
+/// camera's gain may change arbitrarily; only the medium can then separate gain from surface
+/// brightness.
 class MediumSchedule {
  public:
   /// The first estimation is due at `first` keyframes.

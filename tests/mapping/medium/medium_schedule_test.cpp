@@ -28,6 +28,11 @@ TEST(MediumSchedule, IsDueAfterFortyPercentMoreKeyframes) {
   EXPECT_EQ(estimations(schedule, 1, 60), (std::vector<std::size_t>{10, 14, 20, 28, 40, 56}));
 }
 
+TEST(MediumSchedule, IsDueEvery300KeyframesOnALongDive) {
+  MediumSchedule schedule(1000);
+  EXPECT_EQ(estimations(schedule, 1, 1900), (std::vector<std::size_t>{1000, 1300, 1600, 1900}));
+}
+
 TEST(MediumSchedule, IsDueTwentyKeyframesAfterAnOutage) {
   MediumSchedule schedule(100);
   EXPECT_EQ(estimations(schedule, 1, 170, 105), (std::vector<std::size_t>{100, 125}));
