@@ -26,6 +26,7 @@ int dispatch(int argc, char** argv) {
   apvi::cli::add_run(app);
   apvi::cli::add_eval(app);
   apvi::cli::add_doctor(app);
+  apvi::cli::add_import(app);
   apvi::cli::add_sim(app);
   apvi::cli::add_sweep(app);
   apvi::cli::add_calibrate(app);

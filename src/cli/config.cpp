@@ -10,6 +10,7 @@
 #include "apvi/config/fields.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "apvi/io/rig_file.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "cli/commands.hpp"
 #include "cli/mapping_support.hpp"
@@ -34,7 +35,7 @@ bool has_any(const config::Node& node, std::initializer_list<const char*> keys) 
 
 // Detects the kind of a file by its keys, validates it and returns the kind.
 std::string check_file(const fs::path& file) {
-  const config::Node node = config::load_with_inheritance(file);
+  const config::Node node = io::load_rig_file(file);  // any other file is read as it is
   if (has_any(node, {"body", "imu0", "dvl0", "cam0"})) {
     make_rig(node);
     return "rig";

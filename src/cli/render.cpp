@@ -12,7 +12,7 @@ void add_render(CLI::App& app) {
   const auto r = std::make_shared<runs::RenderRequest>();
   CLI::App* command =
       app.add_subcommand("render", "render images from a map along a path or from one camera");
-  command->add_option("SOURCE", r->source, "run folder, or a map.ply")->required();
+  command->add_option("SOURCE", r->source, "run folder, or a map file: .ply or .spz")->required();
   command
       ->add_option("--path", r->path,
                    "trajectory to render along (TUM); default: the run's keyframes")

@@ -11,11 +11,13 @@
 #include "apvi/io/sequence.hpp"
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
+#include "cli/import_support.hpp"
 #include "cli/mapping_support.hpp"
 #include "cli/report.hpp"
 #include "core/interrupt.hpp"
 #include "eval/metrics_file.hpp"
 #include "runs/run.hpp"
+#include "runs/run_folder.hpp"
 
 namespace apvi::cli {
 namespace {
@@ -30,6 +32,7 @@ struct Arguments {
   bool resume = false;
   bool no_report = false;
   bool strict = false;
+  importer::ImportOptions import_options;
 };
 
 // A recording is run by the default configuration.
@@ -38,14 +41,22 @@ struct Source {
   std::vector<std::string> overrides;
 };
 
+Source recording_source(const fs::path& recording, const std::vector<std::string>& overrides) {
+  Source source{find_configuration("default.yaml"), {"dataset.path=" + recording.string()}};
+  const auto append = [&source](const std::vector<std::string>& more) {
+    source.overrides.insert(source.overrides.end(), more.begin(), more.end());
+  };
+  append(overrides_of_import(recording));
+  append(overrides);
+  return source;
+}
+
 Source source_of(const Arguments& a) {
   const auto extension = a.target.extension();
   const bool recording = fs::is_directory(a.target) || extension == ".bag" ||
                          extension == ".mcap" || extension == ".db3";
   if (!recording) return {find_configuration(a.target), a.overrides};
-  Source source{find_configuration("default.yaml"), {"dataset.path=" + a.target.string()}};
-  source.overrides.insert(source.overrides.end(), a.overrides.begin(), a.overrides.end());
-  return source;
+  return recording_source(a.target, a.overrides);
 }
 
 std::string name_of(const fs::path& path) {
@@ -53,16 +64,32 @@ std::string name_of(const fs::path& path) {
   return (normal.has_filename() ? normal.stem() : normal.parent_path().stem()).string();
 }
 
-// runs/<dataset>, or runs/<configuration>-<dataset>, with a numeric suffix when that folder exists.
-fs::path default_folder(const Arguments& a, const runs::RunConfig& config) {
-  const std::string data = name_of(config.dataset.path);
-  const std::string target = name_of(a.target);
-  const std::string base = target == data ? data : target + "-" + data;
+// runs/<base>, with a numeric suffix when that folder exists.
+fs::path vacant_folder(const std::string& base) {
   fs::path folder = fs::path("runs") / base;
   for (int i = 2; fs::exists(folder); ++i) {
     folder = fs::path("runs") / fmt::format("{}-{}", base, i);
   }
   return folder;
+}
+
+// runs/<dataset>, or runs/<configuration>-<dataset>.
+fs::path default_folder(const Arguments& a, const runs::RunConfig& config) {
+  const std::string data = name_of(config.dataset.path);
+  const std::string target = name_of(a.target);
+  return vacant_folder(target == data ? data : target + "-" + data);
+}
+
+// A video, photographs or a COLMAP model become RUN/input, which is then run.
+Source import_source(const Arguments& a, const fs::path& folder) {
+  const fs::path input = folder / "input";
+  if (!a.resume) {
+    runs::check_vacant(folder, a.overwrite);
+    importer::ImportOptions options = a.import_options;
+    options.overwrite = true;
+    import_into(a.target, input, options);
+  }
+  return recording_source(input, a.overrides);
 }
 
 void report(const runs::RunResult& result) {
@@ -102,9 +129,12 @@ std::size_t run_into(const fs::path& folder, const runs::RunConfig& config, cons
 }
 
 void run(const Arguments& a) {
-  const Source source = source_of(a);
+  const bool imports = importer::source_kind(a.target).has_value();
+  fs::path folder = a.folder;
+  if (imports && folder.empty()) folder = vacant_folder(name_of(a.target));
+  const Source source = imports ? import_source(a, folder) : source_of(a);
   const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
-  const fs::path folder = a.folder.empty() ? default_folder(a, config) : a.folder;
+  if (folder.empty()) folder = default_folder(a, config);
   const std::size_t warnings = run_into(folder, config, a);
   if (!a.no_report) write_report(folder);
   log::info("results in {}", folder.string());
@@ -119,10 +149,12 @@ void add_run(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "run", "localize a recording and, if it has a camera, map it, into a run folder");
   command
-      ->add_option("DIVE|CONFIG", a->target,
-                   "recording (folder, .bag, .mcap, .db3), or a configuration file that names one; "
-                   "a name like "
-                   "datasets/akit.yaml is also looked for among the program's own configurations")
+      ->add_option(
+          "DIVE|CONFIG", a->target,
+          "recording (folder, .bag, .mcap, .db3); video, folder of photographs or COLMAP model, "
+          "which is imported into RUN/input first; or a configuration file that names a recording: "
+          "a name like datasets/akit.yaml is also looked for among the program's own "
+          "configurations")
       ->required();
   command
       ->add_option("--set", a->overrides,
@@ -139,6 +171,7 @@ void add_run(CLI::App& app) {
   command->add_flag("--no-report", a->no_report, "do not write report.html");
   command->add_flag("--strict", a->strict,
                     "exit with status 1 when a sensor did not serve or a result is implausible");
+  add_import_options(*command, a->import_options);
   command->callback([a] { run(*a); });
 }
 

@@ -6,6 +6,7 @@
 
 #include "apvi/core/error.hpp"
 #include "fuzz/fuzz_target.hpp"
+#include "io/rosbag/dvl_message.hpp"
 #include "io/rosbag/ros_samples.hpp"
 #include "io/rosbag2/block_cursor.hpp"
 

@@ -4,6 +4,8 @@
 
 #include "apvi/core/error.hpp"
 #include "fuzz/fuzz_target.hpp"
+#include "io/rosbag/dvl_message.hpp"
+#include "io/rosbag/navsat.hpp"
 #include "io/rosbag/ros_message.hpp"
 #include "io/rosbag/ros_samples.hpp"
 
@@ -32,8 +34,9 @@ void decode(const std::string& definition, io::RosWire wire, std::span<const std
   const Stamp stamp = io::stamp_of_message(*message, Stamp{1}).value_or(Stamp{1});
   use(io::imu_of(*message, stamp));
   use(io::dvl_of(*message, stamp));
+  io::fix_of(*message);
   use(io::depth_of(*message, stamp));
-  use(io::pressure_of(io::PressureUnit::automatic, "fuzz")(*message, stamp));
+  use(io::pressure_of({})(*message, stamp));
   use(io::image_of(0, "fuzz")(*message, stamp));
   io::pose_of(*message);
 }

@@ -2,15 +2,19 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "apvi/io/tum.hpp"
+#include "importer/mp4_bytes.hpp"
 #include "io/cdr_bytes.hpp"
 #include "io/mcap_writer.hpp"
 #include "io/ros_bytes.hpp"
 #include "io/rosbag/ros_definitions.hpp"
 #include "io/rosbag2/ros2_definitions.hpp"
+#include "map_io/compressed_ply.hpp"
+#include "map_io/spz.hpp"
 
 // Writes seed inputs for the fuzz targets: `make_corpus FOLDER` creates FOLDER/<target>/<n>.
 
@@ -78,6 +82,57 @@ std::vector<std::string> mcap_seeds() {
   return seeds;
 }
 
+Seeds importer_seeds() {
+  const std::string stamp = test::stamp_us(1'000'000) + test::klv_text("ORIN", "ZXY");
+  const std::string payload = test::device(
+      test::sensor_stream({.key = "ACCL", .before = stamp, .samples = {{1, 2, 3}, {4, 5, 6}}}) +
+      test::sensor_stream({.key = "GYRO", .before = stamp, .samples = {{1, 2, 3}, {4, 5, 6}}}) +
+      test::shutter_stream(stamp, {0.01F}));
+  const std::string moov = test::mvhd() + test::trak({.sizes = {8, 9}, .chunk_offsets = {0, 8}}) +
+                           test::trak({.handler = "vide",
+                                       .format = "avc1",
+                                       .sizes = {8, 9},
+                                       .chunk_offsets = {0, 8},
+                                       .composition_offsets = {1, 2},
+                                       .edits = test::u32(5) + test::u32(0xFFFFFFFF) + test::u32(0),
+                                       .edit_count = 1});
+  const std::string jpeg = "\xFF\xD8\xFF\xC0"s + test::i16(11) + '\x08' + test::i16(4) +
+                           test::i16(6) + std::string(4, '\0');
+  return {{"fuzz_mp4", {moov}},
+          {"fuzz_gpmf", {payload, test::klv_text("VFOV", "W")}},
+          {"fuzz_photo", {jpeg}},
+          {"fuzz_colmap",
+           {"1 OPENCV 32 24 20 21 16 12 0.1 -0.01 0.002 0.003\n",
+            "1 1 0 0 0 0 0 0 1 a.png\n1 2 -1\n", "1 0.5 0.25 2 10 20 30 0.7\n"}}};
+}
+
+map_io::Splats few_splats(std::size_t coefficients) {
+  map_io::Splats splats(3, coefficients);
+  for (std::size_t i = 0; i < splats.means.size(); ++i) splats.means[i] = static_cast<float>(i);
+  for (std::size_t i = 0; i < splats.count; ++i) splats.quaternions[4 * i + i] = 1.0F;
+  return splats;
+}
+
+std::vector<std::string> ply_seeds() {
+  const std::string vertices =
+      "element vertex 2\nproperty float x\nproperty double y\nproperty uchar red\nend_header\n";
+  const std::string camera = "element camera 1\nproperty short n\n";
+  std::ostringstream compressed;
+  map_io::write_compressed_ply(compressed, few_splats(3), "comment a\n");
+  return {"ply\nformat ascii 1.0\n" + camera + vertices + "7\n1 2 3\n4 nan 6\n",
+          "ply\nformat binary_little_endian 1.0\n" + camera + vertices + std::string(28, '\1'),
+          "ply\nformat binary_big_endian 1.0\n" + vertices + std::string(26, '\1'),
+          compressed.str()};
+}
+
+// The fuzz target also compresses its input, so one seed is that of an uncompressed header.
+std::vector<std::string> spz_seeds() {
+  std::ostringstream file;
+  map_io::write_spz(file, {few_splats(8), true});
+  std::string plain = "NGSP\3\0\0\0\1\0\0\0\1\14\0\0"s;
+  return {file.str(), plain + std::string(29, 'a'), "NGSP\2\0\0\0\0\0\0\0\0\14\0\0"s};
+}
+
 Seeds all_seeds() {
   const std::string imu =
       "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1000000000,0,0,0,0,0,9.8\n1010000000,0,0,0,0,0,9\n"
@@ -106,12 +161,14 @@ Seeds all_seeds() {
         "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z\n1,1,2,3,1,0,0,0\n",
         "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n", "1,1,2,3,1,0,0,0\n"}},
       {"fuzz_mcap", mcap_seeds()},
+      {"fuzz_ply", ply_seeds()},
       {"fuzz_ros_message", ros_seeds()},
       {"fuzz_sensor_yaml",
        {sensor + "\0"s + sensor +
         "camera_model: pinhole\nintrinsics: [1, 1, 1, 1]\n"
         "resolution: [2, 2]\ndistortion_model: radial-tangential\n"
-        "distortion_coefficients: [0, 0, 0, 0]\n"}}};
+        "distortion_coefficients: [0, 0, 0, 0]\n"}},
+      {"fuzz_spz", spz_seeds()}};
 }
 
 }  // namespace
@@ -121,7 +178,9 @@ int main(int argc, char** argv) {
     std::cerr << "usage: make_corpus FOLDER\n";
     return 2;
   }
-  for (const auto& [target, seeds] : all_seeds()) {
+  Seeds all = all_seeds();
+  all.merge(importer_seeds());
+  for (const auto& [target, seeds] : all) {
     const std::filesystem::path folder = std::filesystem::path(argv[1]) / target;
     std::filesystem::create_directories(folder);
     for (std::size_t i = 0; i < seeds.size(); ++i) {

@@ -5,6 +5,8 @@
 
 #include <functional>
 
+#include "core/memory.hpp"
+
 namespace apvi::localization {
 namespace {
 
@@ -84,6 +86,36 @@ TEST(Synchronizer, CreatesJobsWithoutImagesWhenCameraNeverStarts) {
 TEST(Synchronizer, CreatesNoJobsWithoutImagesWithoutDvl) {
   const auto image_at = [](int k) { return k % 5 == 0 && k < 300; };
   EXPECT_TRUE(without_image(jobs_at_rest(false, image_at)).empty());
+}
+
+// A dive of five hours at 100 Hz is 100 MiB of samples.
+TEST(Synchronizer, KeepsNoSamplesWithoutACamera) {
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), false, 0);
+  const double before = peak_memory_mib();
+  for (std::int64_t k = 0; k < 1'800'000; ++k) {
+    const Stamp now{kSecond + k * kSecond / 100};
+    synchronizer.process(ImuSample{now, Vector3d::Zero(), Vector3d(0.0, 0.0, 9.80665)});
+  }
+  EXPECT_LT(peak_memory_mib() - before, 40.0);
+}
+
+TEST(Synchronizer, KeepsAMinuteOfSamplesWhileTheCameraIsSilent) {
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), false, 1);
+  std::vector<FrameJob> jobs;
+  for (std::int64_t k = 0; k < 100 * 150; ++k) {
+    const Stamp now{kSecond + k * kSecond / 100};
+    if (k == 10 || k == 100 * 149) {
+      ImageFrame image;
+      image.stamp = now;
+      image.decode = [] { return cv::Mat(); };
+      synchronizer.process(image);
+    }
+    const SensorEvent sample = ImuSample{now, Vector3d::Zero(), Vector3d(0.0, 0.0, 9.80665)};
+    for (FrameJob& job : synchronizer.process(sample).frames) jobs.push_back(std::move(job));
+  }
+  ASSERT_EQ(jobs.size(), 2U);
+  EXPECT_GT(jobs[1].imu.size(), 100U);
+  EXPECT_LE(jobs[1].imu.size(), 6000U);
 }
 
 }  // namespace
