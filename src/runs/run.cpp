@@ -331,11 +331,11 @@ void check_not_images_alone(const RunConfig& config, const io::SequenceReader& r
 
 RunResult run(const RunConfig& config, const RunOptions& options) {
   const auto reader = io::open_sequence(config.dataset, config.sensors.use);
-  check_not_images_alone(config, *reader);
   return run(config, *reader, options);
 }
 
 RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options) {
+  check_not_images_alone(config, reader);
   const config::Node rig_node = runs::resolve_rig(config, reader.rig());
   const Rig rig = make_rig(rig_node);
   const localization::ActiveSensors sensors = localization::select_sensors(

@@ -143,7 +143,7 @@ TEST_F(PosedImagesTest, ReportsMissingPath) {
   missing.dataset.path = "/nowhere/at/all";
   EXPECT_THAT(error_of(missing), HasSubstr("/nowhere/at/all"));
   missing.dataset.path.clear();
-  EXPECT_THAT(error_of(missing), HasSubstr("dataset.path: not given"));
+  EXPECT_THAT(error_of(missing), HasSubstr("dataset.path: missing"));
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ constexpr double kImageMib = kHeight * kWidth * 3.0 / (1024.0 * 1024.0);
 Keyframe keyframe(int i, bool held_out) {
   Keyframe keyframe;
   keyframe.stamp_ns = i;
-  keyframe.number = i;
+  keyframe.number = i / 2;  // of the held-out images
   keyframe.held_out = held_out;
   keyframe.intrinsics = {
       .fx = 100.0, .fy = 100.0, .cx = 80.0, .cy = 45.0, .width = kWidth, .height = kHeight};
