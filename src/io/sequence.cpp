@@ -47,7 +47,8 @@ DatasetFormat detect_file(const fs::path& path) {
   }
   if (has_bag2_extension(path)) return DatasetFormat::rosbag2;
   fail_input(
-      "{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file, or `apvi import` a video",
+      "{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file, or `apvi import` a "
+      "video",
       path.string());
 }
 

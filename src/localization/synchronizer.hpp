@@ -60,7 +60,7 @@ class Synchronizer {
   std::deque<FrameJob> pending_jobs_;
   std::optional<Stamp> last_frame_;
   std::optional<Stamp> run_began_;
-  int segments_ = 0;  // after the first
+  int segments_ = 0;                // after the first
   std::optional<Stamp> first_imu_;  // of the segment
   std::optional<Stamp> last_image_;
   Duration image_period_{
