@@ -25,8 +25,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string text(reinterpret_cast<const char*>(data), size);
   const auto stream = [&text] { return std::istringstream(text); };
   const auto use = [](const auto& cameras) {
-    for (const auto& [id, camera] : cameras) {
-      tolerate_input_error([&] { importer::to_camera(camera, "fuzz"); });
+    for (const auto& entry : cameras) {
+      tolerate_input_error([&] { importer::to_camera(entry.second, "fuzz"); });
     }
   };
   tolerate_input_error([&] { use(importer::parse_cameras_bin(bytes, "fuzz")); });

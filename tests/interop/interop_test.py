@@ -239,9 +239,9 @@ class Ros2Bags(Folder):
         self.assert_same_run(next(bag.glob("*.db3")))
 
     def test_run_on_compressed_bags_equals_run_on_folder(self):
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        self.assert_same_run(self.write_bag("message", StoragePlugin.SQLITE3, Writer.CompressionMode.MESSAGE))
-        self.assert_same_run(self.write_bag("storage", StoragePlugin.MCAP, Writer.CompressionMode.STORAGE))
+        from rosbags.rosbag2 import CompressionMode, StoragePlugin
+        self.assert_same_run(self.write_bag("message", StoragePlugin.SQLITE3, CompressionMode.MESSAGE))
+        self.assert_same_run(self.write_bag("storage", StoragePlugin.MCAP, CompressionMode.STORAGE))
 
 
 def simulate_bag(folder, pairs):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes the sensors of a dataset folder as a ROS 2 bag, with the package `rosbags`."""
 import numpy as np
-from rosbags.rosbag2 import Writer
+from rosbags.rosbag2 import CompressionFormat, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 BEAM = "int64 id\nfloat64 velocity\nfloat64 distance\nfloat64 rssi\nfloat64 nsd\nbool valid\n"
@@ -88,7 +88,7 @@ def write(dive, bag, plugin, compression=None):
     store.register({**get_types_from_msg(BEAM, "dvl_msgs/msg/DVLBeam"), **get_types_from_msg(DVL, "dvl_msgs/msg/DVL")})
     writer = Writer(bag, version=9, storage_plugin=plugin)
     if compression:
-        writer.set_compression(compression, Writer.CompressionFormat.ZSTD)
+        writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
         connections = {}
         for ns, topic, message in messages(dive, store):
