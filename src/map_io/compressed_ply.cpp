@@ -16,6 +16,7 @@ namespace {
 
 std::vector<double> read_numbers(PlyTable& table, const std::vector<std::string>& names) {
   std::vector<double> numbers(static_cast<std::size_t>(table.rows()) * names.size());
+  if (numbers.empty()) return numbers;
   std::vector<PlyColumn> columns;
   for (std::size_t i = 0; i < names.size(); ++i) {
     columns.push_back({.property = table.require_property(names[i]),

@@ -19,6 +19,7 @@ using namespace apvi;
 void read_all(map_io::PlyTable& table) {
   const std::size_t width = table.element().properties.size();
   std::vector<float> numbers(static_cast<std::size_t>(table.rows()) * width);
+  if (numbers.empty()) return;
   std::vector<map_io::PlyColumn> columns;
   for (std::size_t i = 0; i < width; ++i) {
     columns.push_back(
