@@ -27,9 +27,9 @@ class MergedReader : public SequenceReader {
 
  private:
   struct Stream {
-    std::size_t index;
-    SampleSource* source;
-    StreamReport* report;
+    std::size_t index = 0;
+    SampleSource* source = nullptr;
+    StreamReport* report = nullptr;
     StreamCleaner cleaner;
     bool ended = false;
   };

@@ -15,13 +15,14 @@ inline constexpr std::size_t kBoundCount = 18;
 /// Properties of a chunk: minima and maxima of position, log scale and color.
 inline std::vector<std::string> bound_names() {
   std::vector<std::string> names;
-  for (const std::string kind : {"_", "_scale_"}) {
-    for (const std::string end : {"min", "max"}) {
-      for (const std::string axis : {"x", "y", "z"}) names.push_back(end + kind + axis);
-    }
+  for (const char* const end : {"min_", "max_"}) {
+    for (const char* const axis : {"x", "y", "z"}) names.push_back(std::string(end) + axis);
   }
-  for (const std::string end : {"min", "max"}) {
-    for (const std::string channel : {"_r", "_g", "_b"}) names.push_back(end + channel);
+  for (const char* const end : {"min_scale_", "max_scale_"}) {
+    for (const char* const axis : {"x", "y", "z"}) names.push_back(std::string(end) + axis);
+  }
+  for (const char* const end : {"min_", "max_"}) {
+    for (const char* const channel : {"r", "g", "b"}) names.push_back(std::string(end) + channel);
   }
   return names;
 }

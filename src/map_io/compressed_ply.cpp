@@ -48,7 +48,7 @@ Chunks read_chunks(const PlyOpener& open, std::int64_t vertices) {
 // Linear between the bounds of a chunk; `begin` is that of the minima.
 Three between(const double* begin, const double* unit) {
   Three value{};
-  for (std::size_t i = 0; i < 3; ++i) value[i] = std::lerp(begin[i], begin[i + 3], unit[i]);
+  for (std::size_t i = 0; i < 3; ++i) value[i] = begin[i] + unit[i] * (begin[i + 3] - begin[i]);
   return value;
 }
 

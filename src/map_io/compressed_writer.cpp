@@ -6,7 +6,6 @@
 #include <limits>
 #include <numeric>
 #include <ostream>
-#include <span>
 #include <vector>
 
 #include "gaussians/render/sh_math.hpp"
@@ -26,7 +25,7 @@ struct Bounds {
   Three high{};
 
   template <typename Value>
-  Bounds(std::span<const std::size_t> rows, const Value& value) {
+  Bounds(const std::vector<std::size_t>& rows, const Value& value) {
     low.fill(std::numeric_limits<double>::infinity());
     high.fill(-std::numeric_limits<double>::infinity());
     for (const std::size_t row : rows) {
@@ -80,7 +79,7 @@ class Packer {
  public:
   explicit Packer(const Splats& splats) : s_(splats) {}
 
-  void pack(std::span<const std::size_t> rows) {
+  void pack(const std::vector<std::size_t>& rows) {
     const auto mean = [&](std::size_t i, std::size_t c) { return double{s_.means[3 * i + c]}; };
     const auto scale = [&](std::size_t i, std::size_t c) {
       return std::clamp(double{s_.log_scales[3 * i + c]}, -kMaxLogScale, kMaxLogScale);
@@ -144,8 +143,9 @@ void write_compressed_ply(std::ostream& out, const Splats& splats, const std::st
   Packer packer(splats);
   std::size_t chunks = 0;
   for (std::size_t begin = 0; begin < splats.count; begin += kChunkSize, ++chunks) {
-    const std::size_t size = std::min<std::size_t>(kChunkSize, splats.count - begin);
-    packer.pack(std::span(order).subspan(begin, size));
+    const auto first = order.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto left = std::min<std::ptrdiff_t>(kChunkSize, order.end() - first);
+    packer.pack({first, first + left});
   }
   out << "ply\nformat binary_little_endian 1.0\n"
       << comments << element("chunk", chunks, "float", bound_names())

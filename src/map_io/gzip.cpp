@@ -17,8 +17,8 @@ constexpr int kMemoryLevel = 9;
 
 }  // namespace
 
-GzipReader::GzipReader(std::span<const unsigned char> bytes, std::string name)
-    : left_(bytes), name_(std::move(name)) {
+GzipReader::GzipReader(const std::vector<unsigned char>& bytes, std::string name)
+    : next_(bytes.data()), left_(bytes.size()), name_(std::move(name)) {
   APVI_CHECK(inflateInit2(&stream_, kGzip) == Z_OK);
 }
 
@@ -26,18 +26,20 @@ GzipReader::~GzipReader() {
   inflateEnd(&stream_);
 }
 
-void GzipReader::read(std::span<unsigned char> to) {
-  while (!to.empty()) {
+void GzipReader::read(unsigned char* to, std::size_t size) {
+  while (size > 0) {
     if (ended_) fail_input("{}: the compressed data end early", name_);
-    const std::size_t in = std::min(kPiece, left_.size());
-    const std::size_t out = std::min(kPiece, to.size());
-    stream_.next_in = const_cast<unsigned char*>(left_.data());
+    const std::size_t in = std::min(kPiece, left_);
+    const std::size_t out = std::min(kPiece, size);
+    stream_.next_in = const_cast<unsigned char*>(next_);
     stream_.avail_in = static_cast<uInt>(in);
-    stream_.next_out = to.data();
+    stream_.next_out = to;
     stream_.avail_out = static_cast<uInt>(out);
     const int status = inflate(&stream_, Z_NO_FLUSH);
-    left_ = left_.subspan(in - stream_.avail_in);
-    to = to.subspan(out - stream_.avail_out);
+    next_ += in - stream_.avail_in;
+    left_ -= in - stream_.avail_in;
+    to += out - stream_.avail_out;
+    size -= out - stream_.avail_out;
     if (status == Z_BUF_ERROR) fail_input("{}: the compressed data are truncated", name_);
     if (status != Z_OK && status != Z_STREAM_END) {
       fail_input("{}: the compressed data are damaged", name_);
@@ -46,20 +48,22 @@ void GzipReader::read(std::span<unsigned char> to) {
   }
 }
 
-void write_gzip(std::ostream& out, std::span<const unsigned char> bytes) {
+void write_gzip(std::ostream& out, const std::vector<unsigned char>& bytes) {
   z_stream stream{};
   APVI_CHECK(deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kGzip, kMemoryLevel,
                           Z_DEFAULT_STRATEGY) == Z_OK);
   std::vector<unsigned char> buffer(kPiece);
+  std::size_t begin = 0;
   int status = Z_OK;
   while (status != Z_STREAM_END) {
-    const std::size_t in = std::min(kPiece, bytes.size());
-    stream.next_in = const_cast<unsigned char*>(bytes.data());
+    const std::size_t left = bytes.size() - begin;
+    const std::size_t in = std::min(kPiece, left);
+    stream.next_in = const_cast<unsigned char*>(bytes.data()) + begin;
     stream.avail_in = static_cast<uInt>(in);
     stream.next_out = buffer.data();
     stream.avail_out = static_cast<uInt>(buffer.size());
-    status = deflate(&stream, in == bytes.size() ? Z_FINISH : Z_NO_FLUSH);
-    bytes = bytes.subspan(in - stream.avail_in);
+    status = deflate(&stream, in == left ? Z_FINISH : Z_NO_FLUSH);
+    begin += in - stream.avail_in;
     out.write(reinterpret_cast<const char*>(buffer.data()),
               static_cast<std::streamsize>(buffer.size() - stream.avail_out));
   }

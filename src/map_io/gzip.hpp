@@ -5,8 +5,8 @@
 
 #include <cstddef>
 #include <iosfwd>
-#include <span>
 #include <string>
+#include <vector>
 
 namespace apvi::map_io {
 
@@ -17,22 +17,23 @@ inline constexpr std::size_t kMaxInflation = 1032;
 class GzipReader {
  public:
   /// `name` is for messages; the bytes must outlive this.
-  GzipReader(std::span<const unsigned char> bytes, std::string name);
+  GzipReader(const std::vector<unsigned char>& bytes, std::string name);
   ~GzipReader();
   GzipReader(const GzipReader&) = delete;
   GzipReader& operator=(const GzipReader&) = delete;
 
-  /// Fills `to` with the next bytes. Throws InputError when the data are damaged or end.
-  void read(std::span<unsigned char> to);
+  /// Copies the next `size` bytes. Throws InputError when the data are damaged or end.
+  void read(unsigned char* to, std::size_t size);
 
  private:
-  std::span<const unsigned char> left_;
+  const unsigned char* next_;
+  std::size_t left_;
   std::string name_;
   z_stream stream_{};
   bool ended_ = false;
 };
 
 /// Writes the bytes as a gzip file.
-void write_gzip(std::ostream& out, std::span<const unsigned char> bytes);
+void write_gzip(std::ostream& out, const std::vector<unsigned char>& bytes);
 
 }  // namespace apvi::map_io

@@ -59,8 +59,8 @@ std::vector<unsigned char> read_bytes(const fs::path& path) {
 bool begins_as_gzip(const fs::path& path) {
   if (fs::is_directory(path)) return false;
   std::ifstream in(path, std::ios::binary);
-  unsigned char bytes[2] = {0, 0};
-  in.read(reinterpret_cast<char*>(bytes), 2);
+  std::vector<unsigned char> bytes(2);
+  in.read(reinterpret_cast<char*>(bytes.data()), 2);
   return is_gzip(bytes);
 }
 

@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numbers>
 
 #include "map_io/splats.hpp"
 
 namespace apvi::map_io {
 namespace {
 
-constexpr double kHalfRoot = std::numbers::sqrt2 / 2.0;
+constexpr double kHalfRoot = 0.70710678118654752;
 constexpr double kSignedMax = 511.0;  // nine bits of magnitude
 
 // Unit, with the largest component positive.

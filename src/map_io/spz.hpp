@@ -2,8 +2,8 @@
 #pragma once
 
 #include <iosfwd>
-#include <span>
 #include <string>
+#include <vector>
 
 #include "map_io/splats.hpp"
 
@@ -20,10 +20,10 @@ struct SpzSplats {
 };
 
 /// Whether the bytes begin as a gzip file does.
-bool is_gzip(std::span<const unsigned char> bytes);
+bool is_gzip(const std::vector<unsigned char>& bytes);
 /// Reads versions 2 and 3; SH coefficients above degree 3 are dropped. The number of Gaussians is
 /// checked against the file size before memory is allocated. Throws InputError.
-SpzSplats read_spz(std::span<const unsigned char> bytes, const std::string& name);
+SpzSplats read_spz(const std::vector<unsigned char>& bytes, const std::string& name);
 /// Writes version 3. Positions have 12 fractional bits (0.24 mm), or fewer if the map extends
 /// beyond 2048 m. Values outside the range of the format are limited: log scales to [-10, 5.94], SH
 /// coefficients to [-1, 1]. Throws InputError when a position is beyond 8388 km.

@@ -34,7 +34,7 @@ std::uint32_t little_endian(const unsigned char* b) {
 
 Header read_header(GzipReader& in, const std::string& name) {
   std::array<unsigned char, kSpzHeaderBytes> b{};
-  in.read(b);
+  in.read(b.data(), b.size());
   if (little_endian(b.data()) != kSpzMagic) {
     fail_input("{}: a gzip file, but not an SPZ file of Gaussians", name);
   }
@@ -53,7 +53,7 @@ Header read_header(GzipReader& in, const std::string& name) {
 
 Bytes read_block(GzipReader& in, std::size_t size) {
   Bytes bytes(size);
-  in.read(bytes);
+  in.read(bytes.data(), size);
   return bytes;
 }
 
@@ -99,11 +99,11 @@ void read_sh(const Bytes& bytes, const Header& header, Splats& splats) {
 
 }  // namespace
 
-bool is_gzip(std::span<const unsigned char> bytes) {
+bool is_gzip(const Bytes& bytes) {
   return bytes.size() >= 2 && bytes[0] == 0x1f && bytes[1] == 0x8b;
 }
 
-SpzSplats read_spz(std::span<const unsigned char> bytes, const std::string& name) {
+SpzSplats read_spz(const Bytes& bytes, const std::string& name) {
   GzipReader in(bytes, name);
   const Header header = read_header(in, name);
   const std::size_t n = header.count;

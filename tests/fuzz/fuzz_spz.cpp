@@ -16,8 +16,7 @@ using namespace apvi;
 
 void read(const std::string& file) {
   try {
-    const auto* bytes = reinterpret_cast<const unsigned char*>(file.data());
-    const map_io::SpzSplats map = map_io::read_spz({bytes, file.size()}, "fuzz.spz");
+    const map_io::SpzSplats map = map_io::read_spz({file.begin(), file.end()}, "fuzz.spz");
     for (const float x : map.splats.means) fuzz::check(std::isfinite(x), "a mean is not finite");
     for (const float x : map.splats.quaternions) {
       fuzz::check(std::isfinite(x), "a rotation is not finite");

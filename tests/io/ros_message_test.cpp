@@ -22,7 +22,6 @@ using io::RosMessageType;
 using test::input_error;
 using test::kHeaderPart;
 using test::kSeparator;
-using test::kVectorPart;
 using test::RosBytes;
 using testing::HasSubstr;
 

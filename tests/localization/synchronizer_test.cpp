@@ -102,9 +102,9 @@ TEST(Synchronizer, KeepsNoSamplesWithoutACamera) {
 TEST(Synchronizer, KeepsAMinuteOfSamplesWhileTheCameraIsSilent) {
   Synchronizer synchronizer(dipo::Config{}, make_test_rig(), false, 1);
   std::vector<FrameJob> jobs;
-  for (std::int64_t k = 0; k < 100 * 150; ++k) {
+  for (std::int64_t k = 0; k < 15'000; ++k) {
     const Stamp now{kSecond + k * kSecond / 100};
-    if (k == 10 || k == 100 * 149) {
+    if (k == 10 || k == 14'900) {
       ImageFrame image;
       image.stamp = now;
       image.decode = [] { return cv::Mat(); };

@@ -32,7 +32,7 @@ std::string gzip(const Bytes& bytes) {
 }
 
 SpzSplats read(const std::string& file) {
-  return read_spz({reinterpret_cast<const unsigned char*>(file.data()), file.size()}, "a.spz");
+  return read_spz({file.begin(), file.end()}, "a.spz");
 }
 
 std::string error_of(const std::string& file) {

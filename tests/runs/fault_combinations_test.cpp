@@ -102,13 +102,14 @@ void check(const Outcome& outcome, bool harmless) {
 }
 
 class FaultCombinations : public testing::Test {
- protected:
+ public:
   FaultCombinations() {
     log::set_console_level(log::Level::error);
     test::write_dive(tmp_, "dive", {.duration_s = 16.0});
   }
   ~FaultCombinations() override { log::set_console_level(log::Level::info); }
 
+ protected:
   void run_with(const std::set<std::size_t>& chosen, Random random) {
     FaultyDive dive = good_;
     bool harmless = true;

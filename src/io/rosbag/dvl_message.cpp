@@ -75,8 +75,7 @@ void add_beams(const RosValue& message, DvlSample& sample) {
 }
 
 std::optional<Eigen::Vector3d> velocity_of(const RosValue& message) {
-  const auto velocity =
-      vector_of(first_of(message, {"velocity", "twist.twist.linear", "twist.linear"}));
+  auto velocity = vector_of(first_of(message, {"velocity", "twist.twist.linear", "twist.linear"}));
   if (velocity) return velocity;
   const auto x = message.number_at("velocity_x");
   const auto y = message.number_at("velocity_y");

@@ -42,7 +42,7 @@ const config::Node* member(const config::Node* node, std::string_view key) {
 // The listed file, or what the user has decompressed it to.
 fs::path existing(const fs::path& listed) {
   const std::string extension = listed.extension().string();
-  const fs::path decompressed = fs::path(listed).replace_extension();
+  fs::path decompressed = fs::path(listed).replace_extension();
   if ((extension == ".zstd" || extension == ".zst") && fs::exists(decompressed)) {
     return decompressed;
   }
