@@ -136,7 +136,8 @@ void run(const Arguments& a) {
   const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
   if (folder.empty()) folder = default_folder(a, config);
   const std::size_t warnings = run_into(folder, config, a);
-  if (!a.no_report) write_report(folder);
+  // The report is that of a trajectory, which a map from given poses does not have.
+  if (!a.no_report && fs::exists(folder / "trajectory.tum")) write_report(folder);
   log::info("results in {}", folder.string());
   if (!a.strict || warnings == 0) return;
   fail_run("--strict: {} warnings about sensors or results; see metrics.json", warnings);
