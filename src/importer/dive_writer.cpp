@@ -143,16 +143,18 @@ void DiveWriter::finish() {
   finished_ = true;
 }
 
-std::string camera_yaml(const CameraModel::Parameters& p, double rate_hz, const std::string& note) {
+std::string camera_yaml(const CameraModel::Parameters& camera, double rate_hz,
+                        const std::string& note) {
   std::string yaml = fmt::format(
       "# {}\ncam0:\n  rate_hz: {:.6g}\n  intrinsics: [{:.9g}, {:.9g}, {:.9g}, {:.9g}]\n", note,
-      rate_hz, p.fx, p.fy, p.cx, p.cy);
-  if (p.distortion != Distortion::none) {
+      rate_hz, camera.fx, camera.fy, camera.cx, camera.cy);
+  if (camera.distortion != Distortion::none) {
     yaml += fmt::format("  distortion: {}\n  coefficients: [{:.9g}]\n",
-                        p.distortion == Distortion::radtan ? "radtan" : "equidistant",
-                        fmt::join(p.coefficients, ", "));
+                        camera.distortion == Distortion::radtan ? "radtan" : "equidistant",
+                        fmt::join(camera.coefficients, ", "));
   }
-  return yaml + fmt::format("  resolution: [{}, {}]\n  {}\n", p.width, p.height, identity_pose());
+  return yaml + fmt::format("  resolution: [{}, {}]\n  {}\n", camera.width, camera.height,
+                            identity_pose());
 }
 
 std::string imu_yaml(double rate_hz, const std::string& note) {

@@ -34,17 +34,17 @@ std::vector<std::uint8_t> encode(const cv::Mat& image, const ImageOptions& optio
   fail_run("an image cannot be encoded as {}", options.extension());
 }
 
-CameraModel::Parameters scaled(CameraModel::Parameters p, double scale) {
-  const ImageSize size = scaled(ImageSize{p.width, p.height}, scale);
-  const double x = static_cast<double>(size.width) / p.width;
-  const double y = static_cast<double>(size.height) / p.height;
-  p.fx *= x;
-  p.fy *= y;
-  p.cx = (p.cx + 0.5) * x - 0.5;
-  p.cy = (p.cy + 0.5) * y - 0.5;
-  p.width = size.width;
-  p.height = size.height;
-  return p;
+CameraModel::Parameters scaled(CameraModel::Parameters camera, double scale) {
+  const ImageSize size = scaled(ImageSize{camera.width, camera.height}, scale);
+  const double x = static_cast<double>(size.width) / camera.width;
+  const double y = static_cast<double>(size.height) / camera.height;
+  camera.fx *= x;
+  camera.fy *= y;
+  camera.cx = (camera.cx + 0.5) * x - 0.5;
+  camera.cy = (camera.cy + 0.5) * y - 0.5;
+  camera.width = size.width;
+  camera.height = size.height;
+  return camera;
 }
 
 }  // namespace apvi::importer
