@@ -66,17 +66,17 @@ std::optional<std::int64_t> nanoseconds(const ExifText& exif) {
   const auto number = [&](std::size_t from, std::size_t count) {
     return text::parse_int64(std::string_view(exif.date).substr(from, count)).value_or(-1);
   };
-  using namespace std::chrono;
-  const year_month_day day(year(static_cast<int>(number(0, 4))),
-                           month(static_cast<unsigned>(number(5, 2))),
-                           std::chrono::day(static_cast<unsigned>(number(8, 2))));
+  namespace chrono = std::chrono;
+  const chrono::year_month_day day(chrono::year(static_cast<int>(number(0, 4))),
+                                   chrono::month(static_cast<unsigned>(number(5, 2))),
+                                   chrono::day(static_cast<unsigned>(number(8, 2))));
   const std::int64_t hour = number(11, 2);
   const std::int64_t minute = number(14, 2);
   const std::int64_t second = number(17, 2);
-  if (!day.ok() || day.year() < year(1970) || hour < 0 || minute < 0 || second < 0) {
+  if (!day.ok() || day.year() < chrono::year(1970) || hour < 0 || minute < 0 || second < 0) {
     return std::nullopt;
   }
-  const std::int64_t days = sys_days(day).time_since_epoch().count();
+  const std::int64_t days = chrono::sys_days(day).time_since_epoch().count();
   const std::int64_t seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
   return text::parse_seconds_as_ns(std::to_string(seconds) + "." +
                                    (exif.fraction.empty() ? "0" : exif.fraction));

@@ -8,7 +8,7 @@
 /// what it found.
 namespace apvi::importer {
 
-ImportResult import_video(const std::filesystem::path& file, const ImportOptions& options,
+ImportResult import_video(const std::filesystem::path& path, const ImportOptions& options,
                           DiveWriter& dive);
 ImportResult import_photos(const std::filesystem::path& folder, const ImportOptions& options,
                            DiveWriter& dive);

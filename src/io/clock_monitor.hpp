@@ -31,7 +31,7 @@ class ClockMonitor {
   ClockMonitor(const std::vector<std::string>& kinds, Duration max_jump);
 
   /// The next sample of a sensor, read from its source.
-  SourceState next(std::size_t sensor, SampleSource& source, SensorEvent& event, const Drop& drop);
+  SourceState next(std::size_t index, SampleSource& source, SensorEvent& event, const Drop& drop);
 
  private:
   enum class State { regular, suspect, jumped };

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Bounds memory for files without line breaks; no sensor row is longer.
-constexpr std::size_t kMaxLineBytes = 64 * 1024;
+constexpr std::size_t kMaxLineBytes = std::size_t{64} * 1024;
 
 }  // namespace
 

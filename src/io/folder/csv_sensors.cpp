@@ -270,7 +270,7 @@ std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
   });
 }
 
-std::unique_ptr<SampleSource> csv_camera(CsvFile file, fs::path images, int camera) {
+std::unique_ptr<SampleSource> csv_camera(CsvFile file, const fs::path& images, int camera) {
   const std::size_t column = file.require_column({"filename"});
   const auto depth = std::make_shared<BitDepth>();
   return make_source(

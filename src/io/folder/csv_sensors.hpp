@@ -23,6 +23,7 @@ std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit,
 std::unique_ptr<SampleSource> csv_depth(CsvFile file);
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file);
 /// Images by file name in the folder `images`; a row whose file is missing is malformed.
-std::unique_ptr<SampleSource> csv_camera(CsvFile file, std::filesystem::path images, int camera);
+std::unique_ptr<SampleSource> csv_camera(CsvFile file, const std::filesystem::path& images,
+                                         int camera);
 
 }  // namespace apvi::io
