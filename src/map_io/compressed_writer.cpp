@@ -126,7 +126,9 @@ class Packer {
 std::string element(const std::string& name, std::size_t rows, const std::string& type,
                     const std::vector<std::string>& properties) {
   std::string text = "element " + name + " " + std::to_string(rows) + "\n";
-  for (const std::string& property : properties) text += "property " + type + " " + property + "\n";
+  for (const std::string& property : properties) {
+    text.append("property ").append(type).append(" ").append(property).append("\n");
+  }
   return text;
 }
 

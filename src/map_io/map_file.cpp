@@ -29,11 +29,11 @@ namespace fs = std::filesystem;
 enum class Format { ply, compressed_ply, spz };
 
 std::optional<Format> format_of(const fs::path& path) {
-  const std::string name = text::to_lower(path.filename().string());
-  if (name.ends_with(".compressed.ply")) return Format::compressed_ply;
-  if (name.ends_with(".ply")) return Format::ply;
-  if (name.ends_with(".spz")) return Format::spz;
-  return std::nullopt;
+  const std::string extension = text::to_lower(path.extension().string());
+  if (extension == ".spz") return Format::spz;
+  if (extension != ".ply") return std::nullopt;
+  const std::string before = text::to_lower(path.stem().extension().string());
+  return before == ".compressed" ? Format::compressed_ply : Format::ply;
 }
 
 fs::path sidecar(const fs::path& path) {

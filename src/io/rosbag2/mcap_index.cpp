@@ -23,7 +23,7 @@ struct Place {
 };
 
 std::optional<Place> place_at(BinaryFile& file, std::uint64_t at) {
-  std::array<std::uint8_t, kMcapRecordPrefix> prefix;
+  std::array<std::uint8_t, kMcapRecordPrefix> prefix{};
   if (!file.read(at, prefix)) return std::nullopt;
   ByteReader reader(prefix);
   Place place;
@@ -76,7 +76,7 @@ class Summary {
     if (file_.size() < kMcapMagic.size() + tail) return std::nullopt;
     footer_ = file_.size() - tail;
     const auto place = place_at(file_, footer_);
-    std::array<std::uint8_t, kFooter> content;
+    std::array<std::uint8_t, kFooter> content{};
     if (!place || place->kind != McapKind::footer || place->length != kFooter ||
         !file_.read(place->content, content)) {
       return std::nullopt;
@@ -180,7 +180,7 @@ class Scan {
   }
 
   bool add_message(std::uint64_t at, const Place& place) {
-    std::array<std::uint8_t, kMessageHeader> header;
+    std::array<std::uint8_t, kMessageHeader> header{};
     if (place.length < kMessageHeader || !file_.read(place.content, header)) return false;
     const auto message = parse_message(header);
     const bool continues = !index_.parts.empty() && !index_.parts.back().chunk &&
