@@ -33,7 +33,7 @@ void read(const std::string& file) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   read(std::string(reinterpret_cast<const char*>(data), size));
   std::ostringstream out;
-  map_io::write_gzip(out, {data, size});
+  map_io::write_gzip(out, {data, data + size});
   read(out.str());
   return 0;
 }
