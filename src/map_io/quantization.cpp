@@ -38,6 +38,31 @@ void fill_largest(Four& q, std::size_t largest) {
   q[largest] = std::sqrt(std::max(0.0, 1.0 - sum));
 }
 
+// The index of the largest component, then ten bits for each of the others.
+template <typename Encode>
+std::uint32_t pack_components(const Four& quaternion, const Encode& encode) {
+  const auto& [q, largest] = orient(quaternion);
+  auto word = static_cast<std::uint32_t>(largest);
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (i != largest) word = word << 10U | encode(q[i]);
+  }
+  return word;
+}
+
+template <typename Decode>
+Four unpack_components(std::uint32_t word, const Decode& decode) {
+  const std::size_t largest = word >> 30U;
+  Four q{};
+  unsigned shift = 20;
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (i == largest) continue;
+    q[i] = decode(word >> shift);
+    shift -= 10;  // wraps after the last one
+  }
+  fill_largest(q, largest);
+  return q;
+}
+
 }  // namespace
 
 std::uint32_t to_unorm(double value, int bits) {
@@ -71,51 +96,27 @@ Four unpack_8888(std::uint32_t word) {
 }
 
 std::uint32_t pack_rotation(const Four& quaternion) {
-  const auto& [q, largest] = orient(quaternion);
-  auto word = static_cast<std::uint32_t>(largest);
-  for (std::size_t i = 0; i < 4; ++i) {
-    if (i != largest) word = word << 10U | to_unorm(q[i] * kHalfRoot + 0.5, 10);
-  }
-  return word;
+  return pack_components(quaternion,
+                         [](double part) { return to_unorm(part * kHalfRoot + 0.5, 10); });
 }
 
 Four unpack_rotation(std::uint32_t word) {
-  const std::size_t largest = word >> 30U;
-  Four q{};
-  unsigned shift = 20;
-  for (std::size_t i = 0; i < 4; ++i) {
-    if (i == largest) continue;
-    q[i] = (from_unorm(word >> shift, 10) - 0.5) / kHalfRoot;
-    shift -= 10;  // wraps after the last one
-  }
-  fill_largest(q, largest);
-  return q;
+  return unpack_components(
+      word, [](std::uint32_t part) { return (from_unorm(part, 10) - 0.5) / kHalfRoot; });
 }
 
 std::uint32_t pack_signed_rotation(const Four& quaternion) {
-  const auto& [q, largest] = orient(quaternion);
-  auto word = static_cast<std::uint32_t>(largest);
-  for (std::size_t i = 0; i < 4; ++i) {
-    if (i == largest) continue;
-    const std::uint32_t negative = q[i] < 0.0 ? 1 : 0;
-    word = word << 10U | negative << 9U | to_unorm(std::abs(q[i]) / kHalfRoot, 9);
-  }
-  return word;
+  return pack_components(quaternion, [](double part) {
+    const std::uint32_t negative = part < 0.0 ? 1 : 0;
+    return negative << 9U | to_unorm(std::abs(part) / kHalfRoot, 9);
+  });
 }
 
 Four unpack_signed_rotation(std::uint32_t word) {
-  const std::size_t largest = word >> 30U;
-  Four q{};
-  unsigned shift = 20;
-  for (std::size_t i = 0; i < 4; ++i) {
-    if (i == largest) continue;
-    const std::uint32_t part = word >> shift;
-    q[i] = kHalfRoot * static_cast<double>(part & 511U) / kSignedMax;
-    if ((part & 512U) != 0) q[i] = -q[i];
-    shift -= 10;  // wraps after the last one
-  }
-  fill_largest(q, largest);
-  return q;
+  return unpack_components(word, [](std::uint32_t part) {
+    const double size = kHalfRoot * static_cast<double>(part & 511U) / kSignedMax;
+    return (part & 512U) != 0 ? -size : size;
+  });
 }
 
 float logit(double opacity) {
