@@ -49,7 +49,8 @@ Clock clock_of(const VideoFile& file) {
 cv::VideoCapture open_video(const fs::path& path, bool keep_sensor_axes) {
   cv::VideoCapture video;
   try {
-    video.open(path.string());
+    // Others load plugins of the system and take a name with digits for a series of images.
+    video.open(path.string(), cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {  // reported below
   }
   if (!video.isOpened()) {

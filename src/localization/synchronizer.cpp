@@ -86,6 +86,7 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& samples,
 Synchronizer::Synchronizer(const dipo::Config& config, const Rig& rig, bool use_dvl,
                            std::size_t cameras)
     : rig_(rig),
+      gravity_(config.gravity),
       segment_gap_s_(config.inertial.segment_gap_s),
       cameras_(cameras),
       imu_(kBufferDuration) {
@@ -210,7 +211,7 @@ void Synchronizer::add_pings(const std::vector<PingOutput>& outputs) {
     Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
     if (const auto sample = imu_.at(output.estimate.stamp)) {
       acceleration = sample->accel - nav.accel_bias +
-                     nav.R_world_body.conjugate() * rig_.gravity(9.81) -
+                     nav.R_world_body.conjugate() * rig_.gravity(gravity_) -
                      (sample->gyro - nav.gyro_bias).cross(nav.v_body);
     }
     new_pings_.push_back(to_vio_measurement(raw->second, output.estimate, rig_, acceleration));

@@ -47,6 +47,7 @@ class Synchronizer {
   void complete(FrameJob& job);
 
   Rig rig_;
+  double gravity_;  ///< [m/s²]
   double segment_gap_s_;
   std::size_t cameras_;
   std::optional<AcousticOdometry> acoustic_odometry_;
