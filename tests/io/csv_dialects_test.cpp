@@ -78,6 +78,81 @@ TEST(CsvDialects, Utf16IsAnErrorThatSaysSo) {
   EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }), HasSubstr("UTF-16"));
 }
 
+TEST(CsvDialects, TimeIsFoundByTheNameOfItsColumn) {
+  const std::string first = "1403636581838555574";
+  const std::string second = "1403636581843555574";
+  const std::string row = "0.1,-0.25,3,1,2e-3,9.5";
+  expect_same_samples("w_x,w_y,w_z,a_x,a_y,a_z,timestamp [ns]\n" + row + "," + first + "\n" + row +
+                      "," + second + "\n");
+  expect_same_samples("seq,timestamp,w_x,w_y,w_z,a_x,a_y,a_z\n0," + first + "," + row + "\n1," +
+                      second + "," + row + "\n");
+  expect_same_samples(",time_us,w_x,w_y,w_z,a_x,a_y,a_z\n0,1403636581838555.574," + row +
+                      "\n1,1403636581843555.574," + row + "\n");
+  expect_same_samples("ros_time [ns],w_x,w_y,w_z,a_x,a_y,a_z,t\n" + first + "," + row + ",0\n" +
+                      second + "," + row + ",5\n");
+}
+
+TEST(CsvDialects, RemarksMayPrecedeTheHeader) {
+  const std::string rows =
+      "1403636581838555574;0.1;-0.25;3;1;2e-3;9.5\n1403636581843555574;0.1;-0.25;3;1;2e-3;9.5\n";
+  expect_same_samples(
+      "# written by a logger, version 2\n# second line\n\n"
+      "#timestamp [ns];w_x;w_y;w_z;a_x;a_y;a_z\n" +
+      rows);
+  expect_same_samples("sep=;\ntimestamp;w_x;w_y;w_z;a_x;a_y;a_z\n" + rows);
+}
+
+TEST(CsvDialects, BarsSeparate) {
+  expect_same_samples(
+      "timestamp|w_x|w_y|w_z|a_x|a_y|a_z\n1403636581838555574|0.1|-0.25|3|1|2e-3|9.5\n"
+      "1403636581843555574|0.1|-0.25|3|1|2e-3|9.5\n");
+}
+
+std::string error_of(const std::string& text) {
+  const TmpDir dir;
+  test::write_imu(dir, text);
+  return input_error([&] { read_dataset(config_for(dir.path())); });
+}
+
+// 50 rows of an IMU whose times are these.
+template <typename Time>
+std::string rows_at(const std::string& time_column, Time&& time) {
+  std::string text = time_column + ",w_x,w_y,w_z,a_x,a_y,a_z\n";
+  for (int i = 0; i < 50; ++i) text += time(i) + ",0,0,0,0,0,9.8\n";
+  return text;
+}
+
+TEST(CsvDialects, OtherTablesAreErrorsThatSayWhatTheyAre) {
+  EXPECT_THAT(error_of("timestamp w_x w_y w_z a_x a_y a_z\n1 0 0 0 0 0 9.8\n"),
+              HasSubstr("data.csv:1: one column only; separate them by commas"));
+  EXPECT_THAT(error_of("#timestamp,w_x\r1,0\r2,0\r"), HasSubstr("the lines end in CR only"));
+  EXPECT_THAT(error_of(std::string("t\0i\0m\0e\0", 8)), HasSubstr("this file is UTF-16"));
+  EXPECT_THAT(error_of(std::string(100, '\0')), HasSubstr("zero bytes instead of a header line"));
+}
+
+TEST(CsvDialects, TimesThatAreNoNanosecondsAreErrors) {
+  EXPECT_THAT(error_of(rows_at("time", [](int i) { return fmt::format("{}", 10 * i); })),
+              HasSubstr("column time has no unit and steps by 10, too little for nanoseconds; name "
+                        "the unit in the header, such as time [ms]"));
+  EXPECT_THAT(
+      error_of(rows_at("time [ns]", [](int i) { return fmt::format("1457229350.{:02}", i + 1); })),
+      HasSubstr("nanoseconds have no decimals, but 1457229350.01 has: is it [s]?"));
+  EXPECT_THAT(
+      error_of(rows_at("time", [](int i) { return fmt::format("2024-05-01T12:00:{:02}Z", i); })),
+      HasSubstr("\"2024-05-01T12:00:00Z\" is a date; write the time as a number"));
+}
+
+TEST(CsvDialects, ZeroBytesAtTheEndAreOneBadRow) {
+  const TmpDir dir;
+  test::write_imu(
+      dir, std::string(test::kImuHeader) + test::imu_rows({1.0, 1.1}) + std::string(5000, '\0'));
+  testing::internal::CaptureStderr();
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_EQ(testing::internal::GetCapturedStderr().find('\0'), std::string::npos);
+  EXPECT_EQ(out.delivered("imu"), 2U);
+  EXPECT_EQ(out.dropped("imu", DropReason::malformed), 1U);
+}
+
 TEST(MalformedRows, AreReportedOncePerKindWithTextAndCount) {
   const TmpDir dir;
   test::write_imu(dir, std::string(test::kImuHeader) + test::imu_rows({1.0}) +

@@ -29,11 +29,16 @@ TEST(Units, AreKnownInEveryUsualSpelling) {
   for (const char* word : {"m/s^2", "m s^-2", "m/s2", "m/s²", "m s⁻²", "m/s/s", "m/s**2"}) {
     ASSERT_NE(io::find_unit(Dimension::acceleration, word), nullptr) << word;
   }
-  for (const char* word : {"deg/s", "°/s", "dps", "deg s^-1"}) {
+  for (const char* word : {"deg/s", "°/s", "dps", "deg s^-1", "degree/s", "\xB0/s"}) {
     const io::Unit* unit = io::find_unit(Dimension::angular_rate, word);
     ASSERT_NE(unit, nullptr) << word;
     EXPECT_DOUBLE_EQ(unit->to_si, std::numbers::pi / 180.0) << word;
   }
+  for (const char* word : {"m", "meters", "Meter"}) {
+    ASSERT_NE(io::find_unit(Dimension::length, word), nullptr) << word;
+    EXPECT_EQ(io::find_unit(Dimension::length, word)->to_si, 1.0) << word;
+  }
+  EXPECT_EQ(io::find_unit(Dimension::length, "feet")->name, "ft");
   EXPECT_EQ(io::find_unit(Dimension::speed, "m"), nullptr);
   EXPECT_EQ(io::find_unit(Dimension::pressure, "mPa"), nullptr);
 }
@@ -69,6 +74,15 @@ TEST(DatasetFolder, ConvertsUnitsOfHeader) {
   EXPECT_TRUE(imu.gyro.isApprox(Eigen::Vector3d(std::numbers::pi, std::numbers::pi / 2, 1), 1e-12));
   EXPECT_TRUE(imu.accel.isApprox(Eigen::Vector3d(9.80665, 4.903325, 3), 1e-12));
   EXPECT_DOUBLE_EQ(std::get<PressureDepthSample>(out.events[2]).depth_m, 2.5);
+}
+
+TEST(DatasetFolder, UnitsMayBeAppendedToNames) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv", "timestamp_ms,v_x_mm_s,vy_m_s,vel_z_cm_s\n1500,250,2,30\n");
+  const auto out = read_dataset(config_for(dir.path()));
+  ASSERT_EQ(out.events.size(), 1U);
+  EXPECT_TRUE(
+      std::get<DvlSample>(out.events[0]).velocity.isApprox(Eigen::Vector3d(0.25, 2.0, 0.3), 1e-12));
 }
 
 TEST(DatasetFolder, UnknownUnitIsAnErrorWithFileColumnAndKnownOnes) {
@@ -174,6 +188,21 @@ TEST(DvlPlaceholders, AreInvalidSamples) {
     valid.push_back(std::get<DvlSample>(event).valid);
   }
   EXPECT_THAT(valid, testing::ElementsAre(true, false, false, false, false));
+}
+
+TEST(DvlFlags, OtherWordsAreMalformedWithTheirReason) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv",
+            "#timestamp [ns],v_x,v_y,v_z,valid\n10,1,2,3,A\n20,1,2,3,V\n30,1,2,3,y\n40,1,2,3,4\n");
+  testing::internal::CaptureStderr();
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("data.csv:5: dvl sample dropped: malformed: column valid is not 0 or 1: "
+                        "\"4\""));
+  ASSERT_EQ(out.delivered("dvl"), 3U);
+  EXPECT_TRUE(std::get<DvlSample>(out.events[0]).valid);
+  EXPECT_FALSE(std::get<DvlSample>(out.events[1]).valid);
+  EXPECT_TRUE(std::get<DvlSample>(out.events[2]).valid);
 }
 
 TEST(DvlPlaceholders, FlagsMayBeWords) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "core/text.hpp"
+#include "io/folder/time_column.hpp"
 
 namespace apvi::io {
 namespace {
@@ -19,12 +20,24 @@ std::string_view without_quotes(std::string_view cell) {
 char separator_of(std::string_view header) {
   char best = ',';
   std::ptrdiff_t most = std::count(header.begin(), header.end(), ',');
-  for (const char c : {';', '\t'}) {
+  for (const char c : {';', '\t', '|'}) {
     const std::ptrdiff_t count = std::count(header.begin(), header.end(), c);
     if (count > most) best = c;
     most = std::max(most, count);
   }
   return best;
+}
+
+bool is_remark(std::string_view line) {
+  if (text::to_lower(line).starts_with("sep=")) return true;  // for Excel
+  if (!line.starts_with('#')) return false;
+  line.remove_prefix(1);
+  std::vector<std::string_view> cells;
+  split_quoted(line, separator_of(line), cells);
+  return cells.size() < 2 || std::none_of(cells.begin(), cells.end(), [](std::string_view cell) {
+           const auto [name, unit] = split_unit(cell);
+           return may_be_time(name) || is_time_name(name, !unit.empty());
+         });
 }
 
 void split_quoted(std::string_view line, char separator, std::vector<std::string_view>& cells) {

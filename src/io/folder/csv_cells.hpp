@@ -9,8 +9,12 @@
 /// The cells of one line of CSV, in the dialects of spreadsheets and loggers.
 namespace apvi::io {
 
-/// The separator that a header uses: comma, semicolon or tab; a comma when there is one column.
+/// The separator that a header uses: comma, semicolon, tab or bar; a comma when there is one
+/// column.
 char separator_of(std::string_view header);
+/// Whether a line before the header is none: a comment, or Excel's "sep=;". A header that begins
+/// with `#` has a column for the time.
+bool is_remark(std::string_view line);
 /// As text::split, but separators between quotes belong to the cell; quotes are removed.
 void split_quoted(std::string_view line, char separator, std::vector<std::string_view>& cells);
 /// "1,5" as "1.5", where commas do not separate cells.

@@ -8,6 +8,7 @@
 #include "apvi/core/error.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
+#include "io/folder/time_column.hpp"
 
 namespace apvi::io {
 namespace {
@@ -16,6 +17,15 @@ namespace fs = std::filesystem;
 
 // Bounds memory for files without line breaks; no sensor row is longer.
 constexpr std::size_t kMaxLineBytes = std::size_t{64} * 1024;
+
+// For messages: the beginning, without what a terminal or a log cannot show.
+std::string shown(std::string_view text) {
+  constexpr std::size_t kMaxShown = 80;
+  std::string words(text.substr(0, kMaxShown));
+  std::replace_if(
+      words.begin(), words.end(), [](unsigned char c) { return c < ' '; }, '?');
+  return words;
+}
 
 }  // namespace
 
@@ -57,14 +67,28 @@ bool CsvFile::read_line() {
   return true;
 }
 
-std::string_view CsvFile::find_header() {
-  bool found = false;
-  while (!found && read_line()) found = !text::trim(text::without_byte_order_mark(line_)).empty();
-  if (!found) fail_input("{}: the file is empty; expected a header line", name_);
-  if (line_.starts_with("\xFF\xFE") || line_.starts_with("\xFE\xFF")) {
+// UTF-16 has a mark or a zero byte in every other place. Files that a power failure cut short hold
+// zero bytes only.
+void CsvFile::check_encoding() const {
+  const bool zero = line_.find('\0') != std::string_view::npos;
+  if (line_.size() > 1 && line_[0] == 0 && line_[1] == 0) {
+    fail_input("{}:{}: zero bytes instead of a header line: the recording was not written", name_,
+               line_number_);
+  }
+  if (zero || line_.starts_with("\xFF\xFE") || line_.starts_with("\xFE\xFF")) {
     fail_input("{}: this file is UTF-16; save it as UTF-8", name_);
   }
-  std::string_view header = text::trim(text::without_byte_order_mark(line_));
+  if (text::trim(line_).find('\r') == std::string_view::npos) return;
+  fail_input("{}: the lines end in CR only; save it with LF or CRLF line breaks", name_);
+}
+
+std::string_view CsvFile::find_header() {
+  std::string_view header;
+  do {
+    if (!read_line()) fail_input("{}: the file is empty; expected a header line", name_);
+    check_encoding();
+    header = text::trim(text::without_byte_order_mark(line_));
+  } while (header.empty() || is_remark(header));
   if (header.starts_with('#')) header.remove_prefix(1);
   return header;
 }
@@ -84,6 +108,7 @@ void CsvFile::read_header() {
     columns_.push_back(std::move(column));
     units_.push_back(std::move(unit));
   }
+  time_column_ = find_time_column(columns_, units_);
   read_time_unit();
   check_stamps();
 }
@@ -98,6 +123,10 @@ std::optional<std::size_t> CsvFile::find(std::initializer_list<std::string_view>
 
 std::size_t CsvFile::require_column(std::initializer_list<std::string_view> names) const {
   if (const auto column = find(names)) return *column;
+  if (columns_.size() == 1) {
+    fail_input("{}:{}: one column only; separate them by commas, semicolons or tabs", name_,
+               line_number_);
+  }
   fail_input("{}: the header has no column \"{}\"; add it, or rename the one that holds it", name_,
              *names.begin());
 }
@@ -111,7 +140,7 @@ void CsvFile::split_cells(std::string_view line) {
 }
 
 bool CsvFile::next() {
-  unread_.reset();
+  refused_.reset();
   while (read_line()) {
     const std::string_view line = text::trim(line_);
     if (line.empty() || line.starts_with('#')) continue;
@@ -134,10 +163,13 @@ bool CsvFile::complete() const {
 }
 
 std::optional<RowProblem> CsvFile::problem() const {
-  constexpr std::size_t kMaxShown = 80;
-  const std::string line(text::trim(line_).substr(0, kMaxShown));
+  const std::string line = shown(text::trim(line_));
   if (too_long_) return RowProblem{"the line is too long", line};
-  if (!stamp_ns()) return RowProblem{"no stamp in the first column", std::string(cell(0))};
+  if (!stamp_ns()) {
+    const std::string place =
+        time_column_ == 0 ? "the first column" : "column " + columns_[time_column_];
+    return RowProblem{"no stamp in " + place, shown(cell(time_column_))};
+  }
   if (cells_.size() < columns_.size()) return RowProblem{"too few cells", line};
   if (!complete()) return RowProblem{"more cells than the header", line};
   return std::nullopt;

@@ -40,7 +40,7 @@ class CsvFile {
   using Names = std::initializer_list<std::string_view>;
 
   /// Opens the file and reads its header. Throws InputError when it cannot be opened, is a folder,
-  /// is empty, is UTF-16, or starts with numbers instead of a header.
+  /// is empty, is UTF-16, or starts with numbers instead of a header. Comments may precede it.
   explicit CsvFile(const std::filesystem::path& path);
   /// Reads from any stream; `name` is the file name for messages.
   CsvFile(std::unique_ptr<std::istream> in, std::string name);
@@ -69,14 +69,17 @@ class CsvFile {
   std::optional<double> number(const Quantity& quantity) const;
   /// Whether the row has as many cells as the header (extra cells must be empty).
   bool complete() const;
-  /// The first column as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise. Without
-  /// a unit the first rows tell it.
+  /// The time of the row as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise.
+  /// Without a unit the first rows tell it.
   std::optional<std::int64_t> stamp_ns() const;
   /// What is wrong with the row's cells or stamp; nullopt when nothing is.
   std::optional<RowProblem> problem() const;
 
-  /// The last cell that `number` could not read; nullopt when there was none in this row.
-  std::optional<RowProblem> number_problem() const;
+  /// Notes that a cell cannot be used: "column NAME" and `why` become its problem.
+  void refuse(std::size_t column, std::string_view why) const;
+  /// The last cell that was refused or that `number` could not read; nullopt when there was none in
+  /// this row.
+  std::optional<RowProblem> cell_problem() const;
 
   /// Calls `visit` for each of the remaining rows, until it returns false, and then goes back, so
   /// that `next` gives the same rows again. False when the input cannot be read twice (a pipe);
@@ -90,10 +93,14 @@ class CsvFile {
 
  private:
   bool read_line();
+  void check_encoding() const;
   std::string_view find_header();
   void read_header();
   void read_time_unit();
   void check_stamps();
+  std::string time_text() const;
+  std::vector<std::string> first_times();
+  void check_nanoseconds(const std::vector<std::string>& times, bool stated) const;
   void split_cells(std::string_view line);
   const Unit* unit_in_name(std::size_t column, Names names, Dimension dimension) const;
 
@@ -108,9 +115,14 @@ class CsvFile {
   std::vector<std::string> columns_;
   std::vector<std::string> units_;
   std::vector<std::string_view> cells_;
-  mutable std::optional<std::size_t> unread_;  // column of the last cell without a number
+  struct Refused {
+    std::size_t column = 0;
+    std::string_view why;  // a literal
+  };
+  mutable std::optional<Refused> refused_;  // the last cell that could not be used
   char separator_ = ',';
-  int time_power_ = 0;  // of ten nanoseconds: unit of the first column
+  std::size_t time_column_ = 0;
+  int time_power_ = 0;  // of ten nanoseconds: unit of the time
 };
 
 /// Upper limit of plausible stamps (year 2112); differences of stamps in [0, limit] cannot

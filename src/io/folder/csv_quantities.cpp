@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string>
 
 #include "apvi/core/error.hpp"
@@ -17,7 +18,11 @@ const Unit* CsvFile::unit_in_name(std::size_t column, Names names, Dimension dim
     std::string_view rest = columns_[column];
     if (!rest.starts_with(name)) continue;
     rest.remove_prefix(name.size());
-    if (rest.starts_with('_')) return find_unit(dimension, rest.substr(1));
+    if (!rest.starts_with('_')) continue;
+    std::string word(rest.substr(1));
+    if (const Unit* unit = find_unit(dimension, word)) return unit;
+    std::replace(word.begin(), word.end(), '_', '/');  // "v_x_mm_s"
+    if (const Unit* unit = find_unit(dimension, word)) return unit;
   }
   return nullptr;
 }
@@ -45,14 +50,18 @@ std::optional<double> CsvFile::number(std::size_t column) const {
   const std::string_view word = cell(column);
   const bool comma = separator_ != ',' && word.find(',') != std::string_view::npos;
   const auto value = text::parse_double(comma ? with_decimal_point(word) : word);
-  if (!value) unread_ = column;
+  if (!value) refuse(column, "is not a number");
   return value;
 }
 
-std::optional<RowProblem> CsvFile::number_problem() const {
-  if (!unread_) return std::nullopt;
-  return RowProblem{fmt::format("column {} is not a number", columns_[*unread_]),
-                    std::string(cell(*unread_))};
+void CsvFile::refuse(std::size_t column, std::string_view why) const {
+  refused_ = Refused{column, why};
+}
+
+std::optional<RowProblem> CsvFile::cell_problem() const {
+  if (!refused_) return std::nullopt;
+  return RowProblem{fmt::format("column {} {}", columns_[refused_->column], refused_->why),
+                    std::string(cell(refused_->column))};
 }
 
 std::optional<double> CsvFile::number(const Quantity& quantity) const {

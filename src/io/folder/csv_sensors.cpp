@@ -3,9 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <initializer_list>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -42,7 +45,7 @@ class CsvSource : public SampleSource {
   std::string where() const override { return file_.where(); }
   std::pair<std::string, std::string> problem() const override {
     if (const auto problem = file_.problem()) return {problem->kind, problem->text};
-    if (const auto problem = file_.number_problem()) return {problem->kind, problem->text};
+    if (const auto problem = file_.cell_problem()) return {problem->kind, problem->text};
     const auto image = file_.find({"filename"});
     if (image) return {"no such image file", std::string(file_.cell(*image))};
     return {};
@@ -74,18 +77,24 @@ std::optional<double> number_in(const CsvFile& row, const std::optional<Quantity
   return row.number(*quantity);
 }
 
+bool is_one_of(std::string_view word, std::initializer_list<std::string_view> words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
 enum class Flag { absent, yes, no, malformed };
 
 Flag flag_in(const CsvFile& row, std::optional<std::size_t> column) {
   if (!column || row.cell(*column).empty()) return Flag::absent;
   const std::string word = text::to_lower(row.cell(*column));
-  if (word == "true" || word == "yes") return Flag::yes;
-  if (word == "false" || word == "no") return Flag::no;
+  // A and V are the status of NMEA sentences and of PD6.
+  if (is_one_of(word, {"true", "t", "yes", "y", "valid", "ok", "a"})) return Flag::yes;
+  if (is_one_of(word, {"false", "f", "no", "n", "invalid", "v"})) return Flag::no;
   const auto number = row.number(*column);  // pandas writes 1.0 and 0.0, and nan for gaps
-  if (!number) return Flag::malformed;
-  if (std::isnan(*number)) return Flag::absent;
-  if (*number == 1.0) return Flag::yes;
-  return *number == 0.0 ? Flag::no : Flag::malformed;
+  if (number && std::isnan(*number)) return Flag::absent;
+  if (number == 1.0) return Flag::yes;
+  if (number == 0.0) return Flag::no;
+  row.refuse(*column, "is not 0 or 1");
+  return Flag::malformed;
 }
 
 struct DvlColumns {
@@ -188,19 +197,22 @@ void read_pressures(CsvFile& file, const Quantity& column, const PressureSource&
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
   using enum Dimension;
   const Quantity3 gyro = {
-      file.require_quantity({"w_x", "w_rs_s_x", "wx", "ang_vel_x", "angular_velocity_x"},
+      file.require_quantity({"w_x", "w_rs_s_x", "wx", "ang_vel_x", "angular_velocity_x", "gyro_x"},
                             angular_rate),
-      file.require_quantity({"w_y", "w_rs_s_y", "wy", "ang_vel_y", "angular_velocity_y"},
+      file.require_quantity({"w_y", "w_rs_s_y", "wy", "ang_vel_y", "angular_velocity_y", "gyro_y"},
                             angular_rate),
-      file.require_quantity({"w_z", "w_rs_s_z", "wz", "ang_vel_z", "angular_velocity_z"},
+      file.require_quantity({"w_z", "w_rs_s_z", "wz", "ang_vel_z", "angular_velocity_z", "gyro_z"},
                             angular_rate)};
   const Quantity3 accel = {
-      file.require_quantity({"a_x", "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x"},
-                            acceleration),
-      file.require_quantity({"a_y", "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y"},
-                            acceleration),
-      file.require_quantity({"a_z", "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z"},
-                            acceleration)};
+      file.require_quantity(
+          {"a_x", "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x", "acc_x", "accel_x"},
+          acceleration),
+      file.require_quantity(
+          {"a_y", "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y", "acc_y", "accel_y"},
+          acceleration),
+      file.require_quantity(
+          {"a_z", "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z", "acc_z", "accel_z"},
+          acceleration)};
   const auto factor = std::make_shared<double>(1.0);  // from what the columns hold to SI
   return make_source(
       std::move(file),

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
 #include <string>
+#include <vector>
 
 #include "apvi/core/error.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
 #include "io/folder/csv_file.hpp"
+#include "io/folder/time_column.hpp"
 
 // The unit of the stamps of a CSV file, and whether they are complete.
 namespace apvi::io {
@@ -13,29 +14,63 @@ namespace {
 
 // Rows that tell the unit of the stamps, and whether they lost digits.
 constexpr std::size_t kStampRows = 1000;
-constexpr std::size_t kFewRows = 20;  // less say nothing about lost digits
+constexpr std::size_t kFewRows = 20;      // less say nothing about lost digits
+constexpr double kMinStepNs = 100'000.0;  // IMUs are read at 8 kHz at most
+
+// "2024-05-01T12:00:00Z", "01.05.2024 12:00:00", "12:00:00.5"
+bool is_date(std::string_view stamp) {
+  return stamp.find_first_of("0123456789") == 0 &&
+         (stamp.find(':') != std::string_view::npos || stamp.find('-') != stamp.rfind('-'));
+}
 
 }  // namespace
 
-void CsvFile::read_time_unit() {
-  const std::string& column = columns_.front();
-  const std::string suffix = column.substr(std::min(column.rfind('_'), column.size() - 1) + 1);
-  const bool bracketed = !units_.front().empty();
-  const Unit* unit = find_unit(Dimension::time, bracketed ? units_.front() : suffix);
-  if (bracketed && unit == nullptr) {
-    fail_input("{}:{}: column {}: unknown time unit [{}]; known: {}", name_, line_number_, column,
-               units_.front(), known_units(Dimension::time));
-  }
-  if (unit != nullptr) {
-    time_power_ = unit->time_power;
-    return;
-  }
-  std::vector<std::string> stamps;
+std::string CsvFile::time_text() const {
+  const std::string_view text = cell(time_column_);
+  return separator_ == ',' ? std::string(text) : with_decimal_point(text);
+}
+
+std::vector<std::string> CsvFile::first_times() {
+  std::vector<std::string> times;
   look_ahead([&] {
-    stamps.push_back(with_decimal_point(cell(0)));
-    return stamps.size() < kStampRows;
+    times.push_back(time_text());
+    return times.size() < kStampRows;
   });
-  time_power_ = guess_time_power(stamps, 0);
+  return times;
+}
+
+void CsvFile::read_time_unit() {
+  const std::string& column = columns_[time_column_];
+  const std::string& stated = units_[time_column_];
+  const Unit* unit =
+      find_unit(Dimension::time, stated.empty() ? time_unit_in_name(column) : stated);
+  if (!stated.empty() && unit == nullptr) {
+    fail_input("{}:{}: column {}: unknown time unit [{}]; known: {}", name_, line_number_, column,
+               stated, known_units(Dimension::time));
+  }
+  const std::vector<std::string> times = first_times();
+  time_power_ = unit != nullptr ? unit->time_power : guess_time_power(times, 0);
+  if (time_power_ == 0) check_nanoseconds(times, unit != nullptr);
+}
+
+// Dates, and numbers that are something else than the nanoseconds that they are taken for.
+void CsvFile::check_nanoseconds(const std::vector<std::string>& times, bool stated) const {
+  if (times.empty()) return;
+  const std::string& column = columns_[time_column_];
+  if (is_date(times.front())) {
+    fail_input("{}: column {}: \"{}\" is a date; write the time as a number, in s or ns since 1970",
+               name_, column, times.front());
+  }
+  if (stated && guess_time_power(times, 0) == 9) {
+    fail_input("{}: column {}: nanoseconds have no decimals, but {} has: is it [s]?", name_, column,
+               times.front());
+  }
+  const double step = median_time_step(times);
+  if (stated || times.size() < kFewRows || step <= 0.0 || step >= kMinStepNs) return;
+  fail_input(
+      "{}: column {} has no unit and steps by {:.6g}, too little for nanoseconds; name the unit "
+      "in the header, such as {} [ms]",
+      name_, column, step, column);
 }
 
 // Stamps written with too few digits are equal from row to row, although the values change. Rows
@@ -46,8 +81,11 @@ void CsvFile::check_stamps() {
   std::string before;
   std::string values_before;
   look_ahead([&] {
-    const std::string stamp(cell(0));
-    const std::string values(line_.substr(std::min(line_.find(separator_), line_.size())));
+    const std::string stamp(cell(time_column_));
+    std::string values;
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (i != time_column_) values.append(cells_[i]).push_back(separator_);
+    }
     merged += stamp_ns() && stamp == before && values != values_before ? 1 : 0;
     before = stamp;
     values_before = values;
@@ -61,9 +99,9 @@ void CsvFile::check_stamps() {
 }
 
 std::optional<std::int64_t> CsvFile::stamp_ns() const {
-  const bool comma = separator_ != ',' && cell(0).find(',') != std::string_view::npos;
-  const auto ns =
-      text::parse_scaled_int64(comma ? with_decimal_point(cell(0)) : cell(0), time_power_);
+  const std::string_view text = cell(time_column_);
+  const bool comma = separator_ != ',' && text.find(',') != std::string_view::npos;
+  const auto ns = text::parse_scaled_int64(comma ? with_decimal_point(text) : text, time_power_);
   if (!ns || *ns < 0 || *ns > kMaxStampNs) return std::nullopt;
   return ns;
 }

@@ -74,11 +74,16 @@ void replace_all(std::string& text, std::string_view from, std::string_view to) 
 // One spelling for "m s^-1", "m/sec", "m·s⁻¹" and the like: "m/s".
 std::string canonical(std::string_view word) {
   std::string unit = text::to_lower(text::trim(word));
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 19> kSpellings = {{
-      {"⁻²", "^-2"},      {"²", "^2"},      {"⁻¹", "^-1"}, {"⁻", "^-"},      {"µ", "u"},
-      {"μ", "u"},         {"°", "deg"},     {"·", ""},     {"*", ""},        {" ", ""},
-      {"degrees", "deg"}, {"seconds", "s"}, {"sec", "s"},  {"^^", "^"},      {"s^-2", "/s^2"},
-      {"s-2", "/s^2"},    {"s^-1", "/s"},   {"s-1", "/s"}, {"/s/s", "/s^2"},
+  // "\xB0", "\xB2" and "\xB5" are °, ² and µ in Latin-1.
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 29> kSpellings = {{
+      {"⁻²", "^-2"},     {"²", "^2"},        {"⁻¹", "^-1"},     {"⁻", "^-"},
+      {"µ", "u"},        {"μ", "u"},         {"°", "deg"},      {"·", ""},
+      {"\xB0", "deg"},   {"\xB2", "^2"},     {"\xB5", "u"},     {"*", ""},
+      {" ", ""},         {"degrees", "deg"}, {"degree", "deg"}, {"radians", "rad"},
+      {"radian", "rad"}, {"seconds", "s"},   {"second", "s"},   {"sec", "s"},
+      {"meters", "m"},   {"meter", "m"},     {"feet", "ft"},    {"^^", "^"},
+      {"s^-2", "/s^2"},  {"s-2", "/s^2"},    {"s^-1", "/s"},    {"s-1", "/s"},
+      {"/s/s", "/s^2"},
   }};
   for (const auto& [from, to] : kSpellings) replace_all(unit, from, to);
   replace_all(unit, "//", "/");
@@ -135,6 +140,14 @@ std::string known_units(Dimension dimension) {
     names += fmt::format("{}[{}]", names.empty() ? "" : ", ", unit.name);
   }
   return names;
+}
+
+double median_time_step(const std::vector<std::string>& stamps) {
+  std::vector<double> times;
+  for (const std::string& stamp : stamps) {
+    if (const auto time = text::parse_double(stamp)) times.push_back(*time);
+  }
+  return median_step(times);
 }
 
 int guess_time_power(const std::vector<std::string>& stamps, int fallback) {

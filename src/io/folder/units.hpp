@@ -31,4 +31,7 @@ std::string known_units(Dimension dimension);
 /// `fallback` when neither tells. Returns the power of ten of nanoseconds: 9, 6, 3 or 0.
 int guess_time_power(const std::vector<std::string>& stamps, int fallback);
 
+/// The median of the positive steps of stamps, as written; 0 when there is none.
+double median_time_step(const std::vector<std::string>& stamps);
+
 }  // namespace apvi::io

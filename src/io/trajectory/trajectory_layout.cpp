@@ -8,6 +8,7 @@
 #include "apvi/core/error.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
+#include "io/folder/time_column.hpp"
 #include "io/folder/units.hpp"
 
 namespace apvi::io {
@@ -52,21 +53,11 @@ std::vector<Column> columns_of(std::string_view line) {
 
 // The unit of a time column, in brackets or appended ("time_ns"); "" when not stated.
 std::string time_unit_of(const Column& column) {
-  if (!column.unit.empty()) return column.unit;
-  const std::size_t underscore = column.name.rfind('_');
-  const bool appended = underscore != std::string::npos;
-  const std::string word = appended ? column.name.substr(underscore + 1) : column.name;
-  const bool known = find_unit(Dimension::time, word) != nullptr && (appended || word != "s");
-  return known ? word : "";
+  return column.unit.empty() ? time_unit_in_name(column.name) : column.unit;
 }
 
 bool is_time(const Column& column) {
-  const std::size_t underscore = std::min(column.name.rfind('_'), column.name.size());
-  const std::string stem = time_unit_of(column).empty() || !column.unit.empty()
-                               ? column.name
-                               : column.name.substr(0, underscore);
-  return is_in(stem, {"timestamp", "timestamps", "time", "t", "stamp", "stamps", "sec", "secs",
-                      "seconds", "ns", "us", "ms", "utime", "header.stamp"});
+  return is_time_name(column.name, !column.unit.empty());
 }
 
 // The part of a name before its axis: "p_rs_r" of "p_rs_r_x", "q" of "qx"; nullopt for other axes.
