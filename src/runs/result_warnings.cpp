@@ -45,7 +45,7 @@ void check_gravity(const Evidence& evidence, Warnings& warnings) {
     hint = "it seems to be in g: convert it to m/s²";
   } else if (near(1000.0)) {
     hint = "it seems to be in milli-g or cm/s²: convert it to m/s²";
-  } else if (*accel < 0.3 * evidence.gravity) {
+  } else if (*accel < 0.5 * evidence.gravity) {
     hint = "gravity seems to be removed: record the raw specific force";
   }
   warnings.push_back(fmt::format(
@@ -75,7 +75,9 @@ void check_saturation(const Evidence& evidence, Warnings& warnings) {
 }
 
 void check_dvl_speed(const Evidence& evidence, Warnings& warnings) {
-  const auto speed = evidence.samples.median_dvl_speed();
+  const auto locked = evidence.samples.median_dvl_speed();
+  // Velocities in mm/s are so fast that every ping is taken for a placeholder.
+  const auto speed = locked ? locked : evidence.samples.median_unlocked_speed();
   if (!speed || *speed <= kMaxSpeed) return;
   warnings.push_back(
       fmt::format("dvl: the median speed is {:.3g} m/s, more than vehicles move: check whether it "
@@ -112,6 +114,23 @@ void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
         "dvl: only {:.0f} of {:.0f} pings had bottom lock: check altitude and validity flags",
         locked, all));
   }
+}
+
+// A wrong unit or sign of the pressure contradicts the vertical velocity of the DVL.
+void check_depths(const AcousticService& acoustic, Warnings& warnings) {
+  using dipo::Verdict;
+  const auto count = [&](Verdict verdict) {
+    const auto found = acoustic.counts.depths.find(verdict);
+    return found == acoustic.counts.depths.end() ? 0.0 : static_cast<double>(found->second);
+  };
+  const double accepted = count(Verdict::accepted);
+  const double all = accepted + count(Verdict::downweighted) + count(Verdict::rejected);
+  const bool reported = accepted + count(Verdict::downweighted) == 0.0;  // by check_inputs
+  if (reported || accepted >= kMinUsed * all) return;
+  warnings.push_back(
+      fmt::format("pressure: only {:.0f} of {:.0f} samples agree with DVL and IMU: check its unit "
+                  "(dataset.pressure_unit), its sign, and the stamps with `apvi doctor`",
+                  accepted, all));
 }
 
 // Innovations too large even for the maximum accelerometer noise have another cause.
@@ -165,6 +184,7 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
   if (evidence.acoustic) check_acceptance(*evidence.acoustic, warnings);
+  if (evidence.acoustic) check_depths(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_agreement(*evidence.acoustic, warnings);
   check_speed(evidence, fused, warnings);
   return warnings;

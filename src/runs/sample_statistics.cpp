@@ -26,8 +26,10 @@ void SampleStatistics::add(const SensorEvent& event) {
     add_pause(imu->stamp);
     accel_.push_back(static_cast<float>(imu->accel.norm()));
     gyro_.push_back(static_cast<float>(imu->gyro.norm()));
-  } else if (const auto* ping = std::get_if<DvlSample>(&event); ping != nullptr && ping->valid) {
-    dvl_speed_.push_back(static_cast<float>(ping->velocity.norm()));
+  } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
+    const auto speed = static_cast<float>(ping->velocity.norm());
+    if (ping->valid) dvl_speed_.push_back(speed);
+    if (!ping->valid && speed > 0.0F) unlocked_speed_.push_back(speed);
   }
 }
 
@@ -47,6 +49,10 @@ std::optional<double> SampleStatistics::median_gyro() const {
 
 std::optional<double> SampleStatistics::median_dvl_speed() const {
   return quantile(dvl_speed_, 0.5);
+}
+
+std::optional<double> SampleStatistics::median_unlocked_speed() const {
+  return quantile(unlocked_speed_, 0.5);
 }
 
 std::optional<double> SampleStatistics::high_dvl_speed() const {

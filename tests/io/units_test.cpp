@@ -148,6 +148,18 @@ TEST(PressureUnit, SeaPressureInDecibarsGetsTheAtmosphere) {
   EXPECT_NEAR(first_pressure(dir, dive(), 1e4, 101325.0), dive()[0] - 101325.0, 0.1);
 }
 
+TEST(PressureUnit, StatedPascalsAboveTheAtmosphereGetIt) {
+  const TmpDir dir;
+  EXPECT_NEAR(first_pressure(dir, dive(), 1.0, 101325.0, 0, "pressure [Pa]"), dive()[0], 0.1);
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e2, 101325.0, 0, "pressure [hPa]"), dive()[0], 0.1);
+}
+
+TEST(PressureUnit, StatedPascalsThatLookLikeAnotherUnitAreKept) {
+  const TmpDir dir;
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e2, 0.0, 0, "pressure [Pa]"), dive()[0] / 1e2, 0.1);
+  EXPECT_NEAR(first_pressure(dir, dive(), 1e3, 0.0, 0, "pressure [Pa]"), dive()[0] / 1e3, 0.1);
+}
+
 TEST(PressureUnit, AmbiguousReadingsAreAnError) {
   const TmpDir dir;
   std::vector<double> values(100, 30.0);

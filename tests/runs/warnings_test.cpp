@@ -165,6 +165,26 @@ TEST(ResultWarnings, NameLowAcceptanceOfTheDvl) {
   EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("had bottom lock")));
 }
 
+TEST(ResultWarnings, NamePressuresThatContradictTheDvl) {
+  Evidence evidence = good_evidence();
+  evidence.acoustic->counts.depths = {{dipo::Verdict::accepted, 138},
+                                      {dipo::Verdict::downweighted, 179},
+                                      {dipo::Verdict::rejected, 24}};
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("only 138 of 341 samples agree with DVL and IMU")));
+  evidence.acoustic->counts.depths[dipo::Verdict::accepted] = 300;
+  EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
+}
+
+TEST(ResultWarnings, NameSpeedsThatOnlyPlaceholdersHave) {
+  Evidence evidence = good_evidence();
+  evidence.samples = SampleStatistics();
+  DvlSample ping;
+  ping.velocity.x() = 302.0;
+  evidence.samples.add(ping);
+  EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("in mm/s or cm/s")));
+}
+
 TEST(ResultWarnings, NamePingsThatRepeat) {
   Evidence evidence = good_evidence();
   evidence.acoustic->counts.pings[dipo::Verdict::repeated] = 15;

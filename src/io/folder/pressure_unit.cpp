@@ -51,15 +51,25 @@ double quantile(const std::vector<double>& sorted, double q) {
   return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1))];
 }
 
+// Above the surface of the water when negative [m].
+double depth_of(double reading, PressureUnit unit) {
+  return (reading * factor_of(unit) - kAtmosphere) / kPascalPerMeter;
+}
+
+bool is_near_surface(double shallow, PressureUnit unit) {
+  const double depth = depth_of(shallow, unit);
+  return depth >= kHighest && depth < kLowest;
+}
+
 // The unit in which a tenth of the readings is nearest the surface; automatic: none.
 PressureUnit unit_at_surface(double shallow) {
   PressureUnit best = PressureUnit::automatic;
   double nearest = kLowest;
   for (const PressureUnit unit : {PressureUnit::psi, PressureUnit::dbar, PressureUnit::bar}) {
-    const double depth = (shallow * factor_of(unit) - kAtmosphere) / kPascalPerMeter;
-    if (depth < kHighest || std::abs(depth) >= nearest) continue;
+    const double away = std::abs(depth_of(shallow, unit));
+    if (!is_near_surface(shallow, unit) || away >= nearest) continue;
     best = unit;
-    nearest = std::abs(depth);
+    nearest = away;
   }
   return best;
 }
@@ -109,8 +119,10 @@ void add_atmosphere(double shallow, const PressureSource& source, PressureUnit u
                     PressureScale& scale) {
   if (is_absolute(shallow, unit) || source.atmospheric_pa <= 0.0) return;
   const bool guessed = source.unit == PressureUnit::automatic;
-  const bool is_small_unit = unit == PressureUnit::pa || unit == PressureUnit::hpa;
-  if (!guessed && is_small_unit && shallow >= 50.0) {
+  const bool is_misnamed =
+      (unit == PressureUnit::pa || unit == PressureUnit::hpa) &&
+      (is_near_surface(shallow, PressureUnit::hpa) || is_near_surface(shallow, PressureUnit::kpa));
+  if (!guessed && is_misnamed) {
     log::warning(
         "{}: pressures of {:.6g} {} are below that of air: check the unit, see "
         "dataset.pressure_unit",
@@ -143,8 +155,10 @@ PressureScale evaluate_pressure(std::vector<double> values, const PressureSource
   PressureScale scale{.to_pascal = factor_of(unit)};
   const double median = quantile(values, 0.5);
   if (guess && unit != PressureUnit::pa) {
-    log::info("{}: median pressure is {:.6g}, assuming {}; otherwise set dataset.pressure_unit",
-              source.name, median, name_of(unit));
+    log::info(
+        "{}: median pressure is {:.6g}, assuming {}{}; otherwise set dataset.pressure_unit",
+        source.name, median, name_of(unit),
+        is_absolute(median, unit) ? fmt::format(", {:.1f} m deep", depth_of(median, unit)) : "");
   }
   add_atmosphere(quantile(values, kShallow), source, unit, scale);
   set_limits(values, scale);
