@@ -45,6 +45,9 @@ Recording open_rosbag2(const std::filesystem::path& path, const DatasetConfig& c
 /// The calibration: `config.rig` if set, else `own` if it exists, else null.
 config::Node load_rig(const DatasetConfig& config, const std::filesystem::path& own);
 
+/// The atmospheric pressure of the rig, or the default [Pa].
+double atmospheric_pressure_pa(const config::Node& rig);
+
 /// One sensor of a file-based recording.
 struct SensorFile {
   std::string name;    ///< section of the rig: "imu0", "cam1", …

@@ -24,9 +24,9 @@ class SampleStatistics {
   void add(const SensorEvent& event);
 
   /// Empty without a sample.
-  std::optional<double> median_accel() const;      ///< specific force [m/s²]
-  std::optional<double> median_gyro() const;       ///< angular rate [rad/s]
-  std::optional<double> median_dvl_speed() const;  ///< of pings with bottom lock [m/s]
+  std::optional<double> median_accel() const;           ///< specific force [m/s²]
+  std::optional<double> median_gyro() const;            ///< angular rate [rad/s]
+  std::optional<double> median_dvl_speed() const;       ///< of pings with bottom lock [m/s]
   std::optional<double> median_unlocked_speed() const;  ///< of the others, where not zero [m/s]
   /// The speed that 99 % of the pings with bottom lock do not exceed: without outliers [m/s].
   std::optional<double> high_dvl_speed() const;

@@ -216,6 +216,37 @@ TEST(Bag, ReadsRigFileNextToBag) {
   EXPECT_EQ(out.delivered("camera"), 60U);  // cam1 is not in the rig
 }
 
+TEST(Bag, AccelerationsInGAreConvertedAsThoseOfAFolder) {
+  const TmpDir dir;
+  const auto path = dir.path() / "a.bag";
+  {
+    BagWriter bag(path);
+    for (int i = 0; i < 50; ++i) {
+      bag.write_imu("/imu", {at(0.01 * i), {0.1, 0.0, 0.0}, {0.0, 0.6, 0.8}});
+    }
+  }
+  const auto out = read_dataset(config_for(path));
+  ASSERT_EQ(out.events.size(), 50U);
+  EXPECT_NEAR(std::get<ImuSample>(out.events[0]).accel.y(), 0.6 * 9.80665, 1e-9);
+  EXPECT_NEAR(std::get<ImuSample>(out.events[0]).gyro.x(), 0.1, 1e-12);
+}
+
+TEST(Bag, PressuresAreJudgedAsThoseOfAFolder) {
+  const TmpDir dir;
+  const auto path = dir.path() / "a.bag";
+  {
+    BagWriter bag(path);
+    bag.write_pressure("/pressure", {at(0.0), 900.0});
+    for (int i = 1; i < 200; ++i) bag.write_pressure("/pressure", {at(0.05 * i), 0.3 + 0.001 * i});
+  }
+  dir.write("rig.yaml", "pressure0: {atmospheric_pressure_pa: 90000}\n");
+  const auto out = read_dataset(config_for(path));
+  EXPECT_EQ(out.dropped("pressure", DropReason::implausible), 1U);
+  EXPECT_EQ(out.dropped("pressure", DropReason::malformed), 0U);
+  ASSERT_EQ(out.delivered("pressure"), 199U);
+  EXPECT_NEAR(std::get<PressureSample>(out.events[0]).pressure_pa, 90000.0 + 3010.0, 0.1);
+}
+
 TEST(Bag, ErrorNamesDamagedFile) {
   const TmpDir dir;
   const auto path = write_tank_bag(dir);

@@ -16,6 +16,7 @@
 #include "io/folder/dvl_validity.hpp"
 #include "io/folder/image_decode.hpp"
 #include "io/folder/imu_unit.hpp"
+#include "io/folder/plausible_source.hpp"
 #include "io/folder/pressure_unit.hpp"
 
 namespace apvi::io {
@@ -160,27 +161,6 @@ std::optional<SensorEvent> parse_dvl(const CsvFile& row, Stamp stamp, const DvlC
   clear_placeholder_values(sample);
   return sample;
 }
-
-// Leaves out the pressures that are apart from the rest of the recording.
-class PlausibleSource : public SampleSource {
- public:
-  PlausibleSource(std::unique_ptr<SampleSource> rows, std::shared_ptr<const PressureScale> scale)
-      : rows_(std::move(rows)), scale_(std::move(scale)) {}
-
-  SourceState next(SensorEvent& event) override {
-    const SourceState state = rows_->next(event);
-    const bool plausible = state != SourceState::sample ||
-                           scale_->is_plausible(std::get<PressureSample>(event).pressure_pa);
-    return plausible ? state : SourceState::implausible;
-  }
-  std::string where() const override { return rows_->where(); }
-  std::pair<std::string, std::string> problem() const override { return rows_->problem(); }
-  double fraction() const override { return rows_->fraction(); }
-
- private:
-  std::unique_ptr<SampleSource> rows_;
-  std::shared_ptr<const PressureScale> scale_;
-};
 
 void read_pressures(CsvFile& file, const Quantity& column, const PressureSource& source,
                     PressureScale& scale) {

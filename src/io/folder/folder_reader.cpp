@@ -23,20 +23,19 @@ bool is_expected(const SensorFile& file, const config::Node& rig) {
   return folder_without_file || rig.find(file.name) != nullptr;
 }
 
-// Of the rig, or the default.
-double atmospheric_pressure_pa(const config::Node& rig) {
-  const config::Node* sensor = rig.find("pressure0");
-  const config::Node* air = sensor == nullptr ? nullptr : sensor->find("atmospheric_pressure_pa");
-  const auto number = air == nullptr ? std::nullopt : text::parse_double(air->text);
-  return number.value_or(PressureCalibration{}.atmospheric_pressure_pa);
-}
-
 }  // namespace
 
 config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
   if (!config.rig.empty()) return load_rig_file(config.rig);
   if (fs::exists(own)) return load_rig_file(own);
   return {};
+}
+
+double atmospheric_pressure_pa(const config::Node& rig) {
+  const config::Node* sensor = rig.find("pressure0");
+  const config::Node* air = sensor == nullptr ? nullptr : sensor->find("atmospheric_pressure_pa");
+  const auto number = air == nullptr ? std::nullopt : text::parse_double(air->text);
+  return number.value_or(PressureCalibration{}.atmospheric_pressure_pa);
 }
 
 std::optional<Trajectory> read_reference(const fs::path& path) {

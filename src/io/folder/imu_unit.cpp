@@ -42,8 +42,8 @@ const Unit* unit_of_gravity(double norm) {
 void check_rate(double rate, const std::string& source) {
   if (rate <= kMaxMedianRate) return;
   log::warning(
-      "{}: median angular rate {:.3g} rad/s: no vehicle turns so fast; for deg/s name the "
-      "unit in the header: w_x [deg/s]",
+      "{}: median angular rate {:.3g} rad/s: no vehicle turns so fast; for deg/s name the unit, in "
+      "the header of a csv: w_x [deg/s]",
       source, rate);
 }
 
@@ -94,8 +94,8 @@ double accel_factor(const ImuMagnitudes& magnitudes, bool has_accel_unit, bool h
     return 1.0;
   }
   log::warning(
-      "{}: median specific force {:.4g} and no unit in the header: taken as {} and "
-      "converted; to state it write a_x [{}]",
+      "{}: median specific force {:.4g} and no stated unit: taken as {} and converted to m/s²; the "
+      "header of a csv may state it: a_x [{}]",
       source, force, unit->name, unit->name);
   return unit->to_si;
 }

@@ -34,9 +34,9 @@ PressureUnit unit_of(double to_pascal);
 /// Evaluates all readings of a recording. Without a unit it is the one in which their median is an
 /// absolute pressure from the surface of a mountain lake down to 490 m (Pa, hPa, kPa: by median),
 /// or in which the shallow readings are near the surface (bar, dbar, psi). Readings too small for
-/// any absolute pressure are above the atmosphere, with a warning: in dbar if no unit is stated. Fewer than 1 % of the readings,
-/// apart from the others by more than 10 m of water, are implausible. Throws InputError when
-/// several units are possible.
+/// any absolute pressure are above the atmosphere, with a warning: in dbar if no unit is stated.
+/// Fewer than 1 % of the readings, apart from the others by more than 10 m of water, are
+/// implausible. Throws InputError when several units are possible.
 PressureScale evaluate_pressure(std::vector<double> values, const PressureSource& source);
 
 }  // namespace apvi::io

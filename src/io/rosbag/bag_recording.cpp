@@ -9,6 +9,8 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "io/folder/imu_unit.hpp"
+#include "io/folder/plausible_source.hpp"
 #include "io/rosbag/dvl_message.hpp"
 #include "io/rosbag/navsat.hpp"
 #include "io/rosbag/ros_samples.hpp"
@@ -21,6 +23,8 @@ namespace {
 // kMaxLookahead, so that memory stays bounded when one sensor stops.
 constexpr Duration kReorderWindow{100'000'000};
 constexpr Duration kMaxLookahead{2'000'000'000};
+
+constexpr std::size_t kImuSamples = 20'000;  // that tell the unit: minutes
 
 struct Channel {
   std::string topic;
@@ -180,23 +184,52 @@ struct BagSensor {
   MessageToEvent convert;
 };
 
-PressureScale read_pressure_scale(const Bag& bag, const std::string& topic, PressureUnit unit) {
-  if (topic.empty()) return {};
-  const auto cursor = bag.open({topic});
-  std::vector<double> values;
-  while (cursor->advance()) {
-    const auto message = cursor->message();
-    const auto value = message ? message->number_at("fluid_pressure") : std::nullopt;
-    if (value) values.push_back(*value);
-  }
-  return evaluate_pressure(std::move(values), {.name = topic, .unit = unit});
+// What only the readings themselves tell.
+struct Scales {
+  double accel = 1.0;
+  std::shared_ptr<PressureScale> pressure = std::make_shared<PressureScale>();
+};
+
+void add_magnitude(const RosValue& message, ImuMagnitudes& magnitudes) {
+  const auto event = imu_of(message, {});
+  if (!event) return;
+  const auto& sample = std::get<ImuSample>(*event);
+  magnitudes.add(sample.gyro.norm(), sample.accel.norm());
 }
 
-std::vector<BagSensor> sensors_of(const ChosenTopics& topics, const PressureScale& pressure) {
+// Looks at the beginning for the IMU, which is sufficient, and at the whole bag for the pressure.
+Scales read_scales(const Bag& bag, const std::string& imu, const PressureSource& pressure) {
+  Scales scales;
+  std::set<std::string> topics = {imu, pressure.name};
+  topics.erase("");
+  if (topics.empty()) return scales;
+  ImuMagnitudes magnitudes;
+  std::vector<double> pressures;
+  const auto cursor = bag.open(topics);
+  while (cursor->advance()) {
+    const bool is_imu = cursor->topic() == imu;
+    if (is_imu && magnitudes.count() >= kImuSamples) {
+      if (pressure.name.empty()) break;
+      continue;
+    }
+    const auto message = cursor->message();
+    if (!message) continue;
+    if (is_imu) {
+      add_magnitude(*message, magnitudes);
+    } else if (const auto value = message->number_at("fluid_pressure")) {
+      pressures.push_back(*value);
+    }
+  }
+  scales.accel = accel_factor(magnitudes, false, false, imu);
+  *scales.pressure = evaluate_pressure(std::move(pressures), pressure);
+  return scales;
+}
+
+std::vector<BagSensor> sensors_of(const ChosenTopics& topics, const Scales& scales) {
   return {
-      {"imu0", "imu", "imu", topics.imu, imu_of},
+      {"imu0", "imu", "imu", topics.imu, imu_with(scales.accel)},
       {"dvl0", "dvl", "dvl", topics.dvl, dvl_converter(topics.dvl)},
-      {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(pressure)},
+      {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(*scales.pressure)},
       {"depth0", "depth", "pressure", topics.depth, depth_of},
       {"cam0", "camera", "camera", topics.cam0, image_of(0, topics.cam0)},
       {"cam1", "camera", "camera", topics.cam1, image_of(1, topics.cam1)},
@@ -227,10 +260,14 @@ Recording read_bag(const Bag& bag, const std::filesystem::path& own_rig,
   const ChosenTopics topics = choose_topics(bag.topics, config.topics, bag.path);
   std::vector<Channel> channels;
   std::vector<std::string> kinds;
-  const PressureScale pressure =
-      choice.wants("pressure") ? read_pressure_scale(bag, topics.pressure, config.pressure_unit)
-                               : PressureScale{};
-  for (BagSensor& sensor : sensors_of(topics, pressure)) {
+  const auto wanted = [&](const char* sensor, const std::string& topic) {
+    return choice.wants(sensor) ? topic : std::string();
+  };
+  const Scales scales = read_scales(bag, wanted("imu", topics.imu),
+                                    {.name = wanted("pressure", topics.pressure),
+                                     .unit = config.pressure_unit,
+                                     .atmospheric_pa = atmospheric_pressure_pa(recording.rig)});
+  for (BagSensor& sensor : sensors_of(topics, scales)) {
     if (!choice.wants(sensor.choice) || !is_used(sensor, recording.rig, bag.path)) continue;
     channels.push_back({sensor.topic, std::move(sensor.convert)});
     kinds.push_back(sensor.kind);
@@ -238,7 +275,10 @@ Recording read_bag(const Bag& bag, const std::filesystem::path& own_rig,
   if (!channels.empty()) {
     const auto demultiplexer = std::make_shared<BagDemultiplexer>(bag, std::move(channels));
     for (std::size_t i = 0; i < kinds.size(); ++i) {
-      recording.add(kinds[i], std::make_unique<BagSource>(demultiplexer, i));
+      std::unique_ptr<SampleSource> source = std::make_unique<BagSource>(demultiplexer, i);
+      if (kinds[i] == "pressure")
+        source = std::make_unique<PlausibleSource>(std::move(source), scales.pressure);
+      recording.add(kinds[i], std::move(source));
     }
   }
   recording.reference = [bag, topic = topics.reference]() -> std::optional<Trajectory> {

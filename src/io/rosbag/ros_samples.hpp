@@ -21,6 +21,8 @@ std::optional<Stamp> stamp_of_message(const RosValue& message, Stamp recorded);
 using MessageToEvent = std::function<std::optional<SensorEvent>(const RosValue&, Stamp)>;
 
 std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
+/// The same, with accelerations times this factor.
+MessageToEvent imu_with(double accel_factor);
 /// An odometry or pose whose z is minus the depth.
 std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
 MessageToEvent pressure_of(PressureScale scale);
