@@ -120,8 +120,9 @@ void StreamCleaner::drop_malformed(const std::pair<std::string, std::string>& pr
   if (++malformed_[kind] > 1) return;
   const std::string where = where_();
   report_->first_drop.emplace(DropReason::malformed, where);
-  log::warning("{}: {} sample dropped: malformed: {}: \"{}\"; further drops are counted", where,
-               sensor_, kind, text);
+  const std::string shown = text.empty() ? "" : fmt::format(": \"{}\"", text);
+  log::warning("{}: {} sample dropped: malformed: {}{}; further drops are counted", where, sensor_,
+               kind, shown);
 }
 
 void StreamCleaner::drop(DropReason reason, const std::string& where) {

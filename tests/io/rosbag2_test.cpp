@@ -248,6 +248,28 @@ TEST(Mcap, ErrorNamesTopicAndEncodingThatCannotBeRead) {
               AllOf(HasSubstr("cannot read topic /imu"), HasSubstr("\"protobuf\"")));
 }
 
+TEST(Mcap, MalformedMessagesAreReportedWithTheirReason) {
+  const TmpDir dir;
+  McapWriter writer;
+  const auto image = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image",
+                                      io::ros2_definitions("sensor_msgs/Image").at(0));
+  const auto imu = writer.add_topic("/imu", "sensor_msgs/msg/Imu",
+                                    io::ros2_definitions("sensor_msgs/Imu").at(0));
+  test::CdrBytes bytes;
+  bytes.header(at(0)).put(std::uint32_t{4}).put(std::uint32_t{6}).text("mono8");
+  bytes.put(std::uint8_t{0}).put(std::uint32_t{6}).block(std::vector<std::uint8_t>(20));
+  writer.write(image, at(0), bytes.get());
+  writer.write(imu, at(0), {0, 1, 0, 0, 7});
+  const auto path = dir.write("a.mcap", writer.finish());
+  testing::internal::CaptureStderr();
+  const auto out = read_dataset(config_for(path));
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(out.dropped("camera", io::DropReason::malformed), 1U);
+  EXPECT_THAT(log, HasSubstr("the image has another size than its data: \"6 x 4 mono8, step 6, 20 "
+                             "bytes\""));
+  EXPECT_THAT(log, HasSubstr("the bytes do not fit the definition of the message"));
+}
+
 TEST(Mcap, ReadsRos1Messages) {
   const TmpDir dir;
   McapWriter writer;

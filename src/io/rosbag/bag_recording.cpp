@@ -26,6 +26,8 @@ constexpr Duration kMaxLookahead{2'000'000'000};
 
 constexpr std::size_t kImuSamples = 20'000;  // that tell the unit: minutes
 
+using Problem = std::pair<std::string, std::string>;  // its kind, and the text at fault
+
 struct Channel {
   std::string topic;
   MessageToEvent convert;
@@ -50,6 +52,7 @@ class BagDemultiplexer {
     Item item = std::move(queue.front());
     queue.pop_front();
     last_[channel] = item.stamp;
+    problem_[channel] = std::move(item.problem);
     if (!item.event) return SourceState::malformed;
     event = std::move(*item.event);
     return SourceState::sample;
@@ -59,13 +62,18 @@ class BagDemultiplexer {
     const double t = it == last_.end() ? 0.0 : it->second.seconds();
     return fmt::format("{}: {} at {:.9f}", path_, channels_[channel].topic, t);
   }
+  Problem problem(std::size_t channel) const {
+    const auto it = problem_.find(channel);
+    return it == problem_.end() ? Problem{} : it->second;
+  }
   double fraction() const { return cursor_->fraction(); }
 
  private:
   struct Item {
     Stamp recorded;
     Stamp stamp;
-    std::optional<SensorEvent> event;  // nullopt when malformed
+    std::optional<SensorEvent> event = std::nullopt;  // nullopt when malformed
+    Problem problem = {};
   };
 
   std::set<std::string> topics_of_channels() const {
@@ -94,11 +102,15 @@ class BagDemultiplexer {
   }
 
   Item convert(const Channel& channel, const std::optional<RosValue>& message) const {
-    Item item{cursor_->recorded(), cursor_->recorded(), std::nullopt};
-    const auto stamp = message ? stamp_of_message(*message, item.recorded) : std::nullopt;
+    Item item{cursor_->recorded(), cursor_->recorded()};
+    if (!message) item.problem = {"the bytes do not fit the definition of the message", ""};
+    if (!message) return item;
+    const auto stamp = stamp_of_message(*message, item.recorded);
+    if (!stamp) item.problem = {"the stamp is out of range", ""};
     if (!stamp) return item;
     item.stamp = *stamp;
     item.event = channel.convert(*message, *stamp);
+    if (!item.event) item.problem = problem_of(*message);
     return item;
   }
 
@@ -116,6 +128,7 @@ class BagDemultiplexer {
   std::vector<Channel> channels_;
   std::vector<std::deque<Item>> queues_;
   std::map<std::size_t, Stamp> last_;  // delivered, of each channel
+  std::map<std::size_t, Problem> problem_;
   std::unique_ptr<MessageCursor> cursor_;
   Stamp latest_;
   bool ended_ = false;
@@ -127,6 +140,7 @@ class BagSource : public SampleSource {
       : demultiplexer_(std::move(demultiplexer)), channel_(channel) {}
   SourceState next(SensorEvent& event) override { return demultiplexer_->next(channel_, event); }
   std::string where() const override { return demultiplexer_->where(channel_); }
+  Problem problem() const override { return demultiplexer_->problem(channel_); }
   double fraction() const override { return demultiplexer_->fraction(); }
 
  private:

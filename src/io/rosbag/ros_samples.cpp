@@ -85,6 +85,20 @@ MessageToEvent image_of(int camera, std::string topic) {
   };
 }
 
+std::pair<std::string, std::string> problem_of(const RosValue& message) {
+  const RosValue* data = message.find("data");
+  const std::size_t bytes = data == nullptr ? 0 : data->bytes().size();
+  const auto text_at = [&](std::string_view path) {
+    return std::string(message.find(path)->text().value_or(""));
+  };
+  if (message.find("format") != nullptr) return {"the image has no data", text_at("format")};
+  if (message.find("encoding") == nullptr) return {"numbers of the sensor are missing", ""};
+  return {"the image has another size than its data",
+          fmt::format("{} x {} {}, step {}, {} bytes", size_at(message, "width"),
+                      size_at(message, "height"), text_at("encoding"), size_at(message, "step"),
+                      bytes)};
+}
+
 std::optional<SE3> pose_of(const RosValue& message) {
   const RosValue* pose = first_of(message, {"pose.pose", "pose", "transform"});
   if (pose == nullptr) return std::nullopt;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/io/sequence.hpp"
@@ -28,6 +29,9 @@ std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
 MessageToEvent pressure_of(PressureScale scale);
 /// sensor_msgs/Image and CompressedImage. The bytes are copied, and decoded on demand.
 MessageToEvent image_of(int camera, std::string topic);
+/// Why a message of a sensor was malformed: the kind of problem, and what the message says of
+/// itself.
+std::pair<std::string, std::string> problem_of(const RosValue& message);
 /// The pose of an odometry, pose or transform message; nullopt when it is not finite or the
 /// quaternion is far from unit norm.
 std::optional<SE3> pose_of(const RosValue& message);
