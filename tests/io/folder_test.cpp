@@ -265,6 +265,17 @@ TEST(DatasetFolder, ReadsOwnOrConfiguredCalibration) {
   EXPECT_THAT(input_error([&] { io::open_sequence(config, {}); }), HasSubstr("missing.yaml"));
 }
 
+TEST(DatasetFolder, GnssMayBeLatitudeAndLongitude) {
+  const TmpDir dir;
+  dir.write("mav0/gnss0/data.csv",
+            "#timestamp [ns],latitude [deg],longitude [deg],altitude [m]\n"
+            "1,0,0,0\n2,59.4,10.5,3\n3,59.401,10.5,5\n");
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_EQ(out.dropped("gnss", DropReason::malformed), 1U);
+  ASSERT_EQ(out.events.size(), 2U);
+  EXPECT_NEAR(std::get<GnssSample>(out.events[1]).east_north_up.y(), 111.4, 0.1);
+}
+
 TEST(DatasetFolder, ReferenceIsGroundTruthElseGnss) {
   const TmpDir dir;
   test::write_imu(dir, kImuHeader);

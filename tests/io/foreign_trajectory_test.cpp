@@ -56,6 +56,35 @@ TEST(ForeignTrajectories, AreReadByTheNamesOfTheirHeaders) {
       rows(a, b, ";1;2;3;0;0;0.7071;0.7071"));
 }
 
+TEST(ForeignTrajectories, SpreadsheetsMayHaveDecimalCommasAndRowNumbers) {
+  expect_poses("t;x;y;z;qx;qy;qz;qw\n" +
+               rows("1403636581,838555", "1403636581,888555", ";1,0;2;3;0;0;0,7071;0,7071"));
+  expect_poses(",time,x,y,z,qx,qy,qz,qw\n" +
+               rows("1403636581.838555", "1403636581.888555", ",1,2,3,0,0,0.7071,0.7071", "0,"));
+}
+
+TEST(ForeignTrajectories, LatitudesBecomeMetersFromTheFirstFix) {
+  const TmpDir dir;
+  const Trajectory read = io::read_trajectory(
+      dir.write("fixes.csv", "timestamp [s],lat,lon,alt\n1,59.4,10.5,3\n2,59.401,10.5,5\n"));
+  ASSERT_EQ(read.size(), 2U);
+  EXPECT_FALSE(read.has_rotation);
+  EXPECT_EQ(read.poses[0].T_world_body.translation.norm(), 0.0);
+  EXPECT_NEAR(read.poses[1].T_world_body.translation.y(), 111.4, 0.1);
+  EXPECT_NEAR(read.poses[1].T_world_body.translation.z(), 2.0, 0.01);
+  const auto raw = dir.write("raw.csv", "timestamp,lat,lon,alt\n1,594000000,105000000,3\n");
+  EXPECT_THAT(input_error([&] { io::read_trajectory(raw); }),
+              HasSubstr("raw.csv:2: latitude and longitude are no position in degrees"));
+}
+
+TEST(ForeignTrajectories, Utf16IsAnErrorThatSaysSo) {
+  const TmpDir dir;
+  const auto file = dir.write("utf16.txt", std::string("\xFF\xFE"
+                                                       "1\0 \0",
+                                                       6));
+  EXPECT_THAT(input_error([&] { io::read_trajectory(file); }), HasSubstr("this file is UTF-16"));
+}
+
 TEST(ForeignTrajectories, UnitOfStampsIsToldByTheirSize) {
   const std::string tum = " 1 2 3 0 0 0.7071 0.7071";
   expect_poses(rows("1403636581838555000.000000", "1403636581888555000.000000", tum));

@@ -18,6 +18,7 @@
 #include "io/folder/imu_unit.hpp"
 #include "io/folder/plausible_source.hpp"
 #include "io/folder/pressure_unit.hpp"
+#include "io/rosbag/navsat.hpp"
 
 namespace apvi::io {
 namespace {
@@ -172,6 +173,28 @@ void read_pressures(CsvFile& file, const Quantity& column, const PressureSource&
   scale = evaluate_pressure(std::move(values), source);
 }
 
+// Latitude, longitude and altitude as meters east, north and up of the first fix.
+std::unique_ptr<SampleSource> csv_geodetic(CsvFile file, std::size_t latitude) {
+  const std::array<std::size_t, 3> columns = {
+      latitude, file.require_column({"longitude", "lon", "lng", "long"}),
+      file.require_column({"altitude", "alt", "height"})};
+  const auto origin = std::make_shared<std::optional<GeodeticPosition>>();
+  return make_source(std::move(file),
+                     [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
+                       std::array<double, 3> v{};
+                       for (std::size_t i = 0; i < 3; ++i) {
+                         const auto number = row.number(columns[i]);
+                         if (!number) return std::nullopt;
+                         v[i] = *number;
+                       }
+                       const GeodeticPosition fix{v[0], v[1], v[2]};
+                       if (!is_fix(fix)) row.refuse(columns[0], "is no latitude of a fix");
+                       if (!is_fix(fix)) return std::nullopt;
+                       if (!*origin) *origin = fix;
+                       return GnssSample{stamp, east_north_up(fix, **origin)};
+                     });
+}
+
 }  // namespace
 
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
@@ -253,6 +276,9 @@ std::unique_ptr<SampleSource> csv_depth(CsvFile file) {
 }
 
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
+  if (const auto latitude = file.find({"latitude", "lat"})) {
+    return csv_geodetic(std::move(file), *latitude);
+  }
   const Quantity3 columns = {file.require_quantity({"east"}, Dimension::length),
                              file.require_quantity({"north"}, Dimension::length),
                              file.require_quantity({"up"}, Dimension::length)};

@@ -36,11 +36,15 @@ std::optional<GeodeticPosition> fix_of(const RosValue& message) {
   if (!latitude || !longitude || message.number_at("status.status").value_or(0.0) < 0.0) {
     return std::nullopt;
   }
-  // Comparisons with NaN are false.
-  if (!(std::abs(*latitude) <= 90.0) || !(std::abs(*longitude) <= 360.0)) return std::nullopt;
-  if (*latitude == 0.0 && *longitude == 0.0) return std::nullopt;
-  return GeodeticPosition{*latitude, *longitude,
-                          message.number_at("altitude").value_or(std::nan(""))};
+  const GeodeticPosition fix{*latitude, *longitude,
+                             message.number_at("altitude").value_or(std::nan(""))};
+  return is_fix(fix) ? std::optional(fix) : std::nullopt;
+}
+
+// Comparisons with NaN are false.
+bool is_fix(const GeodeticPosition& position) {
+  return std::abs(position.latitude_deg) <= 90.0 && std::abs(position.longitude_deg) <= 360.0 &&
+         (position.latitude_deg != 0.0 || position.longitude_deg != 0.0);
 }
 
 Eigen::Vector3d east_north_up(const GeodeticPosition& position, const GeodeticPosition& origin) {

@@ -18,6 +18,9 @@ struct GeodeticPosition {
 /// The position of a sensor_msgs/NavSatFix; nullopt without a fix: a negative status, values that
 /// are not finite, or zero latitude and longitude, which receivers report before their first fix.
 std::optional<GeodeticPosition> fix_of(const RosValue& message);
+/// False for zero latitude and longitude, which receivers report before their first fix, and for
+/// what is not finite or no angle.
+bool is_fix(const GeodeticPosition& position);
 
 /// Position in the tangent plane at `origin`: east, north, up [m]. An unknown altitude is that of
 /// the origin, or zero.

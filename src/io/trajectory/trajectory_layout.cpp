@@ -98,6 +98,24 @@ std::optional<std::size_t> find_position(const std::vector<Column>& columns, std
   return static_cast<std::size_t>(it - columns.begin());
 }
 
+std::optional<std::size_t> find_name(const std::vector<Column>& columns, Words names) {
+  const auto it = std::find_if(columns.begin(), columns.end(),
+                               [&](const Column& c) { return is_in(c.name, names); });
+  if (it == columns.end()) return std::nullopt;
+  return static_cast<std::size_t>(it - columns.begin());
+}
+
+// False when there are no latitude, longitude and altitude.
+bool find_geodetic(const std::vector<Column>& columns, TrajectoryLayout& layout) {
+  const auto latitude = find_name(columns, {"latitude", "lat"});
+  const auto longitude = find_name(columns, {"longitude", "lon", "lng", "long"});
+  const auto altitude = find_name(columns, {"altitude", "alt", "height"});
+  if (!latitude || !longitude || !altitude) return false;
+  layout.position = {*latitude, *longitude, *altitude};
+  layout.is_geodetic = true;
+  return true;
+}
+
 const Unit& unit_of(const Column& column, const std::string& word, Dimension dimension,
                     const std::string& where) {
   if (const Unit* unit = find_unit(dimension, word)) return *unit;
@@ -118,13 +136,34 @@ bool find_rotation(const std::vector<Column>& columns, const std::string& where,
   return found == 4;
 }
 
+// False when the line is a remark.
+bool find_positions(const std::vector<Column>& columns, std::string_view line,
+                    const std::string& where, TrajectoryLayout& layout) {
+  if (find_geodetic(columns, layout)) return true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto column = find_position(columns, i);
+    if (!column && line.find_first_of(",;") == std::string_view::npos) return false;
+    if (!column) {
+      fail_input(
+          "{}: no position columns; expected p_x, p_y, p_z, or east, north, up, or latitude, "
+          "longitude, altitude",
+          where);
+    }
+    layout.position[i] = *column;
+    const Column& named = columns[*column];
+    if (!named.unit.empty())
+      layout.to_meters[i] = unit_of(named, named.unit, Dimension::length, where).to_si;
+  }
+  return true;
+}
+
 }  // namespace
 
 void split_trajectory_line(std::string_view line, Cells& cells) {
   line = text::trim(line);
-  const std::size_t separator = line.find_first_of(",;");
-  if (separator == std::string_view::npos) return split_at_blanks(line, cells);
-  split_quoted(line, line[separator], cells);
+  const bool semicolons = line.find(';') != std::string_view::npos;  // then commas are decimal
+  if (!semicolons && line.find(',') == std::string_view::npos) return split_at_blanks(line, cells);
+  split_quoted(line, semicolons ? ';' : ',', cells);
   while (cells.size() > 1 && cells.back().empty()) cells.pop_back();
 }
 
@@ -134,16 +173,7 @@ std::optional<TrajectoryLayout> layout_of_header(std::string_view line, const st
   if (columns.size() < 4 || time == columns.end()) return std::nullopt;
   TrajectoryLayout layout;
   layout.stamp = static_cast<std::size_t>(time - columns.begin());
-  for (std::size_t i = 0; i < 3; ++i) {
-    const auto column = find_position(columns, i);
-    if (!column && line.find_first_of(",;") == std::string_view::npos) return std::nullopt;
-    if (!column)
-      fail_input("{}: no position columns; expected p_x, p_y, p_z or east, north, up", where);
-    layout.position[i] = *column;
-    const Column& named = columns[*column];
-    if (!named.unit.empty())
-      layout.to_meters[i] = unit_of(named, named.unit, Dimension::length, where).to_si;
-  }
+  if (!find_positions(columns, line, where, layout)) return std::nullopt;
   layout.has_rotation = find_rotation(columns, where, layout);
   const std::string unit = time_unit_of(*time);
   if (!unit.empty()) layout.time_power = unit_of(*time, unit, Dimension::time, where).time_power;

@@ -21,17 +21,18 @@ struct TrajectoryLayout {
   std::optional<int> time_power;  ///< of ten nanoseconds; nullopt: not stated
   int usual_time_power = 9;       ///< when neither stated nor told by the stamps
   bool has_rotation = true;
-  std::size_t cells = 8;  ///< required in a line
+  bool is_geodetic = false;  ///< `position` is latitude, longitude [deg] and altitude
+  std::size_t cells = 8;     ///< required in a line
 };
 
-/// The cells of a line: separated by comma, semicolon or tab, else by blanks; a separator at the
+/// The cells of a line: separated by semicolon, else by comma, else by blanks; a separator at the
 /// end adds none.
 void split_trajectory_line(std::string_view line, Cells& cells);
 
 /// The columns that a header names, in any order and in the spelling of any usual program
-/// ("p_RS_R_x [m]", "tx", "pose.position.x"). nullopt when the line is no header but a remark.
-/// Throws InputError that begins with `where` for a header with a time but without positions, with
-/// a part of a quaternion, or with an unknown unit.
+/// ("p_RS_R_x [m]", "tx", "pose.position.x"), or latitude, longitude and altitude. nullopt when the
+/// line is no header but a remark. Throws InputError that begins with `where` for a header with a
+/// time but without positions, with a part of a quaternion, or with an unknown unit.
 std::optional<TrajectoryLayout> layout_of_header(std::string_view line, const std::string& where);
 
 /// The layout by the number of cells and the separator, in a file without column names. Throws

@@ -12,6 +12,7 @@
 #include "io/folder/csv_cells.hpp"
 #include "io/folder/csv_file.hpp"
 #include "io/folder/units.hpp"
+#include "io/rosbag/navsat.hpp"
 #include "io/trajectory/trajectory_layout.hpp"
 
 namespace apvi::io {
@@ -38,7 +39,7 @@ struct Content {
 };
 
 double number_in(const Line& line, const Cells& cells, std::size_t column) {
-  const auto number = text::parse_double(cells[column]);
+  const auto number = text::parse_double(with_decimal_point(cells[column]));
   if (!number) line.fail(fmt::format("\"{}\" is not a number", cells[column]));
   if (!std::isfinite(*number)) line.fail("number is not finite; delete the line");
   return *number;
@@ -49,7 +50,7 @@ std::string_view name_of_power(int power) {
 }
 
 Stamp stamp_in(const Line& line, std::string_view cell, int power) {
-  const auto ns = text::parse_scaled_int64(cell, power);
+  const auto ns = text::parse_scaled_int64(with_decimal_point(cell), power);
   if (!ns || *ns > kMaxStampNs || *ns < -kMaxStampNs) {
     line.fail(fmt::format("\"{}\" is not a time in {}", cell, name_of_power(power)));
   }
@@ -86,6 +87,7 @@ bool is_header(std::string_view line) {
   if (line.starts_with('#') || line.starts_with('%')) return true;
   Cells cells;
   split_trajectory_line(line, cells);
+  if (!cells.empty() && cells.front().empty()) cells.erase(cells.begin());  // pandas' row numbers
   const auto is_word = [](std::string_view cell) {
     return !cell.empty() && !text::parse_double(cell) && cell.find_first_of("0123456789") != 0 &&
            cell.front() != '-';
@@ -101,7 +103,7 @@ void set_time_power(Content& content) {
   Cells cells;
   for (const Line& line : content.lines) {
     split_trajectory_line(line.text, cells);
-    if (layout.stamp < cells.size()) stamps.emplace_back(cells[layout.stamp]);
+    if (layout.stamp < cells.size()) stamps.push_back(with_decimal_point(cells[layout.stamp]));
   }
   layout.time_power = guess_time_power(stamps, layout.usual_time_power);
 }
@@ -119,6 +121,9 @@ Content read_content(std::istream& in, const std::string& name) {
   std::string buffer;
   std::size_t number = 0;
   while (std::getline(in, buffer)) {
+    if (content.is_empty && buffer.find('\0') != std::string::npos) {
+      fail_input("{}: this file is UTF-16 or no text; save it as UTF-8", name);
+    }
     content.is_empty = false;
     Line line{std::string(text::trim(text::without_byte_order_mark(buffer))), name, ++number};
     if (line.text.empty()) continue;
@@ -156,6 +161,20 @@ void check_digits(const Content& content) {
       content.lines.front().name, merged, count, before[stamp]);
 }
 
+// Latitude, longitude and altitude as meters east, north and up of the first fix.
+class LocalFrame {
+ public:
+  Eigen::Vector3d meters(const Eigen::Vector3d& geodetic, const Line& line) {
+    const GeodeticPosition fix{geodetic.x(), geodetic.y(), geodetic.z()};
+    if (!is_fix(fix)) line.fail("latitude and longitude are no position in degrees");
+    if (!origin_) origin_ = fix;
+    return east_north_up(fix, *origin_);
+  }
+
+ private:
+  std::optional<GeodeticPosition> origin_;
+};
+
 // The bad lines of a file that may have some.
 struct BadLineCount {
   std::size_t count = 0;
@@ -180,9 +199,12 @@ Trajectory parse_trajectory(std::istream& in, const std::string& name, BadLines 
   check_digits(content);
   Cells cells;
   BadLineCount bad;
+  LocalFrame frame;
   for (const Line& line : content.lines) {
     try {
-      const StampedPose pose = pose_in(line, content.layout, cells);
+      StampedPose pose = pose_in(line, content.layout, cells);
+      Eigen::Vector3d& position = pose.T_world_body.translation;
+      if (content.layout.is_geodetic) position = frame.meters(position, line);
       if (!trajectory.empty() && pose.stamp <= trajectory.poses.back().stamp) {
         line.fail("the time does not increase; sort the lines and delete duplicates");
       }
