@@ -15,6 +15,7 @@
 #include "cli/mapping_support.hpp"
 #include "cli/report.hpp"
 #include "core/interrupt.hpp"
+#include "core/text.hpp"
 #include "eval/metrics_file.hpp"
 #include "runs/run.hpp"
 #include "runs/run_folder.hpp"
@@ -52,7 +53,7 @@ Source recording_source(const fs::path& recording, const std::vector<std::string
 }
 
 Source source_of(const Arguments& a) {
-  const auto extension = a.target.extension();
+  const std::string extension = text::to_lower(fs::path(a.target).extension().string());
   const bool recording = fs::is_directory(a.target) || extension == ".bag" ||
                          extension == ".mcap" || extension == ".db3";
   if (!recording) return {find_configuration(a.target), a.overrides};

@@ -41,6 +41,16 @@ bool has_bag2_file(const fs::path& folder) {
                      [](const auto& entry) { return has_bag2_extension(entry.path()); });
 }
 
+// The first ROS1 bag of the folder; "" when there is none.
+std::string name_of_bag(const fs::path& folder) {
+  std::vector<std::string> bags;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string extension = text::to_lower(entry.path().extension().string());
+    if (extension == ".bag") bags.push_back(entry.path().string());
+  }
+  return bags.empty() ? "" : *std::min_element(bags.begin(), bags.end());
+}
+
 DatasetFormat detect_file(const fs::path& path) {
   if (text::to_lower(path.extension().string()) == ".bag" || has_bag_magic(path)) {
     return DatasetFormat::rosbag;
@@ -62,6 +72,8 @@ DatasetFormat detect_folder(const fs::path& path) {
   if (fs::exists(path / "imu0" / "data.csv") || fs::exists(path / "cam0" / "data.csv")) {
     fail_input("{}: specify the folder that contains mav0, not mav0 itself", path.string());
   }
+  const std::string bag = name_of_bag(path);
+  if (!bag.empty()) fail_input("{}: specify the bag in this folder: {}", path.string(), bag);
   fail_input(
       "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md. "
       "Videos, photographs and COLMAP models: `apvi import`",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "map_io/ply_header.hpp"
 
+#include <algorithm>
 #include <array>
 #include <istream>
 #include <string_view>
@@ -70,6 +71,7 @@ class HeaderParser {
       if (line.size() >= kMaxLineBytes) fail("this line is too long for a PLY header");
       line.push_back(static_cast<char>(c));
     }
+    std::replace(line.begin(), line.end(), '\t', ' ');
     return std::string(text::trim(line));
   }
 

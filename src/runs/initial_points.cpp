@@ -39,8 +39,9 @@ gaussians::PointCloud read_points(const fs::path& path, const map_io::Origin& or
   if (!fs::exists(path)) {
     fail_input("mapping.initial_points: {}: not sift, not random, and no such file", path.string());
   }
-  if (path.extension() == ".ply") return map_io::read_ply_points(path, origin);
-  if (path.extension() == ".txt") return read_colmap_points(path, origin);
+  const std::string extension = text::to_lower(path.extension().string());
+  if (extension == ".ply") return map_io::read_ply_points(path, origin);
+  if (extension == ".txt") return read_colmap_points(path, origin);
   fail_input("mapping.initial_points: {}: expected a .ply file or COLMAP's points3D.txt",
              path.string());
 }

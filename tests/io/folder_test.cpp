@@ -252,6 +252,13 @@ TEST(DatasetFolder, ErrorsAreOneLine) {
   EXPECT_EQ(error(dir.path(), {"imu"}), "");
 }
 
+TEST(DatasetFolder, FolderOfABagIsAnErrorThatNamesTheBag) {
+  const TmpDir dir;
+  dir.write("dive.BAG", "");
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }),
+              HasSubstr("specify the bag in this folder: " + (dir.path() / "dive.BAG").string()));
+}
+
 TEST(DatasetFolder, ReadsOwnOrConfiguredCalibration) {
   const TmpDir dir;
   test::write_imu(dir, kImuHeader);

@@ -130,6 +130,15 @@ TEST(ImageDecode, IncompleteFilesAreErrorsThatNameTheFile) {
   }
 }
 
+TEST(ImageDecode, FloatingPixelsAreAnErrorThatSaysSo) {
+  const test::TmpDir dir;
+  const auto file = dir.path() / "float.tiff";
+  cv::imwrite(file.string(), cv::Mat(kSide, kSide, CV_32FC1, cv::Scalar(0.5)));
+  BitDepth depth;
+  EXPECT_THAT(error_of([&] { decode_image_file(file, depth); }),
+              testing::HasSubstr("float.tiff: pixels of this type cannot be used"));
+}
+
 TEST(ImageDecode, CompleteFilesWithATrailerAreRead) {
   for (const char* extension : {".jpg", ".png", ".bmp"}) {
     RawImage raw = raw_image("", 0, file_of(noise_image(), extension));

@@ -368,6 +368,16 @@ TEST(Ply, ReadsPointsFromCloudsAndMaps) {
   EXPECT_TRUE(tensors_near(centers.colors, torch::full({3, 3}, 0.25F), 1e-6));
 }
 
+TEST(Ply, TabsSeparateTheWordsOfTheHeader) {
+  const TmpDir dir;
+  const fs::path cloud =
+      dir.write("cloud.ply",
+                "ply\nformat\tascii\t1.0\nelement\tvertex 1\nproperty\tfloat\tx\n"
+                "property float y\nproperty float z\nend_header\n1\t2\t3\n");
+  EXPECT_TRUE(
+      tensors_near(read_ply_points(cloud).positions, torch::tensor({{1.0F, 2.0F, 3.0F}}), 0.0));
+}
+
 TEST(Ply, ReadsTheGardenMap) {
   APVI_NEEDS_DATA(file, "splat_reference/garden.ply");
   const gaussians::Gaussians map = read_ply(file);

@@ -65,7 +65,11 @@ cv::Mat decode_file(const std::vector<std::uint8_t>& bytes, const std::string& n
   if (!is_complete_image_file(bytes)) fail_run("{}: the image file is incomplete", name);
   cv::Mat image = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, kFlags | cv::IMREAD_ANYDEPTH);
   if (!image.empty() && image.depth() == CV_16U) return depth.to_eight_bits(image);
-  if (!image.empty() && image.depth() != CV_8U) image = cv::imdecode(bytes, kFlags);
+  const bool other_type = !image.empty() && image.depth() != CV_8U;
+  if (other_type) image = cv::imdecode(bytes, kFlags);
+  if (image.empty() && other_type) {
+    fail_run("{}: pixels of this type cannot be used; save the image with 8 or 16 bits", name);
+  }
   if (image.empty()) fail_run("{}: cannot decode this image; it may be damaged", name);
   return image;
 }
