@@ -9,6 +9,7 @@ namespace {
 constexpr double kMinAirPressure = 50'000.0;  // at a mountain lake [Pa]
 constexpr double kMaxPressure = 1.2e8;        // [Pa]
 constexpr double kMaxNegativeFraction = 0.05;
+constexpr double kMinHighest = -0.1;  // of a recording: the offset of a sensor at the surface [m]
 
 void check_pressure_unit(const DepthObservations& observed, Report& report) {
   const double median = observed.value.median();
@@ -36,9 +37,12 @@ void check_range(const DepthObservations& observed, const std::string& name, Rep
   Finding f{Severity::ok, name,
             "depth",      fmt::format("{:.2f} to {:.2f} m", observed.lowest, observed.highest),
             "",           {{"lowest_m", observed.lowest}, {"highest_m", observed.highest}}};
-  if (above > kMaxNegativeFraction) {
+  const bool never_below = observed.highest < kMinHighest;
+  if (above > kMaxNegativeFraction || never_below) {
     f.severity = Severity::warning;
-    f.message += fmt::format("; {:.0f} % of the samples are above the surface", 100.0 * above);
+    f.message +=
+        never_below ? "; never below the surface"
+                    : fmt::format("; {:.0f} % of the samples are above the surface", 100.0 * above);
     f.advice = name == "depth0" ? "depth is positive downward: are these heights?"
                                 : "check pressure0.atmospheric_pressure_pa in the rig";
   } else if (observed.timing.count > 20 && observed.depth_step.count() == 0) {

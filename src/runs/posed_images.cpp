@@ -123,13 +123,14 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
   if (count == 0) fail_input("{}: the recording has no images of cam0", path);
   if (store.training().empty()) {
     fail_input(
-        "{}: none of {} images is usable: {} without a pose, {} damaged, {} black, {} with low "
-        "visibility",
+        "{}: none of {} images is usable: {} without a pose, {} damaged or of the wrong size, {} "
+        "black, {} with low visibility",
         path, count, images.missing_pose, images.damaged, images.black, images.low_visibility);
   }
   if (store.size() < count) {
     log::warning(
-        "skipped {} of {} images: {} without a pose, {} damaged, {} black, {} with low visibility",
+        "skipped {} of {} images: {} without a pose, {} damaged or of the wrong size, {} black, {} "
+        "with low visibility",
         count - store.size(), count, images.missing_pose, images.damaged, images.black,
         images.low_visibility);
   }

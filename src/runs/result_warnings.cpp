@@ -33,6 +33,9 @@ constexpr int kMinFastWindows = 3;  // one alone may be a correction of the pose
 constexpr double kMinUsed = 0.5;
 constexpr double kMinLock = 0.1;
 
+// The offset of a sensor at the surface is smaller [m].
+constexpr double kMinDepth = -0.1;
+
 // Of the pings, that may repeat the one before exactly. At rest some do.
 constexpr double kMaxRepeated = 0.2;
 
@@ -116,6 +119,15 @@ void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
   }
 }
 
+void check_depth_sign(const Evidence& evidence, Warnings& warnings) {
+  const auto deepest = evidence.samples.high_depth();
+  if (!deepest || *deepest >= kMinDepth) return;
+  warnings.push_back(
+      fmt::format("depth: never below the surface ({:.2f} m at most), but depth is positive "
+                  "downward: name the column pos_z if it holds heights, or check the offset",
+                  *deepest));
+}
+
 // A wrong unit or sign of the pressure contradicts the vertical velocity of the DVL.
 void check_depths(const AcousticService& acoustic, Warnings& warnings) {
   using dipo::Verdict;
@@ -183,6 +195,7 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   check_gyro(evidence, warnings);
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
+  check_depth_sign(evidence, warnings);
   if (evidence.acoustic) check_acceptance(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_depths(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_agreement(*evidence.acoustic, warnings);

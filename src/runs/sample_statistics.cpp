@@ -30,6 +30,8 @@ void SampleStatistics::add(const SensorEvent& event) {
     const auto speed = static_cast<float>(ping->velocity.norm());
     if (ping->valid) dvl_speed_.push_back(speed);
     if (!ping->valid && speed > 0.0F) unlocked_speed_.push_back(speed);
+  } else if (const auto* depth = std::get_if<PressureDepthSample>(&event)) {
+    depth_.push_back(static_cast<float>(depth->depth_m));
   }
 }
 
@@ -53,6 +55,10 @@ std::optional<double> SampleStatistics::median_dvl_speed() const {
 
 std::optional<double> SampleStatistics::median_unlocked_speed() const {
   return quantile(unlocked_speed_, 0.5);
+}
+
+std::optional<double> SampleStatistics::high_depth() const {
+  return quantile(depth_, 0.99);
 }
 
 std::optional<double> SampleStatistics::high_dvl_speed() const {

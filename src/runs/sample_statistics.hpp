@@ -28,6 +28,8 @@ class SampleStatistics {
   std::optional<double> median_gyro() const;            ///< angular rate [rad/s]
   std::optional<double> median_dvl_speed() const;       ///< of pings with bottom lock [m/s]
   std::optional<double> median_unlocked_speed() const;  ///< of the others, where not zero [m/s]
+  /// The depth that 99 % of the samples of depth do not exceed [m].
+  std::optional<double> high_depth() const;
   /// The speed that 99 % of the pings with bottom lock do not exceed: without outliers [m/s].
   std::optional<double> high_dvl_speed() const;
 
@@ -47,6 +49,7 @@ class SampleStatistics {
   std::vector<Pause> pauses_;
   std::vector<float> accel_;
   std::vector<float> gyro_;
+  std::vector<float> depth_;
   std::vector<float> dvl_speed_;
   std::vector<float> unlocked_speed_;
 };

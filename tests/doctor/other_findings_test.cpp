@@ -70,6 +70,13 @@ TEST(DepthFindings, DepthsAboveTheSurfaceAreAWarning) {
   EXPECT_FINDING(examine(dive), "depth0", "depth", warning, "are these heights?");
 }
 
+TEST(DepthFindings, DepthsThatAreNeverBelowTheSurfaceAreAWarning) {
+  Dive dive = healthy_dive();
+  test::add_depth(dive);
+  for (PressureDepthSample& s : dive.depth) s.depth_m = -0.2 - 0.001 * s.depth_m;
+  EXPECT_FINDING(examine(dive), "depth0", "depth", warning, "never below the surface");
+}
+
 TEST(DepthFindings, ConstantDepthIsAWarning) {
   Dive dive = healthy_dive();
   test::add_depth(dive);

@@ -165,6 +165,15 @@ TEST(ResultWarnings, NameLowAcceptanceOfTheDvl) {
   EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("had bottom lock")));
 }
 
+TEST(ResultWarnings, NameDepthsThatAreHeights) {
+  Evidence evidence = good_evidence();
+  for (int i = 0; i < 200; ++i) evidence.samples.add(PressureDepthSample{Stamp{i}, -0.2});
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("depth: never below the surface (-0.20 m at most)")));
+  for (int i = 0; i < 200; ++i) evidence.samples.add(PressureDepthSample{Stamp{i}, 0.2});
+  EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
+}
+
 TEST(ResultWarnings, NamePressuresThatContradictTheDvl) {
   Evidence evidence = good_evidence();
   evidence.acoustic->counts.depths = {{dipo::Verdict::accepted, 138},
