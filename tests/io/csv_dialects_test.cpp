@@ -96,7 +96,7 @@ TEST(CsvDialects, RemarksMayPrecedeTheHeader) {
   const std::string rows =
       "1403636581838555574;0.1;-0.25;3;1;2e-3;9.5\n1403636581843555574;0.1;-0.25;3;1;2e-3;9.5\n";
   expect_same_samples(
-      "# written by a logger, version 2\n# second line\n\n"
+      "# time of export, version 2\n# second line\n\n"
       "#timestamp [ns];w_x;w_y;w_z;a_x;a_y;a_z\n" +
       rows);
   expect_same_samples("sep=;\ntimestamp;w_x;w_y;w_z;a_x;a_y;a_z\n" + rows);

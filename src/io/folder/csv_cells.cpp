@@ -36,7 +36,8 @@ bool is_remark(std::string_view line) {
   split_quoted(line, separator_of(line), cells);
   return cells.size() < 2 || std::none_of(cells.begin(), cells.end(), [](std::string_view cell) {
            const auto [name, unit] = split_unit(cell);
-           return may_be_time(name) || is_time_name(name, !unit.empty());
+           const bool one_word = name.find(' ') == std::string::npos;
+           return (one_word && may_be_time(name)) || is_time_name(name, !unit.empty());
          });
 }
 
