@@ -33,6 +33,9 @@ constexpr int kMinFastWindows = 3;  // one alone may be a correction of the pose
 constexpr double kMinUsed = 0.5;
 constexpr double kMinLock = 0.1;
 
+// Between the recordings of two sensors, which drivers start and stop within seconds [s].
+constexpr double kMaxDelay_s = 5.0;
+
 // The offset of a sensor at the surface is smaller [m].
 constexpr double kMinDepth = -0.1;
 
@@ -145,6 +148,16 @@ void check_depths(const AcousticService& acoustic, Warnings& warnings) {
                   accepted, all));
 }
 
+// Of the same length of recording, but shifted.
+void check_clocks(const Evidence& evidence, Warnings& warnings) {
+  const double delay = evidence.samples.dvl_delay_s();
+  if (std::abs(delay) <= kMaxDelay_s) return;
+  warnings.push_back(fmt::format(
+      "dvl: begins and ends {:.1f} s {} the IMU: check whether both use the same clock, "
+      "and shift the stamps of one",
+      std::abs(delay), delay > 0.0 ? "after" : "before"));
+}
+
 // Innovations too large even for the maximum accelerometer noise have another cause.
 void check_agreement(const AcousticService& acoustic, Warnings& warnings) {
   if (acoustic.accel_factor < 0.5 * acoustic.max_accel_factor) return;
@@ -195,6 +208,7 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   check_gyro(evidence, warnings);
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
+  check_clocks(evidence, warnings);
   check_depth_sign(evidence, warnings);
   if (evidence.acoustic) check_acceptance(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_depths(*evidence.acoustic, warnings);

@@ -2,6 +2,7 @@
 #include "runs/sample_statistics.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace apvi::runs {
 namespace {
@@ -24,9 +25,11 @@ void SampleStatistics::add(const SensorEvent& event) {
   last_ = stamp;
   if (const auto* imu = std::get_if<ImuSample>(&event)) {
     add_pause(imu->stamp);
+    imu_.add(imu->stamp);
     accel_.push_back(static_cast<float>(imu->accel.norm()));
     gyro_.push_back(static_cast<float>(imu->gyro.norm()));
   } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
+    dvl_.add(ping->stamp);
     const auto speed = static_cast<float>(ping->velocity.norm());
     if (ping->valid) dvl_speed_.push_back(speed);
     if (!ping->valid && speed > 0.0F) unlocked_speed_.push_back(speed);
@@ -39,6 +42,19 @@ void SampleStatistics::add_pause(Stamp stamp) {
   const double step_s = last_imu_ ? seconds_between(*last_imu_, stamp) : 0.0;
   if (step_s > segment_gap_s_) pauses_.push_back({*last_imu_, step_s});
   last_imu_ = stamp;
+}
+
+void SampleStatistics::Span::add(Stamp stamp) {
+  if (!first) first = stamp;
+  last = stamp;
+}
+
+double SampleStatistics::dvl_delay_s() const {
+  if (!imu_.first || !dvl_.first) return 0.0;
+  const double begin = seconds_between(*imu_.first, *dvl_.first);
+  const double end = seconds_between(*imu_.last, *dvl_.last);
+  if (begin * end <= 0.0) return 0.0;
+  return std::abs(begin) < std::abs(end) ? begin : end;
 }
 
 std::optional<double> SampleStatistics::median_accel() const {

@@ -33,12 +33,23 @@ class SampleStatistics {
   /// The speed that 99 % of the pings with bottom lock do not exceed: without outliers [m/s].
   std::optional<double> high_dvl_speed() const;
 
+  /// Time by which the DVL's recording lies after the IMU's, at its beginning and its end,
+  /// whichever is less; negative when it lies before, zero when it does neither [s].
+  double dvl_delay_s() const;
+
   const std::vector<Pause>& pauses() const { return pauses_; }
   /// Time in which no sensor reported, in steps longer than the limit of a pause [s].
   double silent_s() const { return silent_s_; }
   std::optional<Stamp> first() const { return first_; }  ///< sample
 
  private:
+  /// Of one sensor.
+  struct Span {
+    std::optional<Stamp> first;
+    std::optional<Stamp> last;
+    void add(Stamp stamp);
+  };
+
   void add_pause(Stamp stamp);
 
   double segment_gap_s_;
@@ -47,6 +58,8 @@ class SampleStatistics {
   double silent_s_ = 0.0;
   std::optional<Stamp> last_imu_;
   std::vector<Pause> pauses_;
+  Span imu_;
+  Span dvl_;
   std::vector<float> accel_;
   std::vector<float> gyro_;
   std::vector<float> depth_;

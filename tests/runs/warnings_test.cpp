@@ -165,6 +165,27 @@ TEST(ResultWarnings, NameLowAcceptanceOfTheDvl) {
   EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("had bottom lock")));
 }
 
+TEST(ResultWarnings, NameClocksOfDvlAndImuThatDiffer) {
+  const auto warnings_of_delay = [](double delay_s) {
+    Evidence evidence = good_evidence();
+    evidence.samples = SampleStatistics();
+    for (int i = 0; i <= 30; ++i) {
+      const Stamp stamp{1'000'000'000LL * (100 + i)};
+      evidence.samples.add(ImuSample{stamp, {0.1, 0.0, 0.0}, {0.0, 0.0, 9.8}});
+      DvlSample ping;
+      ping.stamp = stamp + Duration::from_seconds(delay_s);
+      ping.velocity.x() = 0.5;
+      ping.valid = true;
+      evidence.samples.add(ping);
+    }
+    return check_result(evidence, straight(0.5));
+  };
+  EXPECT_THAT(warnings_of_delay(0.5), IsEmpty());
+  EXPECT_THAT(warnings_of_delay(18.0),
+              ElementsAre(HasSubstr("dvl: begins and ends 18.0 s after the IMU")));
+  EXPECT_THAT(warnings_of_delay(-18.0), ElementsAre(HasSubstr("18.0 s before the IMU")));
+}
+
 TEST(ResultWarnings, NameDepthsThatAreHeights) {
   Evidence evidence = good_evidence();
   for (int i = 0; i < 200; ++i) evidence.samples.add(PressureDepthSample{Stamp{i}, -0.2});
