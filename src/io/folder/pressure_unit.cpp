@@ -23,6 +23,7 @@ constexpr double kShallow = 0.1;                 // quantile of the shallow read
 // Where a vehicle that dives from the surface is found in a tenth of a recording [m].
 constexpr double kHighest = -1.5;
 constexpr double kLowest = 3.0;
+constexpr double kDeepDive = 100.0;  // [m]
 
 struct NamedUnit {
   PressureUnit unit;
@@ -113,16 +114,28 @@ void set_limits(const std::vector<double>& sorted, PressureScale& scale) {
   scale.highest_pa = size - 1 - last <= few && size > 2 ? pascal(last) : kMaxPressure;
 }
 
-// Absolute pressure is never so small. The atmosphere is missing, unless the stated unit is wrong:
-// hPa and kPa are often called Pa.
-void add_atmosphere(double shallow, const PressureSource& source, PressureUnit unit,
-                    PressureScale& scale) {
+// Whether the readings are absolute pressures of an ordinary dive in `unit`.
+bool is_dive(const std::vector<double>& sorted, PressureUnit unit) {
+  return depth_of(quantile(sorted, kShallow), unit) >= kHighest &&
+         depth_of(quantile(sorted, 1.0 - kShallow), unit) < kDeepDive;
+}
+
+// hPa and kPa are often called Pa. In Pa above the atmosphere, such a dive would never be deeper
+// than a meter.
+bool is_misnamed(const std::vector<double>& sorted, PressureUnit stated) {
+  if (stated == PressureUnit::pa)
+    return is_dive(sorted, PressureUnit::hpa) || is_dive(sorted, PressureUnit::kpa);
+  return stated == PressureUnit::hpa &&
+         is_near_surface(quantile(sorted, kShallow), PressureUnit::kpa);
+}
+
+// Absolute pressure is never so small: the atmosphere is missing, unless the stated unit is wrong.
+void add_atmosphere(const std::vector<double>& sorted, const PressureSource& source,
+                    PressureUnit unit, PressureScale& scale) {
+  const double shallow = quantile(sorted, kShallow);
   if (is_absolute(shallow, unit) || source.atmospheric_pa <= 0.0) return;
   const bool guessed = source.unit == PressureUnit::automatic;
-  const bool is_misnamed =
-      (unit == PressureUnit::pa || unit == PressureUnit::hpa) &&
-      (is_near_surface(shallow, PressureUnit::hpa) || is_near_surface(shallow, PressureUnit::kpa));
-  if (!guessed && is_misnamed) {
+  if (!guessed && is_misnamed(sorted, unit)) {
     log::warning(
         "{}: pressures of {:.6g} {} are below that of air: check the unit, see "
         "dataset.pressure_unit",
@@ -160,7 +173,7 @@ PressureScale evaluate_pressure(std::vector<double> values, const PressureSource
         source.name, median, name_of(unit),
         is_absolute(median, unit) ? fmt::format(", {:.1f} m deep", depth_of(median, unit)) : "");
   }
-  add_atmosphere(quantile(values, kShallow), source, unit, scale);
+  add_atmosphere(values, source, unit, scale);
   set_limits(values, scale);
   return scale;
 }
