@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "gaussians/render/render.hpp"
+#include "mapping/appearance/illumination.hpp"
 #include "mapping/appearance/view_gains.hpp"
 #include "medium/medium_view.hpp"
 
@@ -21,6 +22,25 @@ std::optional<medium::MediumView> medium_view(const Map& map, const gaussians::I
                              .b_inf = like(map.medium->b_inf),
                              .lamp = map.medium->lamp},
                             camera);
+}
+
+/// Entry `i` of `values` [n,...]; for a held-out image, interpolated in time between the training
+/// images before and after it.
+torch::Tensor value_of(const torch::Tensor& values, const KeyframeStore& keyframes, std::size_t i) {
+  const auto at = [&values](std::size_t view) {
+    return values.select(0, static_cast<std::int64_t>(view));
+  };
+  const std::vector<std::size_t>& training = keyframes.training();
+  if (!keyframes[i].held_out || training.empty()) return at(i);
+  const auto after = std::lower_bound(training.begin(), training.end(), i);
+  if (after == training.begin()) return at(training.front());
+  if (after == training.end()) return at(training.back());
+  const auto stamp = [&](std::size_t view) { return keyframes[view].stamp_ns; };
+  const std::size_t before = *(after - 1);
+  const double fraction =
+      static_cast<double>(stamp(i) - stamp(before)) /
+      static_cast<double>(std::max<std::int64_t>(1, stamp(*after) - stamp(before)));
+  return torch::lerp(at(before), at(*after), fraction);
 }
 
 }  // namespace
@@ -45,27 +65,19 @@ torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& cam
 
 torch::Tensor camera_gain(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
   if (!map.log_gains.defined()) return torch::ones({1}, map.gaussians.means.options());
-  const auto log_of = [&map](std::size_t view) {
-    return map.log_gains.narrow(0, static_cast<std::int64_t>(view), 1);
-  };
-  const std::vector<std::size_t>& training = keyframes.training();
-  if (!keyframes[i].held_out || training.empty()) return log_of(i).exp();
-  const auto after = std::lower_bound(training.begin(), training.end(), i);
-  if (after == training.begin()) return log_of(training.front()).exp();
-  if (after == training.end()) return log_of(training.back()).exp();
-  const auto stamp = [&](std::size_t view) { return keyframes[view].stamp_ns; };
-  const std::size_t before = *(after - 1);
-  const double fraction =
-      static_cast<double>(stamp(i) - stamp(before)) /
-      static_cast<double>(std::max<std::int64_t>(1, stamp(*after) - stamp(before)));
-  return torch::lerp(log_of(before), log_of(*after), fraction).exp();
+  return value_of(map.log_gains.unsqueeze(1), keyframes, i).exp();
 }
 
 torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, std::size_t i,
                               int factor) {
-  const torch::Tensor gain = camera_gain(map, keyframes, i);
-  if (map.vignetting == 0.0) return gain.view({1, 1, 1});
-  return gain * lens_falloff(keyframes.view(i, factor).intrinsics, map.vignetting, gain.device());
+  torch::Tensor response = camera_gain(map, keyframes, i).view({1, 1, 1});
+  const gaussians::Intrinsics camera = keyframes.view(i, factor).intrinsics;
+  if (map.illumination.defined()) {
+    response = response * illumination_gain(value_of(map.illumination, keyframes, i), camera.height,
+                                            camera.width);
+  }
+  if (map.vignetting == 0.0) return response;
+  return response * lens_falloff(camera, map.vignetting, response.device());
 }
 
 }  // namespace apvi::mapping

@@ -128,7 +128,9 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
            water ? water->illumination_at(store_.view().means, camera.T_camera_world) : Tensor(),
        .sparse_gradient = true});
   const Tensor seen = water ? water->apply(out.color, out.depth, out.alpha) : out.color;
-  const Tensor image = corrections_.expose(i, seen, /*learn=*/true);
+  const bool lit = illumination_ && settings.match_gain;
+  const Tensor image =
+      corrections_.expose(i, lit ? illumination_->apply(i, seen) : seen, /*learn=*/true);
   const bool add_opacity_loss = water != nullptr && store_.steps() % kOpacityInterval == 0;
   const bool needs_open_water = add_opacity_loss || (water != nullptr && updates_gain(settings));
   const RenderedView rendered = {.image = image.detach(),
@@ -160,6 +162,7 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
     store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
+  if (lit) illumination_->step(i);
   if (update_medium) {
     medium_->step();
     const medium::Medium now = *medium();
@@ -352,6 +355,12 @@ void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
   medium_views_.clear();
 }
 
+void MapOptimizer::track_illumination(const KeyframeStore& keyframes) {
+  if (!options_.gain_compensation) return;
+  illumination_.emplace(keyframes.size(), keyframes.training(), keyframes[0].intrinsics,
+                        gaussians::active_device());
+}
+
 void MapOptimizer::set_vio_failing(bool failing) {
   vio_failing_ = failing;
   if (medium_) medium_->set_vio_failing(failing);
@@ -371,6 +380,7 @@ Map MapOptimizer::full_map() const {
           .medium = medium(),
           .antialiased = options_.antialiased,
           .log_gains = options_.gain_compensation ? gains_.logs() : Tensor(),
+          .illumination = illumination_ ? illumination_->logs() : Tensor(),
           .vignetting = vignetting_};
 }
 
@@ -398,6 +408,7 @@ void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
   child("corrections", corrections_);
   child("gains", gains_);
   child("water", medium_posterior_);
+  if (illumination_) child("illumination", *illumination_);
   archive.write("vignetting", torch::IValue(vignetting_));
   if (medium_) child("medium", *medium_);
   archive.write("has_medium", torch::IValue(medium_.has_value()));
@@ -420,6 +431,10 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   gains_.load(part);
   archive.read("water", part);
   medium_posterior_.load(part);
+  if (illumination_) {
+    archive.read("illumination", part);
+    illumination_->load(part);
+  }
   vignetting_ = gaussians::read_double(archive, "vignetting");
   falloffs_.clear();
   medium_views_.clear();

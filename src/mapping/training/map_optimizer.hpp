@@ -12,6 +12,7 @@
 #include "apvi/mapping/options.hpp"
 #include "gaussians/model/gaussian_store.hpp"
 #include "gaussians/render/render.hpp"
+#include "mapping/appearance/illumination.hpp"
 #include "mapping/appearance/view_corrections.hpp"
 #include "mapping/appearance/view_gains.hpp"
 #include "mapping/density/densify.hpp"
@@ -78,6 +79,8 @@ class MapOptimizer {
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
+  /// Follows moving light from now on, with gain compensation; see Illumination.
+  void track_illumination(const KeyframeStore& keyframes);
   /// Doubles the learning rate of the medium while VIO fails.
   void set_vio_failing(bool failing);
   /// Adds a view.
@@ -136,6 +139,7 @@ class MapOptimizer {
   DensityStatistics statistics_;
   ViewCorrections corrections_;
   ViewGains gains_;
+  std::optional<Illumination> illumination_;
   double vignetting_ = 0.0;
   medium::MediumPosterior medium_posterior_;
   std::map<int, torch::Tensor> falloffs_;  ///< by image width

@@ -12,6 +12,7 @@
 #include "core/random.hpp"
 #include "core/stopwatch.hpp"
 #include "gaussians/model/archive.hpp"
+#include "mapping/appearance/illumination.hpp"
 #include "mapping/density/random_insertion.hpp"
 #include "mapping/density/seed_stream.hpp"
 #include "mapping/training/retry_on_oom.hpp"
@@ -35,6 +36,7 @@ Trainer::Trainer(const KeyframeStore& keyframes, const gaussians::Gaussians& ini
       optimizer_(initial, options_, keyframes.size(), medium) {
   TORCH_CHECK(!keyframes.training().empty(), "trainer: there are no training keyframes");
   TORCH_CHECK(initial.size() > 0, "trainer: the initial map is empty");
+  if (resolves_moving_light(keyframes)) optimizer_.track_illumination(keyframes);
 }
 
 double Trainer::progress() const {
