@@ -48,6 +48,8 @@ OTHERS = {
     "mapping.psnr_all_keyframes_db": ("All keyframes: PSNR", "dB", 2),
     "mapping.restored_psnr_db": ("Restored views: PSNR", "dB", 2),
     "mapping.restored_seen_psnr_db": ("Restored views, visible parts: PSNR", "dB", 2),
+    "mapping.range_bias.image_per_m": ("Range bias of the images (red, green, blue)", "1/m", 3),
+    "mapping.range_bias.restored_per_m": ("Range bias of restored images", "1/m", 3),
     "mapping.depth_rmse_m": ("Depth error of the map, RMSE", "m", 3),
     "mapping.depth_seen_rmse_m": ("Depth error of the map, visible parts, RMSE", "m", 3),
     "mapping.depth_half_pixel_rmse_m": ("Depth error of a perfect map shifted by half a pixel, RMSE", "m", 3),

@@ -2,11 +2,40 @@
 #include "runs/render_run.hpp"
 
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
 
 namespace apvi::cli {
+namespace {
+
+/// A positive number; empty: not one.
+std::optional<double> factor_of(const std::string& text) {
+  double value = 0.0;
+  if (!CLI::detail::lexical_cast(text, value) || !(value > 0.0)) return std::nullopt;
+  return value;
+}
+
+void add_display_options(CLI::App& command, runs::RenderRequest& r) {
+  command
+      .add_option_function<std::string>(
+          "--exposure", [&r](const std::string& text) { r.exposure = factor_of(text); },
+          "brightness of restored images: a factor, or auto (default): chosen once for the map")
+      ->check([](const std::string& text) {
+        return text == "auto" || factor_of(text) ? "" : "'" + text + "' is not auto or a factor";
+      })
+      ->type_name("auto|FACTOR");
+  command
+      .add_option_function<std::string>(
+          "--white-balance", [&r](const std::string& text) { r.white_balance = text == "auto"; },
+          "of restored images: auto (default): chosen once for the map; none")
+      ->check(CLI::IsMember({"auto", "none"}))
+      ->type_name("WORD");
+}
+
+}  // namespace
 
 void add_render(CLI::App& app) {
   const auto r = std::make_shared<runs::RenderRequest>();
@@ -24,6 +53,10 @@ void add_render(CLI::App& app) {
   command->add_flag("--restore", r->restore, "also render without water");
   command->add_flag("--depth", r->depth, "also render depth: 16-bit PNG in millimeters");
   command->add_flag("--float", r->as_float, "PFM instead of PNG; depth in meters");
+  command->add_option("--bits", r->bits, "bits per channel of color PNGs: 8 (default) or 16")
+      ->check(CLI::IsMember({8, 16}))
+      ->type_name("N");
+  add_display_options(*command, *r);
   command->add_option("-o,--output", r->out, "output folder")->required();
   command->callback([r] {
     const std::size_t count = runs::render_run(*r);

@@ -17,7 +17,9 @@
 #include "core/atomic_file.hpp"
 #include "gaussians/metrics/metrics.hpp"
 #include "gaussians/render/render.hpp"
+#include "mapping/appearance/display_exposure.hpp"
 #include "mapping/evaluation.hpp"
+#include "mapping/medium/range_bias.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
 #include "runs/simulated_truth.hpp"
@@ -34,6 +36,24 @@ void write_renders(const mapping::MapRendering& rendering, const mapping::Keyfra
   write_png(file("render"), rendering.color);
   if (water) write_png(file("restored"), rendering.restored);
   write_depth_png(file("depth"), rendering.depth);
+}
+
+/// For all restored images of a run. Without ground truth: that is compared in its own exposure.
+std::optional<mapping::DisplayExposure> exposure_of(const mapping::Map& map,
+                                                    const mapping::KeyframeStore& keyframes,
+                                                    const SimulatedTruth* truth) {
+  if (!map.medium || truth != nullptr) return std::nullopt;
+  std::vector<gaussians::View> views;
+  for (const std::size_t i : keyframes.training()) views.push_back(keyframes.view(i, 1));
+  return mapping::display_exposure(map, views);
+}
+
+eval::Json to_json(const mapping::RangeBias& bias) {
+  return {{"image_per_m", bias.image},
+          {"restored_per_m", bias.restored},
+          {"range_spread_m", bias.range_spread_m},
+          {"points", bias.points},
+          {"observations", bias.observations}};
 }
 
 void set_if_present(eval::Json& json, const char* key, const std::optional<double>& value) {
@@ -167,19 +187,24 @@ void write_views(const std::filesystem::path& file, const mapping::KeyframeStore
 eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore& keyframes,
                            const std::filesystem::path& folder, const SimulatedTruth* truth) {
   const auto water = truth != nullptr ? truth->medium() : std::nullopt;
+  const auto exposure = exposure_of(map, keyframes, truth);
   std::vector<TruthErrors> errors;
   for (const std::size_t i : keyframes.held_out()) {
     const gaussians::View view = keyframes.view(i, 1);
     mapping::MapRendering rendering = mapping::render_map(map, view);
     rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
     rendering.color = rendering.color * mapping::camera_response(map, keyframes, i, 1);
-    rendering.restored = rendering.restored * mapping::camera_gain(map, keyframes, i);
+    rendering.restored = exposure ? mapping::displayed(rendering.restored, *exposure)
+                                  : rendering.restored * mapping::camera_gain(map, keyframes, i);
     write_renders(rendering, keyframes[i], map.medium.has_value(), folder);
     if (truth != nullptr) errors.push_back(compare(rendering, keyframes[i], *truth, water));
   }
   eval::Json json = eval::Json::object();
   for (const NamedError& column : kErrorColumns)
     set_if_present(json, column.name, mean_of(errors, column));
+  if (exposure) json["restored_gain"] = exposure->gains();
+  if (const auto bias = mapping::range_bias(map, keyframes, keyframes.held_out()))
+    json["range_bias"] = to_json(*bias);
   const auto perceptual = gaussians::Lpips::load(gaussians::LpipsNet::alex);
   if (perceptual) {
     json["lpips_net"] = gaussians::net_name(perceptual->net());

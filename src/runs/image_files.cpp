@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kMillimeters = 1000.0;
 constexpr double kMaxMillimeters = 65535.0;
+constexpr double kMax16Bit = 65535.0;
 
 void write_png_file(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<unsigned char> bytes;
@@ -32,6 +33,20 @@ void write_png_file(const std::filesystem::path& path, const cv::Mat& image) {
 
 void write_png(const std::filesystem::path& path, const torch::Tensor& image) {
   write_png_file(path, slam::to_image(image));
+}
+
+void write_png_16(const std::filesystem::path& path, const torch::Tensor& image) {
+  const torch::Tensor values =
+      (image.detach().to(torch::kCPU, torch::kFloat32).clamp(0.0, 1.0) * kMax16Bit + 0.5)
+          .to(torch::kInt32)
+          .contiguous();
+  cv::Mat rgb;
+  cv::Mat(static_cast<int>(values.size(0)), static_cast<int>(values.size(1)), CV_32SC3,
+          values.data_ptr())
+      .convertTo(rgb, CV_16U);
+  cv::Mat bgr;
+  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
+  write_png_file(path, bgr);
 }
 
 void write_depth_png(const std::filesystem::path& path, const torch::Tensor& depth_m) {

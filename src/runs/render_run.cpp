@@ -16,6 +16,7 @@
 #include "core/status_line.hpp"
 #include "gaussians/device.hpp"
 #include "map_io/map_file.hpp"
+#include "mapping/appearance/display_exposure.hpp"
 #include "mapping/rendering.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
@@ -96,14 +97,31 @@ mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io:
   return map;
 }
 
+/// The same for all views of a map.
+mapping::DisplayExposure exposure_of(const RenderRequest& r, const mapping::Map& map,
+                                     const std::vector<NamedView>& named) {
+  if (!r.restore || !map.medium) return {};
+  std::vector<gaussians::View> views;
+  for (const NamedView& view : named) views.push_back(view.view);
+  mapping::DisplayExposure chosen = mapping::display_exposure(map, views, r.white_balance);
+  if (r.exposure) chosen.brightness = *r.exposure;
+  const auto [red, green, blue] = chosen.gains();
+  log::info("restored images: red, green and blue times {:.3g}, {:.3g}, {:.3g}", red, green, blue);
+  return chosen;
+}
+
 void write_rendering(const mapping::MapRendering& rendering, const RenderRequest& r,
-                     const std::string& name) {
+                     const std::string& name, const mapping::DisplayExposure& exposure) {
   const char* const extension = r.as_float ? ".pfm" : ".png";
   const auto file = [&](const char* kind) { return r.out / (name + kind + extension); };
-  const auto color = r.as_float ? write_pfm : write_png;
+  const auto png = r.bits == 16 ? write_png_16 : write_png;
+  const auto color = r.as_float ? write_pfm : png;
   const auto depth = r.as_float ? write_pfm : write_depth_png;
   color(file(""), rendering.color);
-  if (r.restore) color(file("_restored"), rendering.restored);
+  if (r.restore) {
+    color(file("_restored"), r.as_float ? mapping::exposed(rendering.restored, exposure)
+                                        : mapping::displayed(rendering.restored, exposure));
+  }
   if (r.depth) depth(file("_depth"), rendering.depth);
 }
 
@@ -119,13 +137,14 @@ std::size_t render_run(const RenderRequest& request) {
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
   StatusLine status("rendering");
+  const mapping::DisplayExposure exposure = exposure_of(request, map, views);
   std::size_t done = 0;
   for (const auto& [name, view] : views) {
     mapping::MapRendering rendering = mapping::render_map(map, view);
     if (request.depth) {
       rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
     }
-    write_rendering(rendering, request, name);
+    write_rendering(rendering, request, name, exposure);
     status.update(static_cast<double>(++done) / static_cast<double>(views.size()), name);
   }
   return done;

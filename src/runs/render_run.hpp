@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 
 #include "gaussians/render/view.hpp"
 #include "map_io/origin.hpp"
@@ -18,13 +19,18 @@ struct RenderRequest {
   bool restore = false;            ///< also render without water
   bool depth = false;              ///< also render depth
   bool as_float = false;           ///< PFM instead of PNG
+  int bits = 8;                    ///< of a color PNG: 8 or 16
+  /// Brightness of restored images: a factor; empty: chosen for the map, see
+  /// mapping::DisplayExposure.
+  std::optional<double> exposure{};
+  bool white_balance = true;  ///< of restored images, chosen for the map
 };
 
 /// Renders a map along a path or from one camera into `out`; with neither, along the keyframes of
 /// the run folder. Files are named by stamp [ns], or after the map file for one camera: NAME.png
 /// (with water), NAME_restored.png (without water), NAME_depth.png (16 bit, millimeters); with
-/// `as_float` .pfm (depth in meters). Poses are in the recording's coordinates. Returns the number
-/// of views. Throws InputError for invalid input.
+/// `as_float` .pfm (depth in meters; colors are not compressed or clamped). Poses are in the
+/// recording's coordinates. Returns the number of views. Throws InputError for invalid input.
 std::size_t render_run(const RenderRequest& request);
 
 /// Reads a camera: {"width", "height", "K": 3x3, "T_cam_world": 4x4, "pixel_center": 0.5 (default)

@@ -182,6 +182,35 @@ TEST_F(MappingRunTest, RendersRunFromItsKeyframes) {
   EXPECT_NEAR(depth.at<std::uint16_t>(16, 24), 3000, 400);  // [mm]
 }
 
+TEST_F(MappingRunTest, ExposureOfRestoredImagesIsAFactor) {
+  RunConfig with_water = config(10);
+  with_water.mapping.medium = true;
+  run_mapping(with_water, options());
+  EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["restored_gain"].size(),
+            3U);
+  const auto restored = [&](double exposure, bool as_float) {
+    const fs::path out = data_.path() / fmt::format("out_{}_{}", exposure, as_float);
+    render_run({.source = run_folder(),
+                .out = out,
+                .restore = true,
+                .as_float = as_float,
+                .bits = 16,
+                .exposure = exposure,
+                .white_balance = false});
+    const char* const extension = as_float ? "pfm" : "png";
+    return cv::imread((out / fmt::format("1000000000_restored.{}", extension)).string(),
+                      cv::IMREAD_UNCHANGED);
+  };
+  const cv::Mat once = restored(1.0, true);
+  const cv::Mat twice = restored(2.0, true);
+  EXPECT_LT(cv::norm(2.0 * once, twice, cv::NORM_INF), 1e-5);
+  const cv::Mat png = restored(1e-3, false);
+  ASSERT_EQ(png.type(), CV_16UC3);
+  cv::Mat linear;
+  png.convertTo(linear, CV_32F, 1e3 / 65535.0);
+  EXPECT_LT(cv::norm(linear, once, cv::NORM_INF), 0.01);  // dark: not compressed
+}
+
 TEST_F(MappingRunTest, RendersMapFileFromCameraFile) {
   const fs::path camera = data_.write("camera.json",
                                       "{\"width\": 48, \"height\": 32, \"K\": "
