@@ -21,7 +21,7 @@ struct Map {
   /// [n] log gains of the keyframes: brightness of their images relative to the map; undefined: all
   /// equal.
   torch::Tensor log_gains = {};
-  /// [n,rows,columns] logarithms of the fields of gains of the keyframes (mapping::Illumination);
+  /// [n,3,rows,columns] logarithms of the fields of gains of the keyframes (mapping::Illumination);
   /// undefined: none.
   torch::Tensor illumination = {};
   double vignetting = 0.0;  ///< fraction of light lost in the image corners
@@ -44,7 +44,8 @@ torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& cam
 /// keyframes before and after it.
 torch::Tensor camera_gain(const Map& map, const KeyframeStore& keyframes, std::size_t i);
 /// Gain, illumination and vignetting at every pixel of a keyframe's camera reduced by `factor`,
-/// multiplied: [H,W,1], or [1,1,1] where it is the same everywhere.
+/// multiplied: [H,W,3] with illumination, otherwise [H,W,1], or [1,1,1] where it is the same
+/// everywhere.
 torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, std::size_t i,
                               int factor);
 

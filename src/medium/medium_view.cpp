@@ -31,6 +31,7 @@ MediumView MediumView::with(const Medium& medium) const {
   changed.medium_.beta_d = medium.beta_d;
   changed.medium_.beta_b = medium.beta_b;
   changed.medium_.b_inf = medium.b_inf;
+  changed.open_water_ = Tensor();
   return changed;
 }
 
@@ -47,10 +48,12 @@ Tensor MediumView::illumination_at(const Tensor& means, const Tensor& T_camera_w
 }
 
 Tensor MediumView::open_water() const {
+  if (open_water_.defined()) return open_water_;
   const torch::NoGradGuard no_grad;
   const Tensor nothing = torch::zeros_like(view_data_.ray_lengths);
   const Tensor black = torch::zeros({nothing.size(0), nothing.size(1), 3}, nothing.options());
-  return apply_medium(black, nothing, nothing, medium_, view_data_);
+  open_water_ = apply_medium(black, nothing, nothing, medium_, view_data_);
+  return open_water_;
 }
 
 Tensor MediumView::apply(const Tensor& color, const Tensor& depth, const Tensor& alpha) const {

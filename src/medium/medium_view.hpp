@@ -31,7 +31,8 @@ class MediumView {
   torch::Tensor apply(const torch::Tensor& color, const torch::Tensor& depth,
                       const torch::Tensor& alpha) const;
 
-  /// The image of open water, with nothing rendered: [H,W,3]. Not recorded by autograd.
+  /// The image of open water, with nothing rendered: [H,W,3]; computed once. Not recorded by
+  /// autograd.
   torch::Tensor open_water() const;
 
   bool has_lamp() const { return medium_.lamp.has_value(); }
@@ -39,6 +40,7 @@ class MediumView {
  private:
   Medium medium_;  ///< lamp tensors on the device, too
   MediumViewData view_data_;
+  mutable torch::Tensor open_water_;  ///< undefined until it is needed
 };
 
 }  // namespace apvi::medium

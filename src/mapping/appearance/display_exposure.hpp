@@ -24,9 +24,9 @@ struct DisplayExposure {
 
 /// Chooses both from restored renderings of `views` (up to 16 of them, evenly spread), where they
 /// show a surface through enough of the direct light:
-/// - White balance: shades of gray (Finlayson and Trezzi, "Shades of gray and colour constancy",
-///   2004): the means of the sixth powers of the channels become equal. That lies between gray
-///   world and brightest neutral. A channel changes by a factor of 2 at most.
+/// - White balance: shades of gray (Finlayson and Trezzi, 2004): the means of the sixth powers of
+///   the channels become equal. That lies between gray world and brightest neutral. A channel
+///   changes by a factor of 2 at most.
 /// - Brightness: all but 0.5 % of these pixels stay below full brightness.
 /// `white_balance` false: only the brightness. Without a surface in any view, all factors are one.
 DisplayExposure display_exposure(const Map& map, const std::vector<gaussians::View>& views,

@@ -31,14 +31,16 @@ Tensor bilinear_weights(std::int64_t size, std::int64_t nodes,
 std::pair<Tensor, Tensor> interpolation_of(const Tensor& logs, std::int64_t height,
                                            std::int64_t width) {
   const auto options = logs.options().requires_grad(false);
-  return {bilinear_weights(height, logs.size(0), options),
-          bilinear_weights(width, logs.size(1), options).t().contiguous()};
+  return {bilinear_weights(height, logs.size(1), options),
+          bilinear_weights(width, logs.size(2), options).t().contiguous()};
 }
 
 // Products of matrices: unlike LibTorch's interpolation, their gradients have the same bits from
 // run to run on a GPU.
 Tensor gain_of(const Tensor& logs, const std::pair<Tensor, Tensor>& interpolation) {
-  return torch::mm(torch::mm(interpolation.first, logs), interpolation.second).exp().unsqueeze(2);
+  return torch::matmul(torch::matmul(interpolation.first, logs), interpolation.second)
+      .exp()
+      .permute({1, 2, 0});
 }
 
 }  // namespace
@@ -63,7 +65,7 @@ Illumination::Illumination(std::size_t views, const std::vector<std::size_t>& tr
   const auto columns = static_cast<std::int64_t>(
       std::lround(static_cast<double>(kRows * camera.width) / camera.height));
   logs_ =
-      torch::zeros({static_cast<std::int64_t>(views), kRows, std::max<std::int64_t>(2, columns)},
+      torch::zeros({static_cast<std::int64_t>(views), 3, kRows, std::max<std::int64_t>(2, columns)},
                    torch::dtype(torch::kFloat32).device(device));
   first_ = torch::zeros_like(logs_);
   second_ = torch::zeros_like(logs_);

@@ -19,9 +19,9 @@ namespace apvi::mapping {
 bool resolves_moving_light(const KeyframeStore& keyframes);
 
 /// Moving light, such as caustics on a shallow reef, as a smooth field of gains for each image:
-/// logarithms on a coarse grid, interpolated bilinearly. Its mean over the training images is zero,
-/// so it takes no color from the map. Gains of a held-out image are interpolated in time, never
-/// taken from its own image.
+/// logarithms on a coarse grid for each channel, interpolated bilinearly. Its mean over the
+/// training images is zero, so it takes no color from the map. Gains of a held-out image are
+/// interpolated in time, never taken from its own image.
 class Illumination {
  public:
   /// `training`: the images whose fields have a mean of zero.
@@ -32,7 +32,7 @@ class Illumination {
   torch::Tensor apply(std::size_t view, const torch::Tensor& image);
   /// Optimizes the field of the view that was applied last.
   void step(std::size_t view);
-  /// Logarithms of the gains [n,rows,columns].
+  /// Logarithms of the gains [n,3,rows,columns].
   const torch::Tensor& logs() const { return logs_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
@@ -48,7 +48,7 @@ class Illumination {
   std::map<std::int64_t, std::pair<torch::Tensor, torch::Tensor>> interpolation_;  ///< by width
 };
 
-/// Gains [height,width,1] of a field of logarithms [rows,columns].
+/// Gains [height,width,3] of a field of logarithms [3,rows,columns].
 torch::Tensor illumination_gain(const torch::Tensor& logs, std::int64_t height, std::int64_t width);
 
 }  // namespace apvi::mapping

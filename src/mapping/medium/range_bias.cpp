@@ -116,7 +116,7 @@ std::optional<RangeBias> range_bias(const Map& map, const KeyframeStore& keyfram
   for (std::int64_t c = 0; c < 3; ++c) {
     const Tensor used = (o.colors.select(1, c) > kDarkest).to(torch::kFloat64);
     const auto k = static_cast<std::size_t>(c);
-    bias.image[k] = slope(colors.select(1, c).clamp_min(kFloor).log(), used, o);
+    bias.image[k] = slope(o.colors.select(1, c).clamp_min(kFloor).log(), used, o);
     bias.restored[k] = slope(restored.select(1, c).clamp_min(kFloor).log(), used, o);
   }
   return bias;

@@ -17,7 +17,7 @@ namespace apvi::mapping {
 /// the medium a matte surface has the same color at every range, so the slope of restored colors
 /// tells how much of the medium is left (or was removed too much), without any ground truth.
 struct RangeBias {
-  std::array<double, 3> image{};     ///< of the images, at equal exposure
+  std::array<double, 3> image{};     ///< of the images as they are
   std::array<double, 3> restored{};  ///< the same with the map's medium removed
   double range_spread_m = 0.0;       ///< root mean square difference from the mean range of a point
   std::int64_t points = 0;

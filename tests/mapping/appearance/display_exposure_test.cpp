@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "../medium/sea_bed.hpp"
+#include "mapping/medium/sea_bed.hpp"
 
 namespace apvi::mapping {
 namespace {

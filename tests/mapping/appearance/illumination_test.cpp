@@ -74,6 +74,7 @@ TEST(Illumination, LearnsLightThatMovesAndHasAMeanOfZero) {
   truth = truth - truth.mean(0, true);
   for (int view = 0; view < kViews; ++view) {
     const Tensor found = illumination_gain(illumination.logs()[view], 32, 48).log();
+    EXPECT_EQ(found.sizes(), at::IntArrayRef({32, 48, 3}));
     EXPECT_LT((found - truth[view]).abs().mean().item<double>(), 0.03) << view;
   }
 }
@@ -106,7 +107,7 @@ TEST(Illumination, HeldOutImagesTakeTheMeanOfTheirNeighbors) {
   const KeyframeStore keyframes = striped_images(0.033);
   Map map;
   map.gaussians = test::gaussian_wall();
-  map.illumination = torch::zeros({24, 2, 3});
+  map.illumination = torch::zeros({24, 3, 2, 3});
   map.illumination[1].fill_(0.2);
   map.illumination[2].fill_(9.0);  // held out: never its own
   map.illumination[3].fill_(0.4);

@@ -14,9 +14,9 @@
 #include "map_io/ply.hpp"
 #include "mapping/appearance/view_gains.hpp"
 #include "mapping/density/seeds.hpp"
+#include "mapping/medium/sea_bed.hpp"
 #include "medium/lamp.hpp"
 #include "medium/medium_initialization.hpp"
-#include "sea_bed.hpp"
 #include "support/torch_reference.hpp"
 
 namespace apvi::mapping {

@@ -9,7 +9,7 @@
 #include <numeric>
 #include <vector>
 
-#include "sea_bed.hpp"
+#include "mapping/medium/sea_bed.hpp"
 
 namespace apvi::mapping {
 namespace {
