@@ -63,6 +63,11 @@ std::vector<NamedView> views_along(const fs::path& path, const CameraMount& moun
   return views;
 }
 
+std::vector<NamedView> views_of_run(const fs::path& run, const fs::path& path,
+                                    const map_io::Origin& origin) {
+  return views_along(path, mount_of_run(load_recorded_run_config(run / "resolved.yaml")), origin);
+}
+
 std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map,
                                     const map_io::Origin& origin) {
   const bool is_run = fs::is_directory(r.source);
@@ -76,8 +81,7 @@ std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map,
         "{}: a map file has no cameras: use --camera FILE, and --path FILE for more than one view",
         r.source.string());
   }
-  const CameraMount mount = mount_of_run(load_recorded_run_config(r.source / "resolved.yaml"));
-  return views_along(r.path.empty() ? r.source / "keyframes.tum" : r.path, mount, origin);
+  return views_of_run(r.source, r.path.empty() ? r.source / "keyframes.tum" : r.path, origin);
 }
 
 mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io::MapFile& stored) {
@@ -97,12 +101,16 @@ mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io:
   return map;
 }
 
-/// The same for all views of a map.
+/// The same for all views of a map: by the keyframes of a run, otherwise by what is rendered.
 mapping::DisplayExposure exposure_of(const RenderRequest& r, const mapping::Map& map,
-                                     const std::vector<NamedView>& named) {
+                                     const std::vector<NamedView>& rendered,
+                                     const map_io::Origin& origin) {
   if (!r.restore || !map.medium) return {};
+  const fs::path keyframes = r.source / "keyframes.tum";
+  const bool is_run = fs::is_regular_file(keyframes);
   std::vector<gaussians::View> views;
-  for (const NamedView& view : named) views.push_back(view.view);
+  for (const NamedView& view : is_run ? views_of_run(r.source, keyframes, origin) : rendered)
+    views.push_back(view.view);
   mapping::DisplayExposure chosen = mapping::display_exposure(map, views, r.white_balance);
   if (r.exposure) chosen.brightness = *r.exposure;
   const auto [red, green, blue] = chosen.gains();
@@ -137,7 +145,7 @@ std::size_t render_run(const RenderRequest& request) {
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
   StatusLine status("rendering");
-  const mapping::DisplayExposure exposure = exposure_of(request, map, views);
+  const mapping::DisplayExposure exposure = exposure_of(request, map, views, stored.origin);
   std::size_t done = 0;
   for (const auto& [name, view] : views) {
     mapping::MapRendering rendering = mapping::render_map(map, view);

@@ -40,7 +40,8 @@ std::pair<Tensor, Tensor> interpolation_of(const Tensor& logs, std::int64_t heig
 Tensor gain_of(const Tensor& logs, const std::pair<Tensor, Tensor>& interpolation) {
   return torch::matmul(torch::matmul(interpolation.first, logs), interpolation.second)
       .exp()
-      .permute({1, 2, 0});
+      .permute({1, 2, 0})
+      .contiguous();
 }
 
 }  // namespace
@@ -110,19 +111,22 @@ void Illumination::save(torch::serialize::OutputArchive& archive) const {
 }
 
 void Illumination::load(torch::serialize::InputArchive& archive) {
-  Tensor part;
+  // Reading into a tensor that is defined keeps its memory and type.
   for (const auto& [name, tensor] :
        {std::pair{"logs", &logs_}, std::pair{"first", &first_}, std::pair{"second", &second_}}) {
+    Tensor part;
     archive.read(name, part, /*is_buffer=*/true);
     TORCH_CHECK(part.sizes() == tensor->sizes(), "checkpoint: illumination of ", part.sizes(),
                 " instead of ", tensor->sizes());
     *tensor = part.to(tensor->options());
   }
-  archive.read("view_steps", part, /*is_buffer=*/true);
-  TORCH_CHECK(part.dim() == 1 && part.scalar_type() == torch::kInt64 &&
-                  part.size(0) == static_cast<std::int64_t>(view_steps_.size()),
+  Tensor steps;
+  archive.read("view_steps", steps, /*is_buffer=*/true);
+  TORCH_CHECK(steps.dim() == 1 && steps.scalar_type() == torch::kInt64 &&
+                  steps.size(0) == static_cast<std::int64_t>(view_steps_.size()),
               "checkpoint: illumination of another number of images");
-  view_steps_.assign(part.data_ptr<std::int64_t>(), part.data_ptr<std::int64_t>() + part.numel());
+  view_steps_.assign(steps.data_ptr<std::int64_t>(),
+                     steps.data_ptr<std::int64_t>() + steps.numel());
   steps_ = gaussians::read_int(archive, "steps");
 }
 
