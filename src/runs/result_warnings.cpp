@@ -91,12 +91,15 @@ void check_dvl_speed(const Evidence& evidence, Warnings& warnings) {
                   *speed));
 }
 
+template <typename Counts>
+double count_of(const Counts& counts, dipo::Verdict verdict) {
+  const auto found = counts.find(verdict);
+  return found == counts.end() ? 0.0 : static_cast<double>(found->second);
+}
+
 void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
   using dipo::Verdict;
-  const auto count = [&](Verdict verdict) {
-    const auto found = acoustic.counts.pings.find(verdict);
-    return found == acoustic.counts.pings.end() ? 0.0 : static_cast<double>(found->second);
-  };
+  const auto count = [&](Verdict verdict) { return count_of(acoustic.counts.pings, verdict); };
   const double used = count(Verdict::accepted) + count(Verdict::downweighted);
   const double locked = used + count(Verdict::rejected) + count(Verdict::beams_disagree);
   const double all = locked + count(Verdict::no_lock);
@@ -134,10 +137,7 @@ void check_depth_sign(const Evidence& evidence, Warnings& warnings) {
 // A wrong unit or sign of the pressure contradicts the vertical velocity of the DVL.
 void check_depths(const AcousticService& acoustic, Warnings& warnings) {
   using dipo::Verdict;
-  const auto count = [&](Verdict verdict) {
-    const auto found = acoustic.counts.depths.find(verdict);
-    return found == acoustic.counts.depths.end() ? 0.0 : static_cast<double>(found->second);
-  };
+  const auto count = [&](Verdict verdict) { return count_of(acoustic.counts.depths, verdict); };
   const double accepted = count(Verdict::accepted);
   const double all = accepted + count(Verdict::downweighted) + count(Verdict::rejected);
   const bool reported = accepted + count(Verdict::downweighted) == 0.0;  // by check_inputs
