@@ -238,7 +238,7 @@ def ordered_streams(run):
 def timeline(run):
     """Availability of each sensor, and the verdict on every ping."""
     clock = clock_of(run)
-    verdicts = run.pings["verdict"] if run.pings is not None else np.empty(0)
+    verdicts = run.pings["verdict"] if run.pings is not None else np.empty(0, dtype=str)
     names = [name for name in style.VERDICTS if (verdicts == name).any()]
     streams = ordered_streams(run)
     rows = [name for name, _ in streams]

@@ -59,10 +59,10 @@ void add_world(CLI::App& command, const std::string& flag, std::optional<WorldFr
 }
 
 void add_options(CLI::App& command, Arguments& a) {
-  add_override(
-      command, "--align", "align", a, {"se3", "yaw", "first", "none"},
-      "alignment before the comparison: rigid (default), translation and heading, first pose, "
-      "none");
+  add_override(command, "--align", "align", a, {"se3", "sim3", "yaw", "first", "none"},
+               "alignment before the comparison: rigid (default), rigid with scale, translation "
+               "and heading, "
+               "first pose, none");
   add_override(command, "--associate", "associate", a, {"auto", "nearest"},
                "interpolate the denser trajectory (default), or match nearest stamps as evo does");
   add_override(command, "--max-difference", "max_difference_s", a, {},
@@ -121,6 +121,13 @@ void eval_pair(const Arguments& a) {
   print(a.json ? json.dump(2) + "\n" : eval::to_table(metrics));
 }
 
+// Of a run up to scale. A damaged file is reported when it is written.
+bool has_unknown_scale(const fs::path& metrics_file) {
+  if (!fs::exists(metrics_file)) return false;
+  const eval::Json metrics = eval::read_metrics(metrics_file);
+  return metrics.contains("scale") && !metrics["scale"].value("known", true);
+}
+
 // Reference, world frame and evaluation options of a run.
 struct RunContext {
   std::optional<Trajectory> reference;
@@ -158,6 +165,9 @@ RunContext load_run_context(const Arguments& a) {
                    : config::Node{};
   context.world = make_rig(section(resolved, "rig")).world;
   context.options = section(resolved, "eval");
+  if (has_unknown_scale(a.run / "metrics.json")) {
+    config::apply_override(context.options, "align=sim3");
+  }
   context.reference = a.reference.empty()
                           ? dataset_reference(resolved)
                           : std::optional(io::read_trajectory(a.reference, io::BadLines::drop));

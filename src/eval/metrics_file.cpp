@@ -43,6 +43,7 @@ Json to_json(const TrajectoryMetrics& m) {
     put(json, "ate_max_m", m.ate.value->max);
   }
   put(json, "ate_first_pose_rmse_m", rmse(m.ate_first_pose));
+  put(json, "scale_to_reference", m.scale_to_reference);
   put(json, "ate_percent_of_path", m.ate_percent_of_path);
   put(json, "rot_rmse_deg", rmse(m.rotation_deg));
   put(json, "rpe_1s_rmse_m", rmse(m.rpe_time));

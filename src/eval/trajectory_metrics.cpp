@@ -8,6 +8,7 @@
 #include "apvi/geometry/so3.hpp"
 #include "eval/alignment.hpp"
 #include "eval/relative_error.hpp"
+#include "geometry/umeyama.hpp"
 
 namespace apvi::eval {
 namespace {
@@ -102,6 +103,20 @@ void fill_relative(const Comparison& comparison, TrajectoryMetrics& metrics) {
       relative_error(comparison, all_pairs_by_path(pairs, kRpeDistance_m));
 }
 
+// Scales the estimate; nullopt, and nothing changes, when positions do not determine the scale.
+std::optional<double> scale_to_reference(Comparison& comparison) {
+  std::vector<Vector3d> source;
+  std::vector<Vector3d> target;
+  for (const PosePair& pair : comparison.pairs) {
+    source.push_back(pair.estimate.translation);
+    target.push_back(pair.reference.translation);
+  }
+  const auto scale = similarity_scale(source, target);
+  if (!scale) return std::nullopt;
+  for (PosePair& pair : comparison.pairs) pair.estimate.translation *= *scale;
+  return scale;
+}
+
 void set_reason(Reason reason, TrajectoryMetrics& metrics) {
   for (ErrorMetric* metric :
        {&metrics.ate, &metrics.ate_first_pose, &metrics.rotation_deg, &metrics.rpe_time,
@@ -133,7 +148,7 @@ std::string_view to_string(Reason reason) {
 }
 
 std::size_t min_matches(Alignment alignment) {
-  return alignment == Alignment::se3 ? 3 : 2;
+  return alignment == Alignment::se3 || alignment == Alignment::sim3 ? 3 : 2;
 }
 
 TrajectoryMetrics evaluate(const Trajectory& reference, const Trajectory& estimate,
@@ -141,9 +156,9 @@ TrajectoryMetrics evaluate(const Trajectory& reference, const Trajectory& estima
   TrajectoryMetrics metrics = evaluate_without_reference(estimate);
   const Trajectory reference_up = to_z_up(finite_part(reference), options.reference_world);
   const Trajectory estimate_up = to_z_up(finite_part(estimate), options.estimate_world);
-  const Comparison comparison{.pairs = associate(reference_up, estimate_up, options.association),
-                              .planar = !reference_up.has_height || !estimate_up.has_height,
-                              .oriented = reference_up.has_rotation && estimate_up.has_rotation};
+  Comparison comparison{.pairs = associate(reference_up, estimate_up, options.association),
+                        .planar = !reference_up.has_height || !estimate_up.has_height,
+                        .oriented = reference_up.has_rotation && estimate_up.has_rotation};
   metrics.matched = comparison.pairs.size();
   metrics.coverage = coverage(reference_up, estimate_up, options.association.max_gap_s);
   if (!overlap(reference_up, estimate_up)) {
@@ -151,6 +166,9 @@ TrajectoryMetrics evaluate(const Trajectory& reference, const Trajectory& estima
   } else if (comparison.pairs.size() < min_matches(options.alignment)) {
     set_reason(Reason::too_few_matches, metrics);
   } else {
+    if (options.alignment == Alignment::sim3) {
+      metrics.scale_to_reference = scale_to_reference(comparison);
+    }
     fill_absolute(comparison, options.alignment, metrics);
     fill_relative(comparison, metrics);
   }

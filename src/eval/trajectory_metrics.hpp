@@ -17,6 +17,7 @@ namespace apvi::eval {
 /// Alignment of the estimate to the reference before positions are compared.
 enum class Alignment {
   se3,    ///< rigid, least squares (Umeyama 1991, without scale)
+  sim3,   ///< the same with scale, for estimates up to scale
   yaw,    ///< translation and yaw; roll and pitch are observable from gravity
   first,  ///< aligns the first matched poses (evo: `--align_origin`)
   none,   ///< no alignment: both are in the same world frame
@@ -40,10 +41,12 @@ struct EvalOptions {
     using config::Range;
     v("align", alignment,
       Choices<Alignment>{{"se3", Alignment::se3},
+                         {"sim3", Alignment::sim3},
                          {"yaw", Alignment::yaw},
                          {"first", Alignment::first},
                          {"none", Alignment::none}},
-      "alignment of the estimate to the reference before the ATE");
+      "alignment of the estimate to the reference before the ATE; se3 becomes sim3 when the scale "
+      "is unknown");
     v("associate", association.mode,
       Choices<Association>{{"auto", Association::interpolate}, {"nearest", Association::nearest}},
       "auto: interpolate the denser trajectory; nearest: pair poses nearest in time");
@@ -91,6 +94,8 @@ struct TrajectoryMetrics {
   ErrorMetric rpe_distance;
   ErrorMetric rpe_distance_all_pairs;  ///< over 10 m, all pairs (tolerance 1 m) [m]
 
+  /// Lengths of the estimate were multiplied by this, sim3 only.
+  std::optional<double> scale_to_reference;
   std::optional<double> ate_percent_of_path;  ///< ATE RMSE in percent of `path_length_m`
   std::optional<double> path_length_m;        ///< of the reference at the matched stamps
   std::optional<double> coverage;             ///< see eval::coverage
@@ -104,7 +109,7 @@ struct TrajectoryMetrics {
 TrajectoryMetrics evaluate(const Trajectory& reference, const Trajectory& estimate,
                            const EvalOptions& options = {});
 
-/// Minimum number of pairs: three for se3, otherwise two.
+/// Minimum number of pairs: three for se3 and sim3, otherwise two.
 std::size_t min_matches(Alignment alignment);
 
 /// Metrics without a reference: path length, and distance from end to start for closed loops.

@@ -13,6 +13,19 @@ double Trajectory::path_length() const {
   return length;
 }
 
+void Trajectory::merge(const std::vector<StampedPose>& added) {
+  for (const StampedPose& pose : added) {
+    const auto place =
+        std::lower_bound(poses.begin(), poses.end(), pose.stamp,
+                         [](const StampedPose& kept, Stamp stamp) { return kept.stamp < stamp; });
+    if (place != poses.end() && place->stamp == pose.stamp) {
+      *place = pose;
+    } else {
+      poses.insert(place, pose);
+    }
+  }
+}
+
 std::optional<SE3> Trajectory::at(Stamp stamp, Duration max_gap) const {
   const auto after =
       std::lower_bound(poses.begin(), poses.end(), stamp,

@@ -43,6 +43,17 @@ std::optional<SE3> align_rigid(const std::vector<Vector3d>& source,
              m.topRightCorner<3, 1>()};
 }
 
+std::optional<double> similarity_scale(const std::vector<Vector3d>& source,
+                                       const std::vector<Vector3d>& target) {
+  APVI_CHECK(source.size() == target.size());
+  if (source.size() < 3) return std::nullopt;
+  const Eigen::Matrix3Xd from = to_matrix(source);
+  const Eigen::Matrix3Xd to = to_matrix(target);
+  if (!spans_plane(from) || !spans_plane(to)) return std::nullopt;
+  const Eigen::Matrix4d m = Eigen::umeyama(from, to, true);
+  return m.col(0).head<3>().norm();
+}
+
 std::optional<SE3> align_yaw(const std::vector<Vector3d>& source,
                              const std::vector<Vector3d>& target) {
   APVI_CHECK(source.size() == target.size());

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "localization/fusion_stage.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
+#include <vector>
 
 #include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
@@ -24,6 +27,34 @@ fusion::VioEstimate estimate_of(const vio::Result& result) {
   return vio;
 }
 
+// Frames of which the poses by images alone are kept: more than VIO needs to initialize.
+constexpr Duration kStartHistory{10'000'000'000};
+
+double spread(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p / static_cast<double>(points.size());
+  double sum = 0.0;
+  for (const Eigen::Vector3d& p : points) sum += (p - mean).squaredNorm();
+  return std::sqrt(sum);
+}
+
+// Ratio of the spreads of the positions at equal stamps; nullopt with fewer than three of them, or
+// at rest.
+std::optional<double> scale_between(const std::deque<StampedPose>& up_to_scale,
+                                    const std::vector<StampedPose>& metric) {
+  std::vector<Eigen::Vector3d> from;
+  std::vector<Eigen::Vector3d> to;
+  for (const StampedPose& pose : metric) {
+    const auto same = [&](const StampedPose& p) { return p.stamp == pose.stamp; };
+    const auto found = std::ranges::find_if(up_to_scale, same);
+    if (found == up_to_scale.end()) continue;
+    from.push_back(found->T_world_body.translation);
+    to.push_back(pose.T_world_body.translation);
+  }
+  if (from.size() < 3 || !(spread(from) > 0.0)) return std::nullopt;
+  return spread(to) / spread(from);
+}
+
 fusion::Config scale_to_camera(fusion::Config config, const Rig& rig) {
   if (rig.cameras.empty()) return config;
   fusion::DegeneracyCheckConfig& fine = config.discriminator.degeneracy;
@@ -39,7 +70,8 @@ std::optional<StampedPose> FrameOutput::fused() const {
 }
 
 FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
-                         const fusion::FreezeConfig& freeze, const Rig& rig, double segment_gap_s)
+                         const fusion::FreezeConfig& freeze, const Rig& rig,
+                         const ActiveSensors& sensors, double segment_gap_s)
     // The baseline without freezing reinitializes like a system without a DVL.
     : tight_(vio.graph == vio::GraphKind::tight && rig.dvl),
       allow_state_prior_(freeze.enabled || tight_),
@@ -48,7 +80,10 @@ FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
       estimator_(vio, rig),
       fuser_(scale_to_camera(fusion, rig), freeze),
       segment_gap_s_(segment_gap_s),
-      height_is_measured_(rig.pressure || rig.depth) {}
+      with_dvl_(sensors.dvl),
+      height_is_measured_(rig.pressure || rig.depth) {
+  if (!sensors.dvl && vio.visual.enabled) images_alone_.emplace(vio, rig);
+}
 
 FrameOutput FusionStage::process(const FrameJob& job,
                                  const std::optional<vio::TrackedFrame>& tracked) {
@@ -74,6 +109,8 @@ FrameOutput FusionStage::process(const FrameJob& job,
   output.vio = with_prior && prior
                    ? estimator_.process(*tracked, prior)
                    : estimator_.process(*tracked, std::nullopt, restart_pose(prior));
+  if (with_dvl_) output.vio.earlier.clear();  // the DVL's poses of these frames have been output
+  if (images_alone_) use_images_alone(*tracked, output);
   if (output.vio.status == vio::Status::lost) {
     log::warning("VIO lost at {:.2f} s: {}", seconds_between(*first_frame_, job.stamp),
                  output.vio.detail);
@@ -105,6 +142,48 @@ FrameOutput FusionStage::process(const FrameJob& job,
   return output;
 }
 
+// Visual-inertial odometry is preferred: it knows the scale.
+void FusionStage::use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output) {
+  vio::Result& vio = output.vio;
+  if (vio.has_state()) {
+    if (images_alone_->started()) output.scale_found = find_scale(vio);
+    first_up_to_scale_.reset();
+    return images_alone_->reset();
+  }
+  const auto last = last_pose_ ? std::optional(last_pose_->T_world_body) : std::nullopt;
+  vio::Result found = images_alone_->process(tracked, last);
+  if (last_imu_) found.detail = vio.detail;  // what keeps the scale unknown
+  if (!found.has_state() && last_imu_) return;
+  vio = std::move(found);
+  if (!vio_init_time_s_ || first_up_to_scale_) remember_up_to_scale(vio);
+}
+
+void FusionStage::remember_up_to_scale(const vio::Result& vio) {
+  if (!vio.has_state()) return;
+  for (const StampedPose& earlier : vio.earlier) recent_up_to_scale_.push_back(earlier);
+  recent_up_to_scale_.push_back({vio.stamp, vio.state.pose()});
+  if (!first_up_to_scale_) first_up_to_scale_ = recent_up_to_scale_.front();
+  const Stamp oldest = vio.stamp - kStartHistory;
+  while (recent_up_to_scale_.front().stamp < oldest) recent_up_to_scale_.pop_front();
+}
+
+// Compares the frames that both know. The first pose stays where it is; the poses of
+// visual-inertial odometry move accordingly.
+std::optional<ScaleFound> FusionStage::find_scale(vio::Result& vio) {
+  if (!first_up_to_scale_) return std::nullopt;
+  const auto scale = scale_between(recent_up_to_scale_, vio.earlier);
+  if (!scale) return std::nullopt;
+  const Eigen::Vector3d first = first_up_to_scale_->T_world_body.translation;
+  const Eigen::Vector3d newest = recent_up_to_scale_.back().T_world_body.translation;
+  const Eigen::Vector3d shift = ScaleChange{*scale, first} * newest - newest;
+  estimator_.shift(shift);
+  vio.state.p_world += shift;
+  for (StampedPose& pose : vio.earlier) pose.T_world_body.translation += shift;
+  log::info("scale found at {:.2f} s: the unit so far was {:.3g} m",
+            seconds_between(*first_frame_, vio.stamp), *scale);
+  return ScaleFound{first_up_to_scale_->stamp, {*scale, first}};
+}
+
 // Nothing relates the poses before a long gap to those after it.
 void FusionStage::add(const ImuSample& sample) {
   if (last_imu_ && seconds_between(*last_imu_, sample.stamp) > segment_gap_s_) {
@@ -114,6 +193,7 @@ void FusionStage::add(const ImuSample& sample) {
   }
   last_imu_ = sample.stamp;
   estimator_.add(sample);
+  if (images_alone_) images_alone_->add(sample);
 }
 
 // The estimators know the error within the segment only.

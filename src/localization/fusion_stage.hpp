@@ -2,12 +2,15 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <optional>
 
 #include "apvi/geometry/trajectory.hpp"
+#include "apvi/localization/system.hpp"
 #include "fusion/fuser.hpp"
 #include "localization/frame_job.hpp"
 #include "vio/estimator.hpp"
+#include "vio/visual/visual_odometry.hpp"
 
 namespace apvi::localization {
 
@@ -29,12 +32,15 @@ struct FrameOutput {
   vio::Result vio;          ///< pose in the output frame
   std::optional<SE3> dipo;  ///< pose in the output frame
   fusion::FusionResult fusion;
+  std::optional<ScaleFound> scale_found;  ///< what this frame changes about earlier poses
   FrameTiming timing;
 
   std::optional<StampedPose> fused() const;
 };
 
 /// The last stage: visual-inertial odometry, failure detection, fusion, and freezing of the window.
+/// Without a DVL, odometry by images alone gives poses up to scale until visual-inertial odometry
+/// is initialized, and always without an IMU.
 ///
 /// The output frame is the world frame of whichever estimator initialized first. If that was VIO,
 /// DIPO's poses are aligned to it once, by the yaw and translation between the two at the first
@@ -43,19 +49,26 @@ class FusionStage {
  public:
   /// A gap in the inertial data of more than `segment_gap_s` begins a new segment.
   FusionStage(const vio::Config& vio, const fusion::Config& fusion,
-              const fusion::FreezeConfig& freeze, const Rig& rig,
+              const fusion::FreezeConfig& freeze, const Rig& rig, const ActiveSensors& sensors,
               double segment_gap_s = dipo::InertialConfig{}.segment_gap_s);
 
   /// `tracked` empty: the image was dropped; the other sensors' data are still processed.
   FrameOutput process(const FrameJob& job, const std::optional<vio::TrackedFrame>& tracked);
 
-  const vio::Window& window() const { return estimator_.window(); }
+  /// Of the estimator that gave the last pose.
+  const vio::Window& window() const {
+    return images_alone_ && images_alone_->started() ? images_alone_->window()
+                                                     : estimator_.window();
+  }
   const fusion::FreezePolicy& freeze_policy() const { return fuser_.freeze_policy(); }
   /// Time from the first frame to the first VIO pose [s]; empty before.
   std::optional<double> vio_init_time_s() const { return vio_init_time_s_; }
 
  private:
   void add(const ImuSample& sample);
+  void use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output);
+  std::optional<ScaleFound> find_scale(vio::Result& vio);
+  void remember_up_to_scale(const vio::Result& vio);
   void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
   std::optional<SE3> restart_pose(const std::optional<vio::StatePrior>& dipo) const;
@@ -68,12 +81,16 @@ class FusionStage {
   bool track_drift_;
   bool unfreeze_;
   vio::Estimator estimator_;
+  std::optional<vio::VisualOdometry> images_alone_;
+  std::optional<StampedPose> first_up_to_scale_;  // of the run's poses, until the scale is known
+  std::deque<StampedPose> recent_up_to_scale_;    // of the last seconds
   fusion::Fuser fuser_;
   std::optional<SE3> T_output_dipo_;
   std::optional<fusion::PoseEstimate> last_pose_;  // fused
   Stamp last_pose_stamp_;
   SE3 T_vio_dipo_ = SE3::identity();  // updated while the two agree
   double segment_gap_s_;
+  bool with_dvl_;
   bool height_is_measured_;
   bool align_pending_ = true;         // the segment has no pose of DIPO yet
   bool segment_began_ = false;        // after a gap, and has no pose yet

@@ -53,9 +53,10 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   was_stable_ = was_stable_ || stable;
   if (output.vio.has_state()) add_range_points(job, output.vio.state);
   const bool needed = stable && !image.empty() && (held_out || output.vio.keyframe);
-  if (!needed && !changed) return std::nullopt;
+  if (!needed && !changed && !output.scale_found) return std::nullopt;
 
   MapFrame frame;
+  if (output.scale_found) frame.scale_change = output.scale_found->to_meters;
   frame.stamp = job.stamp;
   frame.vio_failing = failing_;
   for (const auto& kept : window.frames) {
@@ -63,6 +64,7 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
     frame.window.push_back({kept->stamp, vio::to_se3(kept->state.pose.data())});
     frame.newest_keyframe = kept->stamp;
   }
+  for (const StampedPose& earlier : output.vio.earlier) frame.window.push_back(earlier);
   if (!needed) return frame;
   frame.image_stamp = job.images.front().stamp;
   frame.image = image;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "apvi/geometry/scale_change.hpp"
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/sensors/rig.hpp"
 
@@ -35,6 +36,7 @@ struct MapFrame {
   std::vector<StampedPose> window;            ///< current poses of the keyframes in the window
   std::optional<Stamp> newest_keyframe;       ///< in the window, before this frame
   bool vio_failing = false;
+  std::optional<ScaleChange> scale_change;  ///< of the map so far, before this frame
 };
 
 /// Interface of the mapper. `push` is called in order of time from the last stage's thread. Mapping

@@ -15,10 +15,8 @@ void Options::check() const {
       fail_input("sensors.use: {} is not one of: {}", name, fmt::join(kSensors, ", "));
     }
   }
-  if (!sensors.includes("imu"))
-    fail_input("sensors.use: imu is missing; every estimator requires it");
-  if (!sensors.includes("dvl") && !sensors.includes("camera")) {
-    fail_input("sensors.use: needs dvl or camera for odometry");
+  if (!sensors.includes("camera") && !(sensors.includes("dvl") && sensors.includes("imu"))) {
+    fail_input("sensors.use: needs camera, or dvl and imu, for odometry");
   }
   const double history_s = dipo.history_s;
   if (dipo.dvl.time_offset.estimate && dipo.dvl.time_offset.sigma > history_s) {

@@ -83,14 +83,14 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& samples,
 
 }  // namespace
 
-Synchronizer::Synchronizer(const dipo::Config& config, const Rig& rig, bool use_dvl,
-                           std::size_t cameras)
+Synchronizer::Synchronizer(const dipo::Config& config, const Rig& rig, const ActiveSensors& sensors)
     : rig_(rig),
       gravity_(config.gravity),
       segment_gap_s_(config.inertial.segment_gap_s),
-      cameras_(cameras),
+      imu_in_use_(sensors.imu),
+      cameras_(sensors.cameras),
       imu_(kBufferDuration) {
-  if (use_dvl) acoustic_odometry_.emplace(config, rig);
+  if (sensors.dvl) acoustic_odometry_.emplace(config, rig);
 }
 
 Synchronizer::Output Synchronizer::process(const SensorEvent& event) {
@@ -221,7 +221,7 @@ void Synchronizer::add_pings(const std::vector<PingOutput>& outputs) {
 
 bool Synchronizer::is_ready(const FrameJob& job, Stamp now) const {
   const auto newest = imu_.newest();
-  if (!newest || *newest < job.stamp) return false;
+  if (imu_in_use_ && (!newest || *newest < job.stamp)) return false;
   const bool complete = std::all_of(job.images.begin(), job.images.end(),
                                     [](const ImageFrame& image) { return bool(image.decode); });
   return complete || now >= job.stamp + kStereoTimeout;

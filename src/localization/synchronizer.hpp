@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "apvi/localization/system.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "imu/sample_buffer.hpp"
 #include "localization/acoustic_odometry.hpp"
@@ -24,8 +25,9 @@ class Synchronizer {
     std::vector<FrameJob> frames;
   };
 
-  /// `use_dvl` false: no acoustic odometry; frames have no state prior.
-  Synchronizer(const dipo::Config& config, const Rig& rig, bool use_dvl, std::size_t cameras);
+  /// Without a DVL: no acoustic odometry; frames have no state prior. Without an IMU: frames wait
+  /// for nothing.
+  Synchronizer(const dipo::Config& config, const Rig& rig, const ActiveSensors& sensors);
 
   Output process(const SensorEvent& event);
 
@@ -49,6 +51,7 @@ class Synchronizer {
   Rig rig_;
   double gravity_;  ///< [m/s²]
   double segment_gap_s_;
+  bool imu_in_use_;
   std::size_t cameras_;
   std::optional<AcousticOdometry> acoustic_odometry_;
   imu::SampleBuffer imu_;

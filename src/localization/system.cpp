@@ -33,15 +33,24 @@ void translate_errors(const Work& work) {
 
 }  // namespace
 
-ActiveSensors select_sensors(const Options& options, const Rig& rig, bool has_images) {
+ActiveSensors select_sensors(const Options& options, const Rig& rig,
+                             const RecordedSensors& recorded) {
   ActiveSensors sensors;
-  sensors.dvl = options.sensors.includes("dvl") && rig.dvl.has_value();
-  if (options.sensors.includes("camera") && has_images) {
+  sensors.imu = options.sensors.includes("imu") && recorded.imu;
+  sensors.dvl = sensors.imu && options.sensors.includes("dvl") && rig.dvl.has_value();
+  if (options.sensors.includes("camera") && recorded.images) {
     sensors.cameras = std::min<std::size_t>(rig.cameras.size(), options.vio.stereo ? 2 : 1);
   }
   if (sensors.dvl || sensors.cameras > 0) return sensors;
   fail_input(
-      "no odometry possible: needs a DVL or a camera, both in the recording and in sensors.use");
+      "no odometry possible: needs a camera, or a DVL and an IMU, both in the recording and in "
+      "sensors.use");
+}
+
+void apply(const ScaleFound& found, Trajectory& poses) {
+  for (StampedPose& pose : poses.poses) {
+    if (pose.stamp >= found.since) pose.T_world_body = found.to_meters * pose.T_world_body;
+  }
 }
 
 struct System::Stages {
@@ -51,19 +60,23 @@ struct System::Stages {
 
   explicit Stages(System& system) {
     const std::size_t cameras = system.sensors_.cameras;
-    synchronizer.emplace(dipo_config(system.options_), system.rig_, system.sensors_.dvl, cameras);
+    synchronizer.emplace(dipo_config(system.options_), system.rig_, system.sensors_);
     if (cameras == 0) return;
     const auto forward = [&system](const FrameOutput& output) {
       if (system.callbacks_.frame) system.callbacks_.frame(output);
-      const auto pose = output.fused();
-      if (pose && system.callbacks_.pose) system.callbacks_.pose(*pose);
+      if (output.scale_found && system.callbacks_.scale_found) {
+        system.callbacks_.scale_found(*output.scale_found);
+      }
+      if (!system.callbacks_.pose) return;
+      for (const StampedPose& earlier : output.vio.earlier) system.callbacks_.pose(earlier);
+      if (const auto pose = output.fused()) system.callbacks_.pose(*pose);
     };
-    visual.emplace(system.options_, system.rig_, cameras, forward, system.callbacks_.map);
+    visual.emplace(system.options_, system.rig_, system.sensors_, forward, system.callbacks_.map);
   }
 };
 
 System::System(const Options& options, const Rig& rig, SystemCallbacks callbacks)
-    : System(options, rig, select_sensors(options, rig, !rig.cameras.empty()),
+    : System(options, rig, select_sensors(options, rig, {.images = !rig.cameras.empty()}),
              std::move(callbacks)) {}
 
 System::System(const Options& options, const Rig& rig, const ActiveSensors& sensors,

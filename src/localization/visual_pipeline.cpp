@@ -27,12 +27,12 @@ vio::Config vio_config(const Options& options) {
 
 }  // namespace
 
-VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, std::size_t cameras,
+VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, const ActiveSensors& sensors,
                                Sink sink, MapSink* map)
     : mode_(options.run.mode),
-      image_monitor_(first_cameras(rig, cameras)),
-      tracker_(options.vio.tracker, first_cameras(rig, cameras)),
-      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig,
+      image_monitor_(first_cameras(rig, sensors.cameras)),
+      tracker_(options.vio.tracker, first_cameras(rig, sensors.cameras)),
+      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig, sensors,
                     options.dipo.inertial.segment_gap_s),
       sink_(std::move(sink)),
       map_(map) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apvi/localization/options.hpp"
+#include "apvi/localization/system.hpp"
 #include "core/worker.hpp"
 #include "localization/fusion_stage.hpp"
 #include "localization/image_monitor.hpp"
@@ -26,7 +27,7 @@ class VisualPipeline {
   using Sink = std::function<void(const FrameOutput&)>;
 
   /// `map`, if given, receives map frames; it must outlive this object.
-  VisualPipeline(const Options& options, const Rig& rig, std::size_t cameras, Sink sink,
+  VisualPipeline(const Options& options, const Rig& rig, const ActiveSensors& sensors, Sink sink,
                  MapSink* map = nullptr);
 
   /// Queues a frame; blocks when the queue is full. Rethrows an exception of a stage's thread.

@@ -251,6 +251,14 @@ Tensor Mapper::pose(std::size_t i) const {
                         optimizer_.corrections().pose_delta(i, false));
 }
 
+void Mapper::change_scale(const gaussians::ScaleChange& change) {
+  poses_.change_scale(change, keyframes_);
+  point_seeder_.change_scale(change);
+  aligner_.change_scale(change);
+  inserter_.change_scale(change);
+  optimizer_.change_scale(change);
+}
+
 void Mapper::save(const std::filesystem::path& checkpoint) const {
   torch::serialize::OutputArchive archive;
   keyframes_.save(archive);

@@ -65,6 +65,8 @@ class Mapper {
 
   /// Does not throw for an invalid keyframe; the result tells what is wrong.
   KeyframeDecision add(const MapperInput& input);
+  /// Changes the unit of length of everything so far: images of the map stay the same.
+  void change_scale(const gaussians::ScaleChange& change);
   /// Whether there are Gaussians and keyframes to optimize.
   bool ready() const { return inserter_.started() && training_.views() > 0; }
   /// One iteration; returns the latest available loss. On a GPU it lags some iterations, because

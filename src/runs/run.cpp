@@ -76,9 +76,11 @@ std::optional<Trajectory> reference_of(const RunConfig& config, const io::Sequen
 
 eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
                                  const std::optional<Trajectory>& reference,
-                                 const Trajectory& estimate) {
+                                 const Trajectory& estimate, bool scale_is_known) {
   if (!reference || estimate.empty()) return eval::evaluate_without_reference(estimate);
   eval::EvalOptions options = config.eval;
+  const bool rigid = options.alignment == eval::Alignment::se3;
+  if (rigid && !scale_is_known) options.alignment = eval::Alignment::sim3;
   options.estimate_world = rig.world;
   options.reference_world = eval::reference_world(*reference, rig.world);
   return eval::evaluate(*reference, estimate, options);
@@ -166,6 +168,10 @@ class Runner {
   void record(const localization::FrameOutput& output) {
     folder_.write(output);
     const std::scoped_lock lock(mutex_);
+    if (output.scale_found) apply(*output.scale_found);
+    pass_.fused.merge(output.vio.earlier);
+    pass_.vio.merge(output.vio.earlier);
+    if (!output.vio.earlier.empty()) pass_.length_m = pass_.fused.path_length();
     if (const auto pose = output.fused()) add_pose(pass_, *pose);
     if (output.vio.has_state()) pass_.vio.poses.push_back(stamped(output.stamp, output.vio.state));
     count(output);
@@ -175,11 +181,18 @@ class Runner {
     awaited_ = output.fused() ? "" : output.vio.detail;
   }
 
+  void apply(const localization::ScaleFound& found) {
+    localization::apply(found, pass_.fused);
+    localization::apply(found, pass_.vio);
+    pass_.vio_service.up_to_scale = 0;
+  }
+
   void count(const localization::FrameOutput& output) {
     VioService& service = pass_.vio_service;
     ++service.frames;
     if (output.vio.has_state()) ++service.with_pose;
-    if (!output.vio.has_state()) service.waiting_for = output.vio.detail;
+    if (output.vio.has_state() && output.vio.up_to_scale) ++service.up_to_scale;
+    if (!output.vio.has_state() || output.vio.up_to_scale) service.waiting_for = output.vio.detail;
     const fusion::FusionState state = output.fusion.state;
     const bool used = state == fusion::FusionState::fused || state == fusion::FusionState::vio_only;
     if (used) ++service.used;
@@ -277,9 +290,9 @@ eval::Json image_counts_json(const Evidence& evidence) {
   return json;
 }
 
-std::string awaited(const localization::Synchronizer& synchronizer) {
+std::string awaited(const localization::Synchronizer& synchronizer, const VioService& vio) {
   if (!synchronizer.has_acoustic_odometry())
-    return "the initialization of visual-inertial odometry";
+    return vio.waiting_for.empty() ? "images" : vio.waiting_for;
   return synchronizer.acoustic_odometry().dipo().waiting_for();
 }
 
@@ -287,9 +300,12 @@ eval::RunTrajectories evaluate_against(const std::optional<Trajectory>& referenc
                                        const RunConfig& config, const Rig& rig, const Pass& pass,
                                        const Evidence& evidence) {
   eval::RunTrajectories metrics;
-  metrics.fused = evaluate(config, rig, reference, pass.fused);
-  if (dipo_served(evidence)) metrics.dipo = evaluate(config, rig, reference, pass.dipo);
-  if (vio_served(evidence)) metrics.vio = evaluate(config, rig, reference, pass.vio);
+  const auto metrics_of = [&](const Trajectory& estimate) {
+    return evaluate(config, rig, reference, estimate, !has_unknown_scale(evidence));
+  };
+  metrics.fused = metrics_of(pass.fused);
+  if (dipo_served(evidence)) metrics.dipo = metrics_of(pass.dipo);
+  if (vio_served(evidence)) metrics.vio = metrics_of(pass.vio);
   return metrics;
 }
 
@@ -317,16 +333,6 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-void check_not_images_alone(const RunConfig& config, const io::SequenceReader& reader) {
-  const auto& sensors = reader.report();
-  if (!sensors.contains("camera") || sensors.contains("imu") || sensors.contains("dvl")) return;
-  fail_input(
-      "{}: has images but no IMU, and localization by images alone is not part of this program; "
-      "reconstruct the poses with COLMAP and run its folder, or give them with --set "
-      "localization.enabled=false --set localization.poses_file=FILE (TUM or EuRoC)",
-      config.dataset.path);
-}
-
 }  // namespace
 
 RunResult run(const RunConfig& config, const RunOptions& options) {
@@ -335,11 +341,12 @@ RunResult run(const RunConfig& config, const RunOptions& options) {
 }
 
 RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOptions& options) {
-  check_not_images_alone(config, reader);
   const config::Node rig_node = runs::resolve_rig(config, reader.rig());
   const Rig rig = make_rig(rig_node);
+  const auto& streams = reader.report();
   const localization::ActiveSensors sensors = localization::select_sensors(
-      localization_options(config), rig, reader.report().contains("camera"));
+      localization_options(config), rig,
+      {.images = streams.contains("camera"), .imu = streams.contains("imu")});
   if (options.map != nullptr && sensors.cameras == 0) {
     fail_input("{}: no images of cam0; mapping requires them", config.dataset.path);
   }
@@ -369,12 +376,13 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
-  eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
-                      {"warnings", result.warnings},
-                      {"scale", scale_json(scale)},
-                      {"counts", counts},
-                      {"speed", speed},
-                      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
+  eval::Json sections{
+      {"trajectory", eval::to_json(result.metrics)},
+      {"warnings", result.warnings},
+      {"scale", scale_json(has_unknown_scale(evidence) ? ScaleSource::images : scale)},
+      {"counts", counts},
+      {"speed", speed},
+      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = system.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
     sections["dropped"]["images"] = visual->dropped_images();
@@ -382,7 +390,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   eval::merge_metrics(folder.file("metrics.json"), sections);
   if (result.poses == 0 && !result.interrupted) {
     fail_run("{}: no pose was estimated: still waiting for {} at the end; run `apvi doctor`",
-             config.dataset.path, awaited(system.synchronizer()));
+             config.dataset.path, awaited(system.synchronizer(), pass.vio_service));
   }
   return result;
 }

@@ -151,7 +151,25 @@ void RunFolder::write(const localization::PingOutput& output) {
   for (const std::ofstream* out : {&dipo_, &calibration_, &pings_}) check(*out);
 }
 
+// Changes the poses written so far.
+void RunFolder::rewrite(std::ofstream& out, const std::string& name,
+                        const localization::FrameOutput& output) const {
+  out.close();
+  check(out);
+  Trajectory poses;
+  if (fs::file_size(file(name)) > 0) poses = io::read_trajectory(file(name));
+  if (output.scale_found) localization::apply(*output.scale_found, poses);
+  if (&out != &keyframes_) poses.merge(output.vio.earlier);
+  out = open_file(file(name), "");
+  for (const StampedPose& pose : poses.poses) out << io::tum_line(pose);
+}
+
 void RunFolder::write(const localization::FrameOutput& output) {
+  if (output.scale_found || !output.vio.earlier.empty()) {
+    rewrite(trajectory_, "trajectory.tum", output);
+    rewrite(vio_, "vio.tum", output);
+    rewrite(keyframes_, "keyframes.tum", output);
+  }
   if (const auto pose = output.fused()) trajectory_ << io::tum_line(*pose);
   if (output.vio.has_state()) {
     const imu::NavState& nav = output.vio.state;

@@ -42,6 +42,8 @@ class RunFolder {
 
  private:
   void check(const std::ofstream& out) const;
+  void rewrite(std::ofstream& out, const std::string& name,
+               const localization::FrameOutput& output) const;
 
   std::filesystem::path path_;
   bool camera_;

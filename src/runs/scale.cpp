@@ -17,6 +17,8 @@ const char* name_of(ScaleSource source) {
       return "stereo";
     case ScaleSource::accelerometer:
       return "accelerometer";
+    case ScaleSource::images:
+      return "images";
     case ScaleSource::given_poses:
       return "given poses";
     case ScaleSource::unknown:
@@ -29,6 +31,7 @@ const char* name_of(ScaleSource source) {
 
 ScaleSource scale_of(const Rig& rig, const localization::ActiveSensors& sensors) {
   if (sensors.dvl) return ScaleSource::dvl;
+  if (!sensors.imu) return ScaleSource::images;
   return sensors.cameras > 1 && rig.cameras.size() > 1 ? ScaleSource::stereo
                                                        : ScaleSource::accelerometer;
 }
@@ -43,14 +46,23 @@ ScaleSource scale_of_given_poses(const std::filesystem::path& recording,
                                                       : ScaleSource::given_poses;
 }
 
+bool is_known(ScaleSource source) {
+  return source != ScaleSource::unknown && source != ScaleSource::images;
+}
+
 eval::Json scale_json(ScaleSource source) {
-  return {{"source", name_of(source)}, {"known", source != ScaleSource::unknown}};
+  return {{"source", name_of(source)}, {"known", is_known(source)}};
 }
 
 void warn_about_scale(ScaleSource source) {
   if (source == ScaleSource::accelerometer) {
     log::warning(
         "scale: from the accelerometer alone, since there is no DVL; distances are uncertain");
+  }
+  if (source == ScaleSource::images) {
+    log::warning(
+        "scale: unknown, as images alone do not show it; distances are not meters, but in a unit "
+        "in which the first scene is vio.visual.start_distance away");
   }
   if (source == ScaleSource::unknown) {
     log::warning(

@@ -15,11 +15,13 @@ enum class ScaleSource {
   dvl,
   stereo,
   accelerometer,  ///< one camera and an IMU: uncertain
+  images,         ///< one camera alone: unknown
   given_poses,
   unknown,  ///< given poses of a reconstruction whose unit nobody knows
 };
 
 ScaleSource scale_of(const Rig& rig, const localization::ActiveSensors& sensors);
+bool is_known(ScaleSource source);
 /// Of a map with given poses: unknown if they are the recording's and its import.yaml says so.
 /// `poses_file` replaces the recording's poses; may be empty.
 ScaleSource scale_of_given_poses(const std::filesystem::path& recording,

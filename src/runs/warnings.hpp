@@ -19,6 +19,7 @@ namespace apvi::runs {
 struct VioService {
   std::size_t frames = 0;
   std::size_t with_pose = 0;
+  std::size_t up_to_scale = 0;   ///< of `with_pose`, by images alone
   std::size_t used = 0;          ///< frames whose pose is VIO's, or fused with it
   std::string waiting_for = {};  ///< detail of the last frame without a VIO pose
 };
@@ -49,6 +50,9 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig);
 
 /// Implausible magnitudes in the samples and in the result, each with what to look at.
 std::vector<std::string> check_result(const Evidence& evidence, const Trajectory& fused);
+
+/// Whether all poses are by images alone.
+bool has_unknown_scale(const Evidence& evidence);
 
 /// Whether a pose of VIO was used, and a ping by DIPO. Figures of an estimator that never served
 /// are those of the other one, or zeros.

@@ -68,15 +68,17 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
       scheduler_({.realtime = options.thread == MappingThread::dropping,
                   .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
   const bool may_drop = options_.thread == MappingThread::dropping;
-  if (options_.loop_closure) {
-    const gaussians::Intrinsics& k = undistort_.intrinsics();
-    const loop_closure::Pinhole pinhole{k.fx, k.fy, k.cx, k.cy, k.width, k.height};
-    loop_closer_.emplace(*options_.loop_closure, pinhole, may_drop);
-  }
+  if (options_.loop_closure) make_loop_closer();
   if (options_.thread == MappingThread::none) return;
   worker_ = std::make_unique<Worker<localization::MapFrame>>(
       queue_size(options_.thread), may_drop ? Overflow::drop_oldest : Overflow::block,
       [this](const localization::MapFrame& frame) { run_guarded([&] { process(frame); }); });
+}
+
+void AsyncMapper::make_loop_closer() {
+  const gaussians::Intrinsics& k = undistort_.intrinsics();
+  const loop_closure::Pinhole pinhole{k.fx, k.fy, k.cx, k.cy, k.width, k.height};
+  loop_closer_.emplace(*options_.loop_closure, pinhole, options_.thread == MappingThread::dropping);
 }
 
 void AsyncMapper::push(localization::MapFrame frame) {
@@ -147,6 +149,7 @@ std::string AsyncMapper::status() const {
 void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
   optimize_outage(frame);
+  if (frame.scale_change) change_scale(*frame.scale_change);
   const mapping::KeyframeDecision decision = add_frame(frame);
   const bool accepted = decision == mapping::KeyframeDecision::accepted;
   if (accepted) ++keyframe_count_;
@@ -156,6 +159,14 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
   if (accepted || options_.thread == MappingThread::dropping) optimize();
   gaussian_count_ = mapper_.size();
   callbacks_.progress();
+}
+
+// The few places seen so far are forgotten.
+void AsyncMapper::change_scale(const ScaleChange& change) {
+  if (options_.loop_closure) make_loop_closer();
+  const std::scoped_lock lock(mutex_);
+  const Eigen::Vector3d& c = change.center;
+  mapper_.change_scale({change.scale, torch::tensor({c.x(), c.y(), c.z()}, torch::kFloat64)});
 }
 
 mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& frame) {

@@ -99,7 +99,9 @@ class AsyncMapper : public localization::MapSink {
 
  private:
   void run_guarded(const std::function<void()>& work);
+  void make_loop_closer();
   void process(const localization::MapFrame& frame);
+  void change_scale(const ScaleChange& change);
   mapping::KeyframeDecision add_frame(const localization::MapFrame& frame);
   mapping::MapperInput to_input(const localization::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;

@@ -88,14 +88,20 @@ struct System::Implementation {
     }
     localization::SystemCallbacks out;
     out.pose = [this](const StampedPose& pose) { take(pose); };
+    out.scale_found = [this](const localization::ScaleFound& found) { take(found); };
     out.map = mapper_ ? &*mapper_ : nullptr;
     localization_.emplace(options.localization, rig, std::move(out));
+  }
+
+  void take(const localization::ScaleFound& found) {
+    const std::scoped_lock lock(mutex_);
+    localization::apply(found, trajectory_);
   }
 
   void take(const StampedPose& pose) {
     {
       const std::scoped_lock lock(mutex_);
-      trajectory_.poses.push_back(pose);
+      trajectory_.merge({pose});
     }
     if (callbacks_.pose) callbacks_.pose(pose);
   }

@@ -10,6 +10,7 @@
 #include "apvi/core/constants.hpp"
 #include "core/stopwatch.hpp"
 #include "vio/window/graph.hpp"
+#include "vio/window/window_solution.hpp"
 #include "vio/window/window_update.hpp"
 
 namespace apvi::vio {
@@ -43,24 +44,6 @@ bool is_finite(const FrameState& state) {
 }
 
 }  // namespace
-
-std::string_view to_string(Status status) {
-  switch (status) {
-    case Status::waiting:
-      return "waiting";
-    case Status::started:
-      return "started";
-    case Status::tracking:
-      return "tracking";
-    case Status::blind:
-      return "blind";
-    case Status::frozen:
-      return "frozen";
-    case Status::lost:
-      return "lost";
-  }
-  return "unknown";
-}
 
 Estimator::Estimator(const Config& config, const Rig& rig)
     : config_(config), rig_(rig), imu_(Duration::from_seconds(kSampleHistory_s)) {
@@ -149,25 +132,10 @@ void Estimator::estimate(Result& result, int iterations) {
   triangulate(window_, config_.vision.min_parallax_deg * kRadiansPerDegree);
   attach_measurements();
   const Graph graph(window_, config_, rig_);
-  Stopwatch watch;
-  solve(graph, window_, config_, iterations);
-  result.solve_s = watch.seconds();
-  result.landmarks = graph.landmarks();
+  solve_window(graph, window_, config_, rig_, iterations, result);
   has_used_landmarks_ = has_used_landmarks_ || result.landmarks > 0;
-  result.observations = graph.observations();
-  Frame& newest = window_.newest();
-  if (!newest.vision_excluded) reject_outliers(window_, rig_, config_.vision.max_reprojection_px);
-  result.reprojection_rms_px = newest.vision_excluded ? 0.0 : newest_rms_px(window_, rig_);
-  result.state = to_nav_state(newest.state);
-  watch.reset();
-  const PoseInformation informations = newest_pose_information(graph, window_, config_);
-  result.information = informations.absolute;
-  result.window_information = informations.over_window;
-  result.window_s = seconds_between(window_.frames.front()->stamp, newest.stamp);
-  result.information_s = watch.seconds();
-  newest_is_keyframe_ = window_.frames.size() == 1 || is_keyframe(window_, config_, rig_);
-  result.keyframe = newest_is_keyframe_;
-  watch.reset();
+  newest_is_keyframe_ = result.keyframe;
+  Stopwatch watch;
   if (newest_is_keyframe_) limit_window(graph);
   result.marginalize_s = watch.seconds();
   remove_rejected(window_);

@@ -11,43 +11,11 @@
 #include "apvi/sensors/rig.hpp"
 #include "apvi/vio/config.hpp"
 #include "imu/sample_buffer.hpp"
+#include "vio/result.hpp"
 #include "vio/state_prior.hpp"
 #include "vio/window/window.hpp"
 
 namespace apvi::vio {
-
-enum class Status {
-  waiting,   ///< not initialized
-  started,   ///< initialized at this frame
-  tracking,  ///< normal operation
-  blind,     ///< no landmark in the graph: inertial (and DVL) propagation only
-  frozen,    ///< older frames are held fixed, the state prior supplies the poses
-  lost,      ///< failed at this frame; re-initializes at the next
-};
-std::string_view to_string(Status status);
-
-/// Result of one frame.
-struct Result {
-  Stamp stamp;
-  Status status = Status::waiting;
-  std::string detail = {};  ///< what initialization is waiting for, or the reason of a failure
-  imu::NavState state = {};
-  /// Marginal information of the newest pose; tangent [rotation, position].
-  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-  /// The same with the oldest pose held fixed: information about the motion over the window. Zero
-  /// with one frame.
-  Eigen::Matrix<double, 6, 6> window_information = Eigen::Matrix<double, 6, 6>::Zero();
-  double window_s = 0.0;  ///< time from the oldest to the newest frame [s]
-  int landmarks = 0;      ///< landmarks in the graph
-  int observations = 0;
-  double reprojection_rms_px = 0.0;  ///< over the observations of the newest frame
-  bool keyframe = false;
-  double solve_s = 0.0;
-  double information_s = 0.0;
-  double marginalize_s = 0.0;
-
-  bool has_state() const { return status != Status::waiting && status != Status::lost; }
-};
 
 /// Sliding-window visual-inertial odometry (mostly as Qin, Li, Shen, "VINS-Mono", T-RO 2018),
 /// optionally with DVL and pressure depth in the same graph. Add inertial samples first: a frame is
@@ -71,6 +39,9 @@ class Estimator {
 
   /// Resets everything except the buffered sensor samples.
   void reset();
+
+  /// Moves the origin of the world: adds `offset` to every position [m].
+  void shift(const Eigen::Vector3d& offset);
 
   /// Freezes the window as in the paper: its frames and landmarks are held fixed, and new frames
   /// take their poses from the state prior until `release`. With DVL and depth in the graph the

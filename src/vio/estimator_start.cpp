@@ -68,6 +68,9 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
     return result;
   }
   if (start_pose) align_to(*start_pose, found.states);
+  for (std::size_t k = 0; k + 1 < waiting_.size(); ++k) {
+    result.earlier.push_back({waiting_[k].stamp, found.states[k].pose()});
+  }
   insert_start_frames(waiting_, found.states);
   estimate(result, kStartIterations);
   if (const std::string reason = divergence_reason(result); !reason.empty()) {
@@ -78,6 +81,24 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
   result.status = Status::started;
   result.detail = fmt::format("visual-inertial ({})", found.detail);
   return result;
+}
+
+// The vertical does not change, so the prior's Jacobian stays as it is.
+void Estimator::shift(const Eigen::Vector3d& offset) {
+  const auto move = [&](double* pose) { Eigen::Map<Eigen::Vector3d>(pose) += offset; };
+  std::vector<const double*> poses;
+  for (const auto& frame : window_.frames) {
+    move(frame->state.pose.data());
+    if (frame->first.pose) move(frame->first.pose->data());
+    poses.push_back(frame->state.pose.data());
+  }
+  if (!window_.prior) return;
+  auto prior = std::make_shared<Prior>(*window_.prior);
+  for (Prior::Kept& kept : prior->kept) {
+    if (std::ranges::find(poses, kept.block.data) != poses.end()) move(kept.value.data());
+  }
+  window_.prior = std::move(prior);
+  if (window_.depth_zero_m) *window_.depth_zero_m -= rig_.down_sign() * offset.z();
 }
 
 // Without landmarks the window only propagates its initial state prior; the current state prior is

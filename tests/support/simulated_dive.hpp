@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <vector>
@@ -138,6 +139,7 @@ class SimulatedDive {
       if (track.length >= 10) ++tracked.statistics.stable;
     }
     tracks_ = std::move(seen);
+    std::ranges::sort(tracked.observations, {}, &vio::FeatureObservation::id);
     return tracked;
   }
 

@@ -25,6 +25,8 @@ struct Trajectory {
   std::size_t size() const { return poses.size(); }
   /// Length of the polyline through the positions [m].
   double path_length() const;
+  /// Adds poses, in any place; they replace those of equal stamps.
+  void merge(const std::vector<StampedPose>& added);
   /// Pose interpolated at `stamp`; nullopt outside the span, or when the neighboring poses are more
   /// than `max_gap` apart.
   std::optional<SE3> at(Stamp stamp, Duration max_gap) const;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "apvi/geometry/scale_change.hpp"
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/localization/options.hpp"
 #include "apvi/sensors/rig.hpp"
@@ -21,18 +22,38 @@ struct PingOutput;
 
 /// The sensors of a run: enabled in the options, described by the rig, and present in the source.
 struct ActiveSensors {
-  bool dvl = false;
+  bool imu = true;
+  bool dvl = false;  ///< never without an IMU
   std::size_t cameras = 0;
 };
 
-/// Throws InputError when there is neither a DVL nor a camera.
-ActiveSensors select_sensors(const Options& options, const Rig& rig, bool has_images);
+/// What a source has, besides what the rig describes.
+struct RecordedSensors {
+  bool images = true;
+  bool imu = true;
+};
+
+/// Throws InputError when there is neither a DVL with an IMU nor a camera.
+ActiveSensors select_sensors(const Options& options, const Rig& rig,
+                             const RecordedSensors& recorded);
+
+/// The scale of poses by images alone has become known: earlier poses, from stamp `since` on, and
+/// everything made with them are to be changed.
+struct ScaleFound {
+  Stamp since;
+  ScaleChange to_meters;
+};
+
+void apply(const ScaleFound& found, Trajectory& poses);
 
 /// Receivers of results; those not set are not called.
 struct SystemCallbacks {
   /// The fused trajectory: one pose per frame; without a camera, one per ping. From `process`, or
-  /// from the last stage's thread when `Options::run` asks for threads.
+  /// from the last stage's thread when `Options::run` asks for threads. When an initialization
+  /// without a DVL succeeds, poses of earlier frames follow; they replace those of equal stamps.
   std::function<void(const StampedPose&)> pose = {};
+  /// Without a DVL, the first poses may be up to scale; called once, before the first metric pose.
+  std::function<void(const ScaleFound&)> scale_found = {};
   /// Every DVL ping, from `process`.
   std::function<void(const PingOutput&)> ping = {};
   /// Every camera frame, from the same thread as `pose`.

@@ -232,6 +232,32 @@ struct TightConfig {
   }
 };
 
+/// Odometry by images alone, up to scale: without an IMU, and until the scale is known.
+struct VisualConfig {
+  bool enabled = true;
+  double start_distance = 2.0;
+  double min_parallax_deg = 2.0;
+  int min_tracks = 30;
+  double lookback_s = 10.0;
+  double max_gap_s = 1.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled,
+      "estimate poses up to scale from one camera while no other sensor gives the scale");
+    v("start_distance", start_distance, Range{1e-3, 1e3},
+      "median distance of the first scene, which defines the unknown unit [m]");
+    v("min_parallax_deg", min_parallax_deg, Range{0.1, 45.0},
+      "minimum median angle between the rays of the two images of the start [deg]");
+    v("min_tracks", min_tracks, Range{10, 1000}, "minimum tracks common to these images");
+    v("lookback_s", lookback_s, Range{0.2, 60.0},
+      "frames older than this when the start succeeds get no pose [s]");
+    v("max_gap_s", max_gap_s, Range{0.05, 60.0},
+      "after so long without a pose, images start anew [s]");
+  }
+};
+
 /// The `vio` section: visual-inertial odometry.
 struct Config {
   GraphKind graph = GraphKind::tight;
@@ -242,6 +268,7 @@ struct Config {
   TightConfig tight;
   StartConfig initialization;
   InitConfig initialization_without_dvl;
+  VisualConfig visual;
   HealthConfig health;
   double gyro_noise_factor = 1.0;
   double accel_noise_factor = 1.0;
@@ -261,6 +288,7 @@ struct Config {
     v("initialization", initialization, "window initialization");
     v("initialization_without_dvl", initialization_without_dvl,
       "visual-inertial initialization without a DVL");
+    v("visual", visual, "odometry by images alone");
     v("health", health, "divergence detection");
     v("gyro_noise_factor", gyro_noise_factor, Range{0.1, 1000.0},
       "multiplies the rig's gyro noise density");

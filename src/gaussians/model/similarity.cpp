@@ -98,6 +98,12 @@ Tensor rotated(const Tensor& sh_rest, const Tensor& rotations, const Tensor& whi
 
 }  // namespace
 
+SimilarityTransforms scaling(const ScaleChange& change) {
+  return {.scales = torch::tensor({change.scale}, torch::kFloat64),
+          .R = torch::eye(3, torch::kFloat64).unsqueeze(0),
+          .t = ((1.0 - change.scale) * change.center).unsqueeze(0)};
+}
+
 SimilarityTransforms rigid_transforms(const Tensor& motions) {
   const Tensor rows = motions.slice(1, 0, 3);
   return {.scales = torch::ones({motions.size(0)}, torch::kFloat64),

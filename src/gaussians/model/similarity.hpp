@@ -18,6 +18,13 @@ struct SimilarityTransforms {
 /// Similarity transforms (scale 1) from rigid transforms [M,4,4] float64.
 SimilarityTransforms rigid_transforms(const torch::Tensor& motions);
 
+/// A change of the unit of length about a point that stays: p' = center + scale (p - center).
+struct ScaleChange {
+  double scale = 1.0;    ///< new units per old unit
+  torch::Tensor center;  ///< [3] float64 on the CPU
+};
+SimilarityTransforms scaling(const ScaleChange& change);
+
 /// Transforms the Gaussians, each by transform number `which` [N] (int64), or all by the first:
 /// means, quaternions, log scales (plus log scale) and the spherical harmonics, so that the view of
 /// a camera moved along is unchanged. Throws c10::Error for a non-positive scale or an R that is

@@ -84,6 +84,12 @@ void FrozenReferenceMap::move(std::int64_t stamp_ns, const Tensor& motion) {
     own.tensors()[k]->copy_(*transformed.tensors()[k]);
 }
 
+void FrozenReferenceMap::change_scale(const gaussians::ScaleChange& change) {
+  const torch::NoGradGuard no_grad;
+  if (gaussians_.size() == 0) return;
+  gaussians_ = gaussians::transformed(gaussians_, gaussians::scaling(change));
+}
+
 void FrozenReferenceMap::save(torch::serialize::OutputArchive& archive) const {
   archive.write("stamps", stamps_);
   archive.write("any", c10::IValue(gaussians_.size() > 0));

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "gaussians/model/gaussians.hpp"
+#include "gaussians/model/similarity.hpp"
 #include "gaussians/render/view.hpp"
 
 namespace torch::serialize {
@@ -34,6 +35,8 @@ class FrozenReferenceMap {
 
   /// Moves the Gaussians inserted at a stamp; colors are not rotated.
   void move(std::int64_t stamp_ns, const torch::Tensor& motion);
+
+  void change_scale(const gaussians::ScaleChange& change);
 
   /// Without view-dependent color (SH degree 0); empty before the first insertion.
   const gaussians::Gaussians& gaussians() const { return gaussians_; }

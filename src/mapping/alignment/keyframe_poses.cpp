@@ -98,6 +98,13 @@ void KeyframePoses::register_newest(const Tensor& T_camera_map, KeyframeStore& k
   keyframes.set_pose(newest, T_camera_map);
 }
 
+void KeyframePoses::change_scale(const gaussians::ScaleChange& change, KeyframeStore& keyframes) {
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    keyframes.set_pose(i, rescaled_pose(keyframes[i].T_camera_world, change));
+  }
+  map_odom_.change_scale(change);
+}
+
 Tensor KeyframePoses::relative_pose(std::size_t i, std::size_t reference,
                                     const KeyframeStore& keyframes) const {
   return map_odom_.pose_in_map(reference,

@@ -50,6 +50,9 @@ class KeyframePoses {
   /// Registers the newest keyframe at its pose in the map.
   void register_newest(const torch::Tensor& T_camera_map, KeyframeStore& keyframes);
 
+  /// Changes the unit of length of all poses.
+  void change_scale(const gaussians::ScaleChange& change, KeyframeStore& keyframes);
+
   /// Pose of keyframe `i` in the map that odometry implies relative to keyframe `reference`.
   torch::Tensor relative_pose(std::size_t i, std::size_t reference,
                               const KeyframeStore& keyframes) const;

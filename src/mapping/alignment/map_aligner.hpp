@@ -28,6 +28,8 @@ class MapAligner {
   /// Moves the Gaussians of each keyframe.
   void move(const KeyframeMotions& motions, const KeyframeStore& keyframes);
 
+  void change_scale(const gaussians::ScaleChange& change) { reference_map_.change_scale(change); }
+
   void save(torch::serialize::OutputArchive& archive) const;
   void load(torch::serialize::InputArchive& archive);
 

@@ -28,6 +28,15 @@ Tensor rigid(Tensor T) {
 
 }  // namespace
 
+Tensor rescaled_pose(const Tensor& T_camera_world, const gaussians::ScaleChange& change) {
+  const Tensor& center = change.center;
+  Tensor T = T_camera_world.clone();
+  const Tensor R = T.slice(0, 0, 3).slice(1, 0, 3);
+  Tensor t = T.slice(0, 0, 3).select(1, 3);
+  t.copy_(change.scale * t + (change.scale - 1.0) * R.mv(center));
+  return T;
+}
+
 void MapOdomTransform::add() {
   keyframes_.push_back({.T_odometry_map = current_, .registered = false});
 }
@@ -71,6 +80,19 @@ void MapOdomTransform::apply_correction(std::size_t i, const Tensor& motion) {
 
 void MapOdomTransform::correct_current(const Tensor& motion) {
   current_ = rigid(current_.mm(rigid_inverse(motion)));
+}
+
+// Both frames change about the same point: T' maps center + s (p - center) as T maps p.
+void MapOdomTransform::change_scale(const gaussians::ScaleChange& change) {
+  const Tensor& center = change.center;
+  const auto rescale = [&](Tensor& T) {
+    const Tensor moved = T.slice(0, 0, 3).slice(1, 0, 3).mv(center) + T.slice(0, 0, 3).select(1, 3);
+    T = T.clone();
+    const Tensor fixed = center + change.scale * (moved - center);
+    T.slice(0, 0, 3).select(1, 3).copy_(fixed - T.slice(0, 0, 3).slice(1, 0, 3).mv(center));
+  };
+  rescale(current_);
+  for (Entry& entry : keyframes_) rescale(entry.T_odometry_map);
 }
 
 void MapOdomTransform::save(torch::serialize::OutputArchive& archive) const {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "gaussians/model/similarity.hpp"
 #include "mapping/alignment/image_alignment.hpp"
 
 namespace torch::serialize {
@@ -15,6 +16,10 @@ class OutputArchive;
 }  // namespace torch::serialize
 
 namespace apvi::mapping {
+
+/// The camera pose [4,4] float64 after the unit of length of its world changed.
+torch::Tensor rescaled_pose(const torch::Tensor& T_camera_world,
+                            const gaussians::ScaleChange& change);
 
 /// Transform between the map and odometry frames (REP 105), one per keyframe. It is updated when a
 /// keyframe is registered to previously mapped areas, so that revisited surfaces are not mapped
@@ -48,6 +53,8 @@ class MapOdomTransform {
   /// Applies a loop closure motion of the map to keyframe `i`, or to the current transform.
   void apply_correction(std::size_t i, const torch::Tensor& motion);
   void correct_current(const torch::Tensor& motion);
+  /// Changes the unit of length of both frames.
+  void change_scale(const gaussians::ScaleChange& change);
   /// Whether keyframe `i` is registered to the map.
   bool is_registered(std::size_t i) const { return keyframes_.at(i).registered; }
 

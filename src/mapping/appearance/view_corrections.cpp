@@ -98,6 +98,15 @@ void ViewCorrections::adam(OptimizedParameter& param, std::size_t i, const Tenso
                        steps.item<std::int64_t>());
 }
 
+void ViewCorrections::change_scale(double scale) {
+  const torch::NoGradGuard no_grad;
+  if (poses_.value.numel() == 0) return;
+  poses_.value.slice(1, 0, 3).mul_(scale);
+  poses_.first.zero_();
+  poses_.second.zero_();
+  poses_.steps.zero_();
+}
+
 void ViewCorrections::save(torch::serialize::OutputArchive& archive) const {
   const auto write = [&archive](const std::string& prefix, OptimizedParameter param) {
     for (const auto& [name, tensor] : named(param.value, param.first, param.second, param.steps)) {

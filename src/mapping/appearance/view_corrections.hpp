@@ -31,6 +31,8 @@ class ViewCorrections {
   /// Applies the exposure of view `i` to a rendering [H,W,3]: exp(gain) image + offset, per
   /// channel.
   torch::Tensor expose(std::size_t i, const torch::Tensor& image, bool learn);
+  /// Multiplies the translations; their moments start anew.
+  void change_scale(double scale);
   /// One Adam step for view `i` with the gradients of the last `pose_delta` (the tensor returned by
   /// pose_delta()) and `expose`.
   void step(std::size_t i, const torch::Tensor& pose_delta);

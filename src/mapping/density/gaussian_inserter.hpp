@@ -28,6 +28,7 @@ class GaussianInserter {
   void insert_random(std::size_t view, const KeyframeStore& keyframes,
                      MapOptimizer& optimizer) const;
 
+  void change_scale(const gaussians::ScaleChange& change) { extent_ *= change.scale; }
   /// Whether Gaussians have been inserted at seeds.
   bool started() const { return extent_ > 0.0; }
   /// Scene extent that scales sizes and rates [m]; 0 before the first seeds.

@@ -76,6 +76,11 @@ Seeds PointSeeder::seeds(const gaussians::View& camera, const SparsePoints& poin
           .opacities = torch::full({positions.size(0)}, opacity_, torch::kFloat64)};
 }
 
+void PointSeeder::change_scale(const gaussians::ScaleChange& change) {
+  const Tensor& center = change.center;
+  positions_ = center + change.scale * (positions_ - center);
+}
+
 void PointSeeder::save(torch::serialize::OutputArchive& archive) const {
   archive.write("points", positions_);
 }

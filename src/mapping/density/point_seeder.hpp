@@ -7,6 +7,7 @@
 #include <map>
 
 #include "apvi/mapping/options.hpp"
+#include "gaussians/model/similarity.hpp"
 #include "gaussians/render/view.hpp"
 #include "mapping/density/seeds.hpp"
 
@@ -33,6 +34,7 @@ class PointSeeder {
   /// [m], which may be undefined. Both are in the map frame.
   Seeds seeds(const gaussians::View& camera, const SparsePoints& points,
               const torch::Tensor& samples);
+  void change_scale(const gaussians::ScaleChange& change);
   /// Positions [n,3] float64 of the newest seeds [m].
   const torch::Tensor& positions() const { return positions_; }
 

@@ -267,6 +267,23 @@ void MapOptimizer::move(const std::map<std::int64_t, Tensor>& motions) {
   store_.transform(gaussians::rigid_transforms(torch::stack(transforms)), index);
 }
 
+void MapOptimizer::change_scale(const gaussians::ScaleChange& change) {
+  const torch::NoGradGuard no_grad;
+  corrections_.change_scale(change.scale);
+  if (medium_) {
+    medium::Medium water = *medium();
+    water.beta_d = water.beta_d / change.scale;
+    water.beta_b = water.beta_b / change.scale;
+    create_medium(water);
+    medium_views_.clear();
+  }
+  medium_posterior_ = {};
+  if (size() == 0) return;
+  const Tensor all = torch::zeros({size()}, torch::kInt64);
+  store_.transform(gaussians::scaling(change), all);
+  store_.reset_momentum(torch::ones({size()}, torch::kBool));
+}
+
 void MapOptimizer::add_view() {
   corrections_.add_view();
   gains_.add_view();

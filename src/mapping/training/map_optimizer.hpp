@@ -67,6 +67,9 @@ class MapOptimizer {
   void reorder();
   /// Moves the Gaussians of each listed anchor by its rigid motion [4,4] (float64).
   void move(const std::map<std::int64_t, torch::Tensor>& motions);
+  /// Changes the unit of length of the map: its images stay the same. Past estimations of the
+  /// medium are forgotten, its current value is kept.
+  void change_scale(const gaussians::ScaleChange& change);
   /// Begins to optimize the medium, without a prior. Recolors the Gaussians so that the keyframes'
   /// renderings stay the same.
   void start_medium(const medium::Medium& medium, const KeyframeStore& keyframes);
