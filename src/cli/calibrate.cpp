@@ -7,6 +7,7 @@
 
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "core/interrupt.hpp"
 
 namespace apvi::cli {
@@ -16,6 +17,8 @@ using runs::CalibrateOptions;
 
 void calibrate(CalibrateOptions& options) {
   const InterruptGuard guard;
+  if (!options.config.empty()) options.config = find_configuration(options.config);
+  options.search = configuration_folders();
   options.interrupted = [&guard] { return guard.interrupted(); };
   const runs::CalibrationResult result = runs::calibrate(options);
   std::fputs(runs::to_table(result).c_str(), stdout);

@@ -134,7 +134,8 @@ void run(const Arguments& a) {
   fs::path folder = a.folder;
   if (imports && folder.empty()) folder = vacant_folder(name_of(a.target));
   const Source source = imports ? import_source(a, folder) : source_of(a);
-  const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
+  const runs::RunConfig config =
+      runs::load_run_config(source.configuration, source.overrides, configuration_folders());
   if (folder.empty()) folder = default_folder(a, config);
   const std::size_t warnings = run_into(folder, config, a);
   // The report is that of a trajectory, which a map from given poses does not have.

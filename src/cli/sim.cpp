@@ -10,6 +10,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "core/stopwatch.hpp"
 #include "sim/simulate.hpp"
 
@@ -61,10 +62,14 @@ void add_options(CLI::App& command, Arguments& a) {
   command.add_flag("--no-images", a.no_images, "skip the camera images");
 }
 
+sim::Scene load_scene(const fs::path& file, const std::vector<std::string>& overrides) {
+  return sim::load_scene(find_configuration(file), overrides, configuration_folders());
+}
+
 void simulate_one(const fs::path& file, const fs::path& out, const Arguments& a) {
   std::vector<std::string> overrides = a.overrides;
   if (a.no_images) overrides.emplace_back("camera.enabled=false");
-  const sim::Scene scene = sim::load_scene(file, overrides);
+  const sim::Scene scene = load_scene(file, overrides);
   const Stopwatch watch;
   if (sim::simulate(scene, out, a.options) == sim::SimulateResult::already_complete) {
     log::info("{}: already complete", out.string());
@@ -76,8 +81,7 @@ void simulate_one(const fs::path& file, const fs::path& out, const Arguments& a)
 
 void run(const Arguments& a) {
   if (a.scenes.size() == 1) return simulate_one(a.scenes.front(), a.out, a);
-  for (const fs::path& file : a.scenes)
-    sim::load_scene(file, a.overrides);  // report errors before starting
+  for (const fs::path& file : a.scenes) load_scene(file, a.overrides);  // errors before starting
   for (const fs::path& file : a.scenes) simulate_one(file, a.out / file.stem(), a);
 }
 

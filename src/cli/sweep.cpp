@@ -11,6 +11,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "cli/sweep_task.hpp"
 #include "eval/sweep_summary.hpp"
 
@@ -69,7 +70,8 @@ std::vector<Sweep> load(const Arguments& a) {
       fail_input("{}: two sweeps with this name would share {}: run them separately with -o",
                  file.string(), folder.string());
     }
-    const config::Sweep sweep = config::load_sweep(file);
+    const config::Sweep sweep =
+        config::load_sweep(find_configuration(file), configuration_folders());
     sweeps.push_back({sweep.file.columns, make_tasks(sweep, folder), folder});
   }
   return sweeps;
