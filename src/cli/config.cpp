@@ -68,7 +68,7 @@ void check_files(const std::vector<fs::path>& files) {
       ++wrong;
     }
   }
-  if (wrong > 0) fail_input("{} of {} files are invalid", wrong, files.size());
+  if (wrong > 0) fail_input("{} of {} files invalid", wrong, files.size());
 }
 
 void print_markdown() {

@@ -35,7 +35,7 @@ fs::path find_configuration(const fs::path& name) {
   if (const auto found = config::find_in_folders(folders, name)) return *found;
   std::string places;
   for (const fs::path& folder : folders) places += ", nor in " + folder.string();
-  fail_input("{}: no such file{}", name.string(), places);
+  fail_input("{}: no such file or folder{}", name.string(), places);
 }
 
 std::optional<fs::path> find_script(const fs::path& name) {

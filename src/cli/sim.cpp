@@ -28,7 +28,9 @@ struct Arguments {
 };
 
 void add_options(CLI::App& command, Arguments& a) {
-  command.add_option("SCENE", a.scenes, "scene file; each one produces a dataset")->required();
+  command.add_option("SCENE", a.scenes, "scene file; each one produces a dataset")
+      ->type_name("FILE")
+      ->required();
   command
       .add_option("-o,--output", a.out,
                   "dataset folder; with several scenes the parent folder of the datasets")
@@ -58,6 +60,7 @@ void add_options(CLI::App& command, Arguments& a) {
       .add_option("-j,--threads", a.options.threads,
                   "number of threads; does not affect the result")
       ->check(CLI::Range(1, 1024))
+      ->type_name("N")
       ->capture_default_str();
   command.add_flag("--no-images", a.no_images, "skip the camera images");
 }

@@ -131,14 +131,18 @@ void add_sweep(CLI::App& app) {
       ->add_option(
           "SWEEP", a->files,
           "sweep file, for example configs/ablations/sensors.yaml; several run one after another")
+      ->type_name("FILE")
       ->required();
-  command->add_option("-o,--output", a->folder,
-                      "output folder (default: runs/SWEEP); with several files the parent of their "
-                      "folders");
+  command
+      ->add_option("-o,--output", a->folder,
+                   "output folder (default: runs/SWEEP); with several files the parent of their "
+                   "folders")
+      ->type_name("FOLDER");
   command
       ->add_option("-j,--jobs", a->jobs,
                    "number of parallel cases (default: 1; with Slurm no limit)")
-      ->check(CLI::Range(1, 1024));
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N");
   command
       ->add_option("--launcher", a->launcher,
                    "where cases run: local (this machine) or slurm (a job array)")

@@ -72,7 +72,7 @@ void check_known_keys(const Node& node, const std::string& path,
     const auto guess = text::closest_match(name, known);
     fail_at(member, "",
             fmt::format("unknown key {}; {}", join(path, name),
-                        guess ? fmt::format("did you mean {}?", *guess)
+                        guess ? fmt::format("did you mean {}?", join(path, *guess))
                               : fmt::format("known here: {}", fmt::join(known, ", "))));
   }
 }

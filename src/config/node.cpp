@@ -286,8 +286,11 @@ Override parse_override(std::string_view assignment) {
     fail_input("--set {}: expected key=value, for example run.seed=3", assignment);
   }
   Node value = parse_value(assignment.substr(equals + 1), fmt::format("--set {}", key));
-  const auto strip_lines = [](const auto& self, Node& node) -> void {
+  // Messages about a value name its key, so its source need not.
+  const auto source = std::make_shared<const std::string>("--set");
+  const auto strip_lines = [&source](const auto& self, Node& node) -> void {
     node.line = 0;
+    node.source = source;
     for (Node& item : node.items) self(self, item);
     for (auto& [name, item] : node.members) self(self, item);
   };
@@ -300,7 +303,7 @@ void set_value(Node& root, std::string_view key, Node value) {
   text::split(key, '.', parts);
   Node* node = &root;
   for (const std::string_view part : parts) {
-    if (part.empty()) fail_at(value, "", "empty key between dots");
+    if (part.empty()) fail_at(value, key, "empty key between dots");
     node = &node->member(part);
     if (!node->source) node->source = value.source;
   }

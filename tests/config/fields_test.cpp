@@ -78,7 +78,7 @@ raw: {anything: [1, {x: y}]}
 
 TEST(Fields, UnknownKeyErrorNamesLineAndSuggestion) {
   EXPECT_EQ(error_of("seed: 1\ntracker:\n  min_distnce_px: 3\n"),
-            "a.yaml:3: unknown key tracker.min_distnce_px; did you mean min_distance_px?");
+            "a.yaml:3: unknown key tracker.min_distnce_px; did you mean tracker.min_distance_px?");
   EXPECT_THAT(error_of("seed: 1\nzzz: 3\n"),
               HasSubstr("a.yaml:2: unknown key zzz; known here: enabled,"));
   EXPECT_THAT(error_of("nmae:\n"), HasSubstr("a.yaml:1: unknown key nmae; did you mean name?"));

@@ -194,12 +194,15 @@ TEST(Overrides, ErrorNamesCommandLineOption) {
   Node node = parse_yaml("seed: 1\n", "a.yaml");
   apply_override(node, "tracker.max_features=5");
   EXPECT_EQ(error_of([&] { as_example(node); }),
-            "--set tracker.max_features: tracker.max_features: 5 is outside [20, 2000]");
+            "--set: tracker.max_features: 5 is outside [20, 2000]");
   Node other;
   apply_override(other, "tracker.max_fetures=50");
-  EXPECT_THAT(
-      error_of([&] { as_example(other); }),
-      HasSubstr("--set tracker.max_fetures: unknown key tracker.max_fetures; did you mean"));
+  EXPECT_EQ(error_of([&] { as_example(other); }),
+            "--set: unknown key tracker.max_fetures; did you mean tracker.max_features?");
+  EXPECT_EQ(error_of([&] { apply_override(other, "a..b=1"); }),
+            "--set: a..b: empty key between dots");
+  EXPECT_THAT(error_of([&] { apply_override(other, "weights=[1, 2"); }),
+              HasSubstr("--set weights:1: not valid YAML"));
 }
 
 TEST(Overrides, TextIsLiteral) {
