@@ -75,8 +75,9 @@ Seeds DepthSeeder::seeds(const depth::DepthEstimate& estimate, std::size_t view,
   }
   const ProjectedPoints seen = project(camera, points);
   const Tensor pixels = seen.pixels.index({seen.in_view});
-  const Tensor which = blocks_to_fill(estimate, pixels, rendered, alpha, image, options_);
-  const Seeds seeds = seeds_from_blocks(estimate, which, options_);
+  const Tensor depths = insertion_depths(estimate, options_.insertion_depth);
+  const Tensor which = blocks_to_fill(estimate, depths, pixels, rendered, alpha, image, options_);
+  const Seeds seeds = seeds_from_blocks(estimate, depths, which, options_.initial_opacity);
   log::debug("{}: depth accepted in {} of {} blocks, {} seeded", keyframes[view].name,
              estimate.confident.sum().item<std::int64_t>(), estimate.blocks.size(), seeds.size());
   return seeds;
