@@ -98,6 +98,8 @@ class Mapper {
   /// Time spent so far: poses, gains, alignment, insertion, depth, filling (insertion from depth),
   /// water, growth, steps. On a GPU, time is attributed to the scope that synchronizes.
   const Profiler& times() const { return times_; }
+  /// Time spent on estimating depth [s], by which the mapping thread divides its time.
+  double depth_s() const { return depth_seeder_.estimation_s(); }
   double extent() const { return inserter_.extent(); }
   const std::map<KeyframeDecision, std::size_t>& counts() const { return selection_.counts(); }
   /// The underlying optimizer.

@@ -209,7 +209,7 @@ std::size_t AsyncMapper::queued_frames() const {
 }
 
 double AsyncMapper::depth_s() const {
-  return mapper_.times().seconds("depth");
+  return mapper_.depth_s();
 }
 
 MapCopy AsyncMapper::snapshot() const {

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <functional>
 
-#include "core/profiler.hpp"
 #include "core/stopwatch.hpp"
 
 namespace apvi::slam {
@@ -65,7 +64,7 @@ class MappingScheduler {
  private:
   template <typename Work>
   auto measure(double& seconds, const Work& work) {
-    const Profiler::Scope scope(seconds);
+    const TimedScope scope(seconds);
     return work();
   }
   double busy_s() const { return intake_s_ + training_s_; }

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include "apvi/core/log.hpp"
+#include "core/stopwatch.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/density/neighbors.hpp"
 #include "mapping/density/quadtree_insertion.hpp"
@@ -47,7 +48,8 @@ depth::DepthRequest DepthSeeder::request(std::size_t view, const KeyframeStore& 
   return request;
 }
 
-depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request) const {
+depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request) {
+  const TimedScope scope(estimation_s_);
   return depth::estimate_depth(request, depth_);
 }
 
