@@ -84,6 +84,12 @@ std::string format_number(int value) {
   return fmt::format("{}", value);
 }
 
+std::string format_briefly(double value) {
+  constexpr std::size_t kLong = 10;
+  std::string text = format_number(value);
+  return text.size() > kLong ? fmt::format("{:.4g}", value) : text;
+}
+
 Node scalar_node(std::string text) {
   Node node;
   node.kind = Node::Kind::scalar;
