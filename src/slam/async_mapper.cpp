@@ -162,8 +162,8 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
 }
 
 mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& frame) {
-  const auto entry = times_.scope("intake");
-  return scheduler_.measure_intake([&] {
+  const auto entry = times_.scope("keyframes");
+  return scheduler_.measure_keyframe([&] {
     mapping::MapperInput input = to_input(frame);
     input.loop_corrections = next_loop_corrections();
     input.skip_depth = scheduler_.should_skip_depth(queued_frames(), depth_s());
