@@ -25,7 +25,7 @@ gaussians::Gaussians clone(const gaussians::Gaussians& gaussians) {
 
 TrainerOptions optimizer_options(const MapperOptions& options) {
   TrainerOptions trainer = options.trainer;
-  trainer.sparse_adam = trainer.sparse_adam || options.online.sparse_adam;
+  trainer.sparse_adam = trainer.sparse_adam.value_or(options.online.sparse_adam);
   return trainer;
 }
 

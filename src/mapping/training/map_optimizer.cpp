@@ -157,10 +157,11 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
     loss.backward();
   }
   statistics_.observe(out.statistics);
+  const bool sparse = options_.sparse_adam.value_or(false);
   if (out.sparse_gradient != nullptr) {
-    store_.step(settings.rates, *out.sparse_gradient, options_.sparse_adam);
+    store_.step(settings.rates, *out.sparse_gradient, sparse);
   } else {
-    store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
+    store_.step(settings.rates, {}, sparse ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
   if (lit) illumination_->step(i);
