@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Checks without a compiler: formatting, license headers, module dependencies, lengths, language, forbidden code.
+# Checks without a compiler: formatting, license headers, module dependencies, lengths, language, prose, forbidden code.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-all=(format license layers lengths language code)
+all=(format license layers lengths language prose code)
 
 usage() {
   cat <<END
@@ -56,6 +56,8 @@ check_layers() { python3 scripts/check_layers.py || fail "forbidden includes, se
 check_lengths() { python3 scripts/size_gate.py || fail "split the functions or files above"; }
 
 check_language() { python3 scripts/check_language.py || fail "words to replace, see above"; }
+
+check_prose() { python3 scripts/check_prose.py || fail "wrap the lines above at 100 characters"; }
 
 check_code() {
   forbid "no 'using namespace' in headers" '^\s*using\s+namespace\b' '*.hpp' '*.cuh'

@@ -22,17 +22,21 @@ POSES = ["trajectory.tum", "vio.tum", "dipo.tum"]
 MAP = ["map.ply", "medium.json", "keyframes.tum", "renders/*"]
 SMALL_DIVE = ["--set", "duration_s=20", "--set", "rig.cam0.resolution=[320, 240]",
               "--set", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]"]
-# Sections of metrics.json that hold times and memory, not results.
-VOLATILE = {"speed", "build", "times", "times_s", "mapping_times_s"}
+# Keys of metrics.json that hold times, memory and versions. All others are results, seconds included.
+VOLATILE = {"speed", "build"}
+# Cases that map the dive of the case "simulation".
+MAPS = {"online_map", "default_map", "paper_map"}
 
 
-def cases(data):
+def cases(data, work):
     """Name, recording needed, arguments, files that are hashed."""
     config = ROOT / "configs"
 
     def dataset(name):
         return ["--set", f"dataset.path={data / name}"]
 
+    dive = ["--set", f"dataset.path={work / 'simulation'}"]
+    short = [*dive, "--set", "dataset.duration_s=10", "--set", "mapping.max_gaussians=30000"]
     euroc = config / "datasets/euroc_apvi.yaml"
     return [
         ("euroc_dvl", data / "euroc_mh01_apvi", ["run", euroc, *dataset("euroc_mh01_apvi")], POSES),
@@ -47,9 +51,11 @@ def cases(data):
           data / "splat_reference/camera.json", "--float"], ["*.pfm", "*.png"]),
         ("simulation", None,
          ["sim", config / "scenes/seabed_easy.yaml", *SMALL_DIVE], ["**/*"]),
-        ("online_map", None, ["run", config / "experiments/seabed_online.yaml", "--set",
+        ("online_map", None, ["run", config / "experiments/seabed_online.yaml", *dive, "--set",
                               "mapping.time_budget_s=0", "--set", "mapping.final_iterations=200"],
          POSES + MAP),
+        ("default_map", None, ["run", config / "default.yaml", *short], POSES + MAP),
+        ("paper_map", None, ["run", config / "paper.yaml", *short], POSES + MAP),
     ]
 
 
@@ -62,8 +68,7 @@ def digest(path):
 
 def stable(value):
     if isinstance(value, dict):
-        return {key: stable(item) for key, item in value.items()
-                if key not in VOLATILE and not key.endswith(("_s", "_fps", "_mib"))}
+        return {key: stable(item) for key, item in value.items() if key not in VOLATILE}
     return value
 
 
@@ -88,16 +93,20 @@ def run_case(program, work, case):
 
 
 def record(program, data, work, only):
-    """The dive of the case "simulation" is what "online_map" maps, so it is made in any case."""
+    """The dive of the case "simulation" is what MAPS map, so it is made for each of them."""
+    wanted = set(only)
+    if wanted & MAPS:
+        wanted.add("simulation")
     found = {}
-    for case in cases(data):
-        name, needed, arguments, patterns = case
-        if only and name not in only and not (name == "simulation" and "online_map" in only):
-            continue
-        if name == "online_map":
-            arguments = [*arguments, "--set", f"dataset.path={work / 'simulation'}"]
-        found[name] = run_case(program, work, (name, needed, arguments, patterns))
+    for case in cases(data, work):
+        if not wanted or case[0] in wanted:
+            found[case[0]] = run_case(program, work, case)
     return {name: value for name, value in found.items() if value is not None}
+
+
+def not_compared(before, after):
+    """Names of the cases that only one side has."""
+    return sorted(set(before) ^ set(after))
 
 
 def differences(before, after):
@@ -123,8 +132,11 @@ def main():
     arguments.output.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
     if arguments.compare is None:
         return 0
-    changed = differences(json.loads(arguments.compare.read_text()), found)
-    print("\n".join(changed) or f"the same in all {len(found)} cases")
+    before = json.loads(arguments.compare.read_text())
+    for name in not_compared(before, found):
+        print(f"not compared: {name}")
+    changed = differences(before, found)
+    print("\n".join(changed) or f"the same in all {len(set(before) & set(found))} cases")
     return 1 if changed else 0
 
 

@@ -7,6 +7,7 @@
 
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "core/interrupt.hpp"
 
 namespace apvi::cli {
@@ -16,6 +17,8 @@ using runs::CalibrateOptions;
 
 void calibrate(CalibrateOptions& options) {
   const InterruptGuard guard;
+  if (!options.config.empty()) options.config = find_configuration(options.config);
+  options.search = configuration_folders();
   options.interrupted = [&guard] { return guard.interrupted(); };
   const runs::CalibrationResult result = runs::calibrate(options);
   std::fputs(runs::to_table(result).c_str(), stdout);
@@ -33,15 +36,19 @@ void add_calibrate(CLI::App& app) {
   command
       ->add_option("RECORDING|RUN", a->inputs,
                    "recordings to run, or folders of finished runs with `vio.graph: paper`")
+      ->type_name("FILE|FOLDER")
       ->required();
-  command->add_option("-c,--config", a->config, "run configuration for recordings");
+  command->add_option("-c,--config", a->config, "run configuration for recordings")
+      ->type_name("FILE");
   command->add_option("--set", a->overrides, "override a configuration key; repeatable")
       ->type_name("KEY=VALUE")
       ->take_all()
       ->expected(1)
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("-o,--output", a->folder, "output folder")->capture_default_str();
+  command->add_option("-o,--output", a->folder, "output folder")
+      ->type_name("FOLDER")
+      ->capture_default_str();
   command->add_flag("--overwrite", a->overwrite, "replace existing runs in the folder");
   command
       ->add_option("--normalization", a->normalization, "normalization of the written thresholds")
@@ -54,6 +61,7 @@ void add_calibrate(CLI::App& app) {
       ->add_option("--false-alarm", a->max_false_alarm,
                    "maximum fraction of healthy frames rejected")
       ->check(CLI::Range(0.0, 0.5))
+      ->type_name("FRACTION")
       ->capture_default_str();
   command->callback([a] { calibrate(*a); });
 }

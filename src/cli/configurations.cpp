@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "config/inherited_file.hpp"
 #include "core/child_process.hpp"
 
 namespace apvi::cli {
@@ -18,28 +19,30 @@ std::vector<fs::path> data_folders() {
   return {(bin / "../share/apvi").lexically_normal(), (bin / "../../..").lexically_normal()};
 }
 
-std::optional<fs::path> find_data(const fs::path& relative) {
-  for (const fs::path& folder : data_folders()) {
-    if (fs::exists(folder / relative)) return folder / relative;
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
-std::filesystem::path find_configuration(const fs::path& name) {
-  if (fs::exists(name)) return name;
-  if (const auto found = find_data("configs" / name)) return *found;
-  std::string places;
+std::vector<fs::path> configuration_folders() {
+  std::vector<fs::path> folders;
   for (const fs::path& folder : data_folders()) {
-    places += (places.empty() ? "" : " and ") + (folder / "configs").string();
+    if (fs::is_directory(folder / "configs")) folders.push_back(folder / "configs");
   }
-  fail_input("{}: no such file, recording or configuration (also looked in {})", name.string(),
-             places);
+  return folders;
+}
+
+fs::path find_configuration(const fs::path& name) {
+  if (fs::exists(name)) return name;
+  const std::vector<fs::path> folders = configuration_folders();
+  if (const auto found = config::find_in_folders(folders, name)) return *found;
+  std::string places;
+  for (const fs::path& folder : folders) places += ", nor in " + folder.string();
+  fail_input("{}: no such file or folder{}", name.string(), places);
 }
 
 std::optional<fs::path> find_script(const fs::path& name) {
-  return find_data("scripts" / name);
+  for (const fs::path& folder : data_folders()) {
+    if (fs::exists(folder / "scripts" / name)) return folder / "scripts" / name;
+  }
+  return std::nullopt;
 }
 
 }  // namespace apvi::cli

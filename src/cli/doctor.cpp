@@ -60,7 +60,9 @@ void add_doctor(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("doctor", "diagnose problems of a recording or its calibration");
-  command->add_option("DATASET", a->dataset, "folder, or .bag, .mcap or .db3 file")->required();
+  command->add_option("DATASET", a->dataset, "folder, or .bag, .mcap or .db3 file")
+      ->type_name("FILE|FOLDER")
+      ->required();
   command->add_option("--rig", a->rig, "calibration file to use instead of the dataset's own")
       ->type_name("FILE");
   command

@@ -220,13 +220,18 @@ void add_eval(CLI::App& app) {
   Arguments& a = *arguments;
   CLI::App* run = app.add_subcommand(
       "eval", "evaluate a run and update its metrics.json, or compare two trajectories");
-  run->add_option("RUN", a.run, "run folder");
+  run->add_option("RUN", a.run, "run folder")->type_name("FOLDER");
   run->add_option("--reference", a.reference,
-                  "trajectory file to use instead of the dataset's reference");
+                  "trajectory file to use instead of the dataset's reference")
+      ->type_name("FILE");
   add_options(*run, a);
   CLI::App* pair = run->add_subcommand("trajectory", "compare two trajectory files");
-  pair->add_option("--reference", a.reference, "TUM, EuRoC csv or gnss0/data.csv")->required();
-  pair->add_option("--estimate", a.estimate, "estimated trajectory, same formats")->required();
+  pair->add_option("--reference", a.reference, "TUM, EuRoC csv or gnss0/data.csv")
+      ->type_name("FILE")
+      ->required();
+  pair->add_option("--estimate", a.estimate, "estimated trajectory, same formats")
+      ->type_name("FILE")
+      ->required();
   add_options(*pair, a);
   pair->callback([arguments] { eval_pair(*arguments); });
   run->callback([arguments, pair] {

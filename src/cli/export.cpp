@@ -72,14 +72,18 @@ void add_export(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("export", "export a run's map, images and poses to other formats");
-  command->add_option("SOURCE", a->source, "run folder, or a map file")->required();
+  command->add_option("SOURCE", a->source, "run folder, or a map file")
+      ->type_name("FILE|FOLDER")
+      ->required();
   command
       ->add_option("--format", a->format,
                    "output format; not needed when --output names a map file")
       ->check(CLI::IsMember({"ply", "compressed_ply", "spz", "colmap", "nerfstudio"}))
       ->type_name("WORD");
-  command->add_option("-o,--output", a->out,
-                      "output folder (default: RUN/FORMAT), or a file .ply, .compressed.ply, .spz");
+  command
+      ->add_option("-o,--output", a->out,
+                   "output folder (default: RUN/FORMAT), or a file .ply, .compressed.ply, .spz")
+      ->type_name("FILE|FOLDER");
   command->callback([a] { is_dataset_format(a->format) ? export_dataset(*a) : export_map(*a); });
 }
 

@@ -56,8 +56,25 @@ Source source_of(const Arguments& a) {
   const std::string extension = text::to_lower(fs::path(a.target).extension().string());
   const bool recording = fs::is_directory(a.target) || extension == ".bag" ||
                          extension == ".mcap" || extension == ".db3";
-  if (!recording) return {find_configuration(a.target), a.overrides};
-  return recording_source(a.target, a.overrides);
+  if (recording) return recording_source(a.target, a.overrides);
+  // A case of a sweep on Slurm is a .job.
+  const bool configuration =
+      extension.empty() || extension == ".yaml" || extension == ".yml" || extension == ".job";
+  if (!configuration && fs::exists(a.target)) {
+    fail_input("{}: not a recording (folder, .bag, .mcap, .db3), video, or configuration (.yaml)",
+               a.target.string());
+  }
+  return {find_configuration(a.target), a.overrides};
+}
+
+runs::RunConfig load_config(const Source& source) {
+  runs::RunConfig config =
+      runs::load_run_config(source.configuration, source.overrides, configuration_folders());
+  if (config.dataset.path.empty()) {
+    fail_input("{}: dataset.path: missing; name the recording: --set dataset.path=RECORDING",
+               source.configuration.string());
+  }
+  return config;
 }
 
 std::string name_of(const fs::path& path) {
@@ -134,7 +151,7 @@ void run(const Arguments& a) {
   fs::path folder = a.folder;
   if (imports && folder.empty()) folder = vacant_folder(name_of(a.target));
   const Source source = imports ? import_source(a, folder) : source_of(a);
-  const runs::RunConfig config = runs::load_run_config(source.configuration, source.overrides);
+  const runs::RunConfig config = load_config(source);
   if (folder.empty()) folder = default_folder(a, config);
   const std::size_t warnings = run_into(folder, config, a);
   // The report is that of a trajectory, which a map from given poses does not have.
@@ -151,12 +168,9 @@ void add_run(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "run", "localize a recording and, if it has a camera, map it, into a run folder");
   command
-      ->add_option(
-          "DIVE|CONFIG", a->target,
-          "recording (folder, .bag, .mcap, .db3); video, folder of photographs or COLMAP model, "
-          "which is imported into RUN/input first; or a configuration file that names a recording: "
-          "a name like datasets/akit.yaml is also looked for among the program's own "
-          "configurations")
+      ->add_option("DIVE|CONFIG", a->target,
+                   "recording, video, photographs, COLMAP model, or configuration (.yaml)")
+      ->type_name("FILE|FOLDER")
       ->required();
   command
       ->add_option("--set", a->overrides,
@@ -166,8 +180,9 @@ void add_run(CLI::App& app) {
       ->expected(1)
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("-o,--output", a->folder,
-                      "run folder (default: runs/DIVE or runs/CONFIG-DIVE)");
+  command
+      ->add_option("-o,--output", a->folder, "run folder (default: runs/DIVE or runs/CONFIG-DIVE)")
+      ->type_name("FOLDER");
   command->add_flag("--overwrite", a->overwrite, "replace an existing run in the folder");
   command->add_flag("--resume", a->resume, "resume the folder's map from its checkpoint");
   command->add_flag("--no-report", a->no_report, "do not write report.html");

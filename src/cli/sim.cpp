@@ -10,6 +10,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "core/stopwatch.hpp"
 #include "sim/simulate.hpp"
 
@@ -27,7 +28,9 @@ struct Arguments {
 };
 
 void add_options(CLI::App& command, Arguments& a) {
-  command.add_option("SCENE", a.scenes, "scene file; each one produces a dataset")->required();
+  command.add_option("SCENE", a.scenes, "scene file; each one produces a dataset")
+      ->type_name("FILE")
+      ->required();
   command
       .add_option("-o,--output", a.out,
                   "dataset folder; with several scenes the parent folder of the datasets")
@@ -57,14 +60,19 @@ void add_options(CLI::App& command, Arguments& a) {
       .add_option("-j,--threads", a.options.threads,
                   "number of threads; does not affect the result")
       ->check(CLI::Range(1, 1024))
+      ->type_name("N")
       ->capture_default_str();
   command.add_flag("--no-images", a.no_images, "skip the camera images");
+}
+
+sim::Scene load_scene(const fs::path& file, const std::vector<std::string>& overrides) {
+  return sim::load_scene(find_configuration(file), overrides, configuration_folders());
 }
 
 void simulate_one(const fs::path& file, const fs::path& out, const Arguments& a) {
   std::vector<std::string> overrides = a.overrides;
   if (a.no_images) overrides.emplace_back("camera.enabled=false");
-  const sim::Scene scene = sim::load_scene(file, overrides);
+  const sim::Scene scene = load_scene(file, overrides);
   const Stopwatch watch;
   if (sim::simulate(scene, out, a.options) == sim::SimulateResult::already_complete) {
     log::info("{}: already complete", out.string());
@@ -76,8 +84,7 @@ void simulate_one(const fs::path& file, const fs::path& out, const Arguments& a)
 
 void run(const Arguments& a) {
   if (a.scenes.size() == 1) return simulate_one(a.scenes.front(), a.out, a);
-  for (const fs::path& file : a.scenes)
-    sim::load_scene(file, a.overrides);  // report errors before starting
+  for (const fs::path& file : a.scenes) load_scene(file, a.overrides);  // errors before starting
   for (const fs::path& file : a.scenes) simulate_one(file, a.out / file.stem(), a);
 }
 

@@ -11,6 +11,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/configurations.hpp"
 #include "cli/sweep_task.hpp"
 #include "eval/sweep_summary.hpp"
 
@@ -69,7 +70,8 @@ std::vector<Sweep> load(const Arguments& a) {
       fail_input("{}: two sweeps with this name would share {}: run them separately with -o",
                  file.string(), folder.string());
     }
-    const config::Sweep sweep = config::load_sweep(file);
+    const config::Sweep sweep =
+        config::load_sweep(find_configuration(file), configuration_folders());
     sweeps.push_back({sweep.file.columns, make_tasks(sweep, folder), folder});
   }
   return sweeps;
@@ -129,14 +131,18 @@ void add_sweep(CLI::App& app) {
       ->add_option(
           "SWEEP", a->files,
           "sweep file, for example configs/ablations/sensors.yaml; several run one after another")
+      ->type_name("FILE")
       ->required();
-  command->add_option("-o,--output", a->folder,
-                      "output folder (default: runs/SWEEP); with several files the parent of their "
-                      "folders");
+  command
+      ->add_option("-o,--output", a->folder,
+                   "output folder (default: runs/SWEEP); with several files the parent of their "
+                   "folders")
+      ->type_name("FOLDER");
   command
       ->add_option("-j,--jobs", a->jobs,
                    "number of parallel cases (default: 1; with Slurm no limit)")
-      ->check(CLI::Range(1, 1024));
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N");
   command
       ->add_option("--launcher", a->launcher,
                    "where cases run: local (this machine) or slurm (a job array)")

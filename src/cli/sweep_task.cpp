@@ -7,6 +7,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "cli/configurations.hpp"
 #include "cli/mapping_support.hpp"
 #include "core/atomic_file.hpp"
 #include "core/text.hpp"
@@ -21,9 +22,9 @@ using State = eval::SweepRow::State;
 
 void check_case(const fs::path& file, Command command) {
   if (command == Command::sim) {
-    sim::load_scene(file, {});
+    sim::load_scene(file, {}, configuration_folders());
   } else {
-    runs::load_run_config(file, {});
+    runs::load_run_config(file, {}, configuration_folders());
   }
 }
 
@@ -64,8 +65,10 @@ SweepTask make_task(const config::SweepCase& of, Command command, const fs::path
   fs::create_directories(task.stem.parent_path());
   write_text(task.file(".yaml"), config::to_yaml(of.config));
   check_case(task.file(".yaml"), command);
-  task.identity = (command == Command::sim ? "# apvi sim\n" : "# apvi run\n") +
-                  config::to_yaml(config::load_with_inheritance(task.file(".yaml")));
+  const config::Node complete =
+      config::load_with_inheritance(task.file(".yaml"), {}, configuration_folders());
+  task.identity =
+      (command == Command::sim ? "# apvi sim\n" : "# apvi run\n") + config::to_yaml(complete);
   task.row.group = of.group;
   task.row.choices = of.choices;
   task.row.seed = of.seed;

@@ -72,7 +72,7 @@ void check_known_keys(const Node& node, const std::string& path,
     const auto guess = text::closest_match(name, known);
     fail_at(member, "",
             fmt::format("unknown key {}; {}", join(path, name),
-                        guess ? fmt::format("did you mean {}?", *guess)
+                        guess ? fmt::format("did you mean {}?", join(path, *guess))
                               : fmt::format("known here: {}", fmt::join(known, ", "))));
   }
 }
@@ -82,6 +82,12 @@ std::string format_number(double value) {
 }
 std::string format_number(int value) {
   return fmt::format("{}", value);
+}
+
+std::string format_briefly(double value) {
+  constexpr std::size_t kLong = 10;
+  std::string text = format_number(value);
+  return text.size() > kLong ? fmt::format("{:.4g}", value) : text;
 }
 
 Node scalar_node(std::string text) {

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "apvi/core/error.hpp"
+#include "config/inherited_file.hpp"
 #include "core/text.hpp"
 
 namespace apvi::config {
@@ -96,8 +97,14 @@ void emit(YAML::Emitter& out, const Node& node) {
   }
 }
 
-Node load_inherited(const fs::path& path, const std::function<void(Node&)>& edit,
-                    std::vector<fs::path>& open_files) {
+struct Loading {
+  const std::function<void(Node&)>& edit;
+  const std::vector<fs::path>& search;
+  std::vector<fs::path> open_files = {};
+};
+
+Node load_inherited(const fs::path& path, Loading& loading) {
+  std::vector<fs::path>& open_files = loading.open_files;
   const fs::path canonical = fs::weakly_canonical(path);
   if (std::find(open_files.begin(), open_files.end(), canonical) != open_files.end()) {
     fail_input("{}: inherit: this file inherits from itself; remove the cycle", path.string());
@@ -108,15 +115,13 @@ Node load_inherited(const fs::path& path, const std::function<void(Node&)>& edit
     parents = inherit->kind == Node::Kind::list ? inherit->items : std::vector<Node>{*inherit};
     std::erase_if(own.members, [](const auto& member) { return member.first == "inherit"; });
   }
-  if (edit) edit(own);
+  if (loading.edit) loading.edit(own);
   if (parents.empty()) return own;
   open_files.push_back(canonical);
   Node merged;
   for (const Node& parent : parents) {
-    if (parent.kind != Node::Kind::scalar) fail_at(parent, "inherit", "expected a file name");
-    const fs::path parent_path = path.parent_path() / parent.text;
-    if (!fs::exists(parent_path)) fail_at(parent, "inherit", "no such file: " + parent.text);
-    merge(merged, load_inherited(parent_path, edit, open_files));
+    const fs::path file = inherited_file(parent, "inherit", path.parent_path(), loading.search);
+    merge(merged, load_inherited(file, loading));
   }
   open_files.pop_back();
   merge(merged, own);
@@ -234,9 +239,10 @@ Node load_with_inheritance(const fs::path& path) {
   return load_with_inheritance(path, {});
 }
 
-Node load_with_inheritance(const fs::path& path, const std::function<void(Node&)>& edit) {
-  std::vector<fs::path> open_files;
-  return load_inherited(path, edit, open_files);
+Node load_with_inheritance(const fs::path& path, const std::function<void(Node&)>& edit,
+                           const std::vector<fs::path>& search) {
+  Loading loading{.edit = edit, .search = search};
+  return load_inherited(path, loading);
 }
 
 void merge(Node& base, const Node& over) {
@@ -280,8 +286,11 @@ Override parse_override(std::string_view assignment) {
     fail_input("--set {}: expected key=value, for example run.seed=3", assignment);
   }
   Node value = parse_value(assignment.substr(equals + 1), fmt::format("--set {}", key));
-  const auto strip_lines = [](const auto& self, Node& node) -> void {
+  // Messages about a value name its key, so its source need not.
+  const auto source = std::make_shared<const std::string>("--set");
+  const auto strip_lines = [&source](const auto& self, Node& node) -> void {
     node.line = 0;
+    node.source = source;
     for (Node& item : node.items) self(self, item);
     for (auto& [name, item] : node.members) self(self, item);
   };
@@ -294,7 +303,7 @@ void set_value(Node& root, std::string_view key, Node value) {
   text::split(key, '.', parts);
   Node* node = &root;
   for (const std::string_view part : parts) {
-    if (part.empty()) fail_at(value, "", "empty key between dots");
+    if (part.empty()) fail_at(value, key, "empty key between dots");
     node = &node->member(part);
     if (!node->source) node->source = value.source;
   }

@@ -311,9 +311,10 @@ void KeyRenamer::warn(const Node& node, std::string_view old_name, std::string_v
 }
 
 Node load_config(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                 const Renames& renames) {
+                 const Renames& renames, const std::vector<std::filesystem::path>& search) {
   KeyRenamer renamer(renames);
-  Node root = load_with_inheritance(file, [&](Node& layer) { renamer.apply(layer); });
+  Node root = load_with_inheritance(
+      file, [&](Node& layer) { renamer.apply(layer); }, search);
   for (const std::string& assignment : overrides) renamer.apply_override(root, assignment);
   return root;
 }

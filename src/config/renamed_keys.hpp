@@ -67,9 +67,9 @@ class KeyRenamer {
 };
 
 /// Reads a configuration file with its inherited files and applies the overrides "key=value" in
-/// order. Old names are accepted in all of them.
+/// order. Old names are accepted in all of them. `search`: see load_with_inheritance.
 Node load_config(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                 const Renames& renames);
+                 const Renames& renames, const std::vector<std::filesystem::path>& search = {});
 /// Reads a file that the program wrote, such as resolved.yaml of an older run: no warnings.
 Node load_recorded_config(const std::filesystem::path& file, const Renames& renames);
 

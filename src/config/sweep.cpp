@@ -6,6 +6,7 @@
 #include <set>
 
 #include "apvi/core/error.hpp"
+#include "config/inherited_file.hpp"
 #include "config/renamed_keys.hpp"
 #include "core/text.hpp"
 
@@ -190,24 +191,24 @@ std::vector<std::optional<int>> expand_seeds(const Node& seeds) {
   return list;
 }
 
-// Paths of configuration files are relative to the sweep file, as those under `inherit` are.
-Node absolute_paths(const Node& base, const fs::path& folder) {
+// Configuration files are found as those under `inherit` are.
+Node absolute_paths(const Node& base, const fs::path& folder, const std::vector<fs::path>& search) {
   Node files;
   files.kind = Node::Kind::list;
   const std::vector<Node> names =
       base.kind == Node::Kind::list ? base.items : std::vector<Node>{base};
   for (const Node& name : names) {
-    if (name.kind != Node::Kind::scalar) fail_at(name, "base", "expected a file name");
     Node file = name;
-    file.text = fs::absolute(folder / name.text).lexically_normal().string();
-    if (!fs::exists(file.text)) fail_at(name, "base", "no such file: " + name.text);
+    const fs::path found = inherited_file(name, "base", folder, search);
+    file.text = fs::absolute(found).lexically_normal().string();
     files.items.push_back(std::move(file));
   }
   return files;
 }
 
 SweepCase make_case(const SweepFile& file, const std::vector<Axis>& axes,
-                    const std::vector<std::size_t>& index, const fs::path& path) {
+                    const std::vector<std::size_t>& index, const fs::path& path,
+                    const std::vector<fs::path>& search) {
   SweepCase result;
   Node keys;
   keys.kind = Node::Kind::map;
@@ -225,7 +226,7 @@ SweepCase make_case(const SweepFile& file, const std::vector<Axis>& axes,
     fail_input("{}: base: missing; set it to the configuration file that the cases modify",
                path.string());
   }
-  result.config.member("inherit") = absolute_paths(*base, path.parent_path());
+  result.config.member("inherit") = absolute_paths(*base, path.parent_path(), search);
   std::erase_if(keys.members, [](const auto& member) { return member.first == "base"; });
   merge(result.config, keys);
   return result;
@@ -246,9 +247,9 @@ fs::path SweepCase::folder() const {
   return seed ? fs::path(group) / fmt::format("seed-{}", *seed) : fs::path(group);
 }
 
-Sweep load_sweep(const fs::path& path) {
+Sweep load_sweep(const fs::path& path, const std::vector<fs::path>& search) {
   Sweep sweep;
-  read(load_with_inheritance(path), sweep.file);
+  read(load_with_inheritance(path, {}, search), sweep.file);
   SweepFile& file = sweep.file;
   const bool simulates = file.command == SweepFile::Command::sim;
   if (file.seed_key.empty()) file.seed_key = simulates ? "seed" : "run.seed";
@@ -268,7 +269,7 @@ Sweep load_sweep(const fs::path& path) {
   std::vector<std::size_t> index(axes.size(), 0);
   std::set<std::string> groups;
   do {
-    SweepCase one = make_case(file, axes, index, path);
+    SweepCase one = make_case(file, axes, index, path, search);
     while (!groups.insert(one.group).second) one.group += "_2";
     for (const std::optional<int>& seed : seeds) {
       SweepCase& added = sweep.cases.emplace_back(one);

@@ -28,7 +28,7 @@ struct SweepFile {
   void visit(V& v) {
     v("command", command, Choices<Command>{{"run", Command::run}, {"sim", Command::sim}},
       "what a case runs: apvi run of a configuration, or apvi sim of a scene");
-    v("base", base, "configuration file or list of files, relative to the sweep file");
+    v("base", base, "configuration file or list of files, looked for like inherited ones");
     v("set", set, "keys that override them in every case");
     v("cases", cases,
       "named cases, each a set of keys: {full: {}, no_freeze: {freeze.enabled: false}}");
@@ -57,7 +57,9 @@ struct Sweep {
 };
 
 /// Reads a sweep file and expands its cases. Dotted keys address nested sections; `base` can be an
-/// axis too. Throws InputError with file and line.
-Sweep load_sweep(const std::filesystem::path& path);
+/// axis too. `search`: folders of inherited and base files, see load_with_inheritance. Throws
+/// InputError with file and line.
+Sweep load_sweep(const std::filesystem::path& path,
+                 const std::vector<std::filesystem::path>& search = {});
 
 }  // namespace apvi::config

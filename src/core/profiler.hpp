@@ -14,22 +14,9 @@ namespace apvi {
 /// for the enclosing ones.
 class Profiler {
  public:
-  /// Measures until it is destroyed.
-  class Scope {
-   public:
-    explicit Scope(double& seconds) : seconds_(seconds) {}
-    ~Scope() { seconds_ += watch_.seconds(); }
-    Scope(const Scope&) = delete;
-    Scope& operator=(const Scope&) = delete;
-
-   private:
-    double& seconds_;
-    Stopwatch watch_;
-  };
-
-  /// The result must not outlive the profiler.
-  [[nodiscard]] Scope scope(std::string_view activity) {
-    return Scope(seconds_.try_emplace(std::string(activity)).first->second);
+  /// Measures until the result is destroyed, which must not outlive the profiler.
+  [[nodiscard]] TimedScope scope(std::string_view activity) {
+    return TimedScope(seconds_.try_emplace(std::string(activity)).first->second);
   }
   /// 0 for an unknown activity.
   double seconds(std::string_view activity) const {

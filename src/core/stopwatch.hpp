@@ -17,4 +17,17 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// Adds the seconds until it is destroyed to a total.
+class TimedScope {
+ public:
+  explicit TimedScope(double& total_s) : total_s_(total_s) {}
+  ~TimedScope() { total_s_ += watch_.seconds(); }
+  TimedScope(const TimedScope&) = delete;
+  TimedScope& operator=(const TimedScope&) = delete;
+
+ private:
+  double& total_s_;
+  Stopwatch watch_;
+};
+
 }  // namespace apvi

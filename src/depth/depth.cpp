@@ -297,10 +297,11 @@ class Estimator {
     const Tensor left = pick(swept.cost, inner - 1);
     const Tensor middle = pick(swept.cost, inner);
     const Tensor right = pick(swept.cost, inner + 1);
-    const Tensor bend = left - 2.0 * middle + right;
-    const Tensor shift = torch::where((bend > 1e-6) & (inner == label), 0.5 * (left - right) / bend,
-                                      torch::zeros_like(bend))
-                             .clamp(-0.5, 0.5);
+    const Tensor curvature = left - 2.0 * middle + right;
+    const Tensor shift =
+        torch::where((curvature > 1e-6) & (inner == label), 0.5 * (left - right) / curvature,
+                     torch::zeros_like(curvature))
+            .clamp(-0.5, 0.5);
     return {pick(tried, label) - step * shift, pick(swept.cost, label)};
   }
 

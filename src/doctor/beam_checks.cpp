@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "doctor/checks.hpp"
 
 namespace apvi::doctor {
@@ -100,7 +100,7 @@ std::string describe(const Matrix3d& map) {
   const Eigen::AngleAxisd turn(map);
   Eigen::Index axis = 0;
   const double along = turn.axis().cwiseAbs().maxCoeff(&axis);
-  const double angle = turn.angle() * 180.0 / std::numbers::pi;
+  const double angle = kDegreesPerRadian * turn.angle();
   if (along < 0.99) return fmt::format("rotated by {:.0f} deg about an oblique axis", angle);
   return fmt::format("rotated by {:.0f} deg about {}", angle, "xyz"[axis]);
 }

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "doctor/scan.hpp"
 #include "doctor/velocity_changes.hpp"
@@ -29,7 +29,7 @@ constexpr std::size_t kMinBlocks = 2;
 // Required ratio of the scan's minimum to its median, for the minimum to be significant.
 constexpr double kMaxDipRatio = 0.97;
 constexpr std::size_t kGroups = 10;
-constexpr double kMaxMountingChange = 20.0 * std::numbers::pi / 180.0;
+constexpr double kMaxMountingChange = 20.0 * kRadiansPerDegree;
 
 // Solutions of a scan over time offsets.
 struct Scan {

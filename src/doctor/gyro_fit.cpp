@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
+#include "apvi/core/constants.hpp"
 #include "doctor/inertial_path.hpp"
 
 namespace apvi::doctor {
@@ -52,7 +52,7 @@ void check_gyro(const std::vector<ImuSample>& samples, Report& report) {
   const double as_is = apparent_rotation(samples, 1.0);
   const double without = apparent_rotation(samples, 0.0);
   const double reversed = apparent_rotation(samples, -1.0);
-  const double degrees = apparent_rotation(samples, std::numbers::pi / 180.0);
+  const double degrees = apparent_rotation(samples, kRadiansPerDegree);
   Finding f{Severity::ok,
             "imu0",
             "gyro, gravity",

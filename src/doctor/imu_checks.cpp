@@ -3,12 +3,12 @@
 
 #include <cmath>
 
+#include "apvi/core/constants.hpp"
 #include "doctor/checks.hpp"
 
 namespace apvi::doctor {
 namespace {
 
-constexpr double kStandardGravity = 9.80665;
 constexpr double kGravityOk = 0.03;  // relative to its magnitude
 constexpr double kGravityWarning = 0.25;
 // Underwater vehicles rotate slower than this most of the time [rad/s].

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 #include <opencv2/videoio.hpp>
 
@@ -48,6 +49,8 @@ Clock clock_of(const VideoFile& file) {
 
 cv::VideoCapture open_video(const fs::path& path, bool keep_sensor_axes) {
   cv::VideoCapture video;
+  // FFmpeg reports a broken file on a line of its own; -8 is its AV_LOG_QUIET.
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
   try {
     // Others load plugins of the system and take a name with digits for a series of images.
     video.open(path.string(), cv::CAP_FFMPEG);

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "imu/noise.hpp"
 
@@ -32,8 +33,8 @@ NavVector boxminus(const NavState& a, const NavState& b);
 
 /// Gravity and Earth rotation as they affect an IMU.
 struct EarthModel {
-  Eigen::Vector3d gravity = Eigen::Vector3d(0.0, 0.0, -9.80665);  ///< [m/s²]
-  Eigen::Vector3d earth_rate = Eigen::Vector3d::Zero();           ///< in world coordinates [rad/s]
+  Eigen::Vector3d gravity = Eigen::Vector3d(0.0, 0.0, -kStandardGravity);  ///< [m/s²]
+  Eigen::Vector3d earth_rate = Eigen::Vector3d::Zero();  ///< in world coordinates [rad/s]
 };
 
 /// Integrates the motion equations, Eq. (2) of the paper, over `dt` [s] with constant angular rate

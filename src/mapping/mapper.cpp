@@ -25,7 +25,7 @@ gaussians::Gaussians clone(const gaussians::Gaussians& gaussians) {
 
 TrainerOptions optimizer_options(const MapperOptions& options) {
   TrainerOptions trainer = options.trainer;
-  trainer.sparse_adam = trainer.sparse_adam || options.online.sparse_adam;
+  trainer.sparse_adam = trainer.sparse_adam.value_or(options.online.sparse_adam);
   return trainer;
 }
 
@@ -181,7 +181,7 @@ void Mapper::insert_from_depth(std::size_t view) {
       estimate = depth_seeder_.estimate(request);
     }
     if (estimate.status != depth::DepthStatus::estimated) return;
-    const auto entry = times_.scope("filling");
+    const auto entry = times_.scope("depth_insertion");
     depth_seeder_.clear_free_space(estimate, keyframes_.view(view, 1), optimizer_);
     const Seeds seeds = depth_seeder_.seeds(estimate, view, keyframes_, optimizer_.full_map(),
                                             point_seeder_.positions());
@@ -196,7 +196,7 @@ void Mapper::limit_image_memory() {
 }
 
 void Mapper::estimate_medium() {
-  const auto entry = times_.scope("water");
+  const auto entry = times_.scope("medium");
   bool has_changed = false;
   retry_on_oom(
       [&] { has_changed = medium_.estimate(iteration(), extent(), keyframes_, optimizer_); });
@@ -215,7 +215,7 @@ double Mapper::step() {
 
 void Mapper::densify() {
   if (training_.is_final() || !densification_.is_due(iteration(), training_.views())) return;
-  const auto entry = times_.scope("growth");
+  const auto entry = times_.scope("densification");
   densification_.run(iteration(), extent(), optimizer_, keyframes_);
 }
 

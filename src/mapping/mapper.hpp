@@ -97,9 +97,11 @@ class Mapper {
   /// Maximum number of Gaussians: as configured, or less after running out of memory.
   std::int64_t most_gaussians() const { return optimizer_.max_gaussians(); }
   std::int64_t iteration() const { return training_.iteration(); }
-  /// Time spent so far: poses, gains, alignment, insertion, depth, filling (insertion from depth),
-  /// water, growth, steps. On a GPU, time is attributed to the scope that synchronizes.
+  /// Time spent so far: poses, gains, alignment, insertion, depth, depth_insertion, medium,
+  /// densification, steps. On a GPU, time is attributed to the scope that synchronizes.
   const Profiler& times() const { return times_; }
+  /// Time spent on estimating depth [s], by which the mapping thread divides its time.
+  double depth_s() const { return depth_seeder_.estimation_s(); }
   double extent() const { return inserter_.extent(); }
   const std::map<KeyframeDecision, std::size_t>& counts() const { return selection_.counts(); }
   /// The underlying optimizer.

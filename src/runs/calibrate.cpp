@@ -72,7 +72,7 @@ RunConfig load_calibration_config(const fs::path& recording, const CalibrateOpti
   overrides.push_back("dataset.path=" + recording.string());
   overrides.emplace_back("vio.graph=paper");
   overrides.emplace_back("fusion.discriminator.degeneracy.action=ignore");
-  return load_run_config(options.config, overrides);
+  return load_run_config(options.config, overrides, options.search);
 }
 
 RunResult run_or_fail(const RunConfig& config, const fs::path& folder,

@@ -15,6 +15,7 @@ namespace apvi::runs {
 struct CalibrateOptions {
   std::vector<std::filesystem::path> inputs;  ///< recordings, or folders of finished runs
   std::filesystem::path config;               ///< run configuration, for recordings
+  std::vector<std::filesystem::path> search;  ///< of inherited files: config::load_with_inheritance
   std::vector<std::string> overrides;
   std::filesystem::path folder;  ///< output folder
   bool overwrite = false;

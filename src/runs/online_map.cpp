@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/online_map.hpp"
 
+#include <fmt/format.h>
 #include <torch/torch.h>
 
 #include <future>
@@ -18,6 +19,7 @@ OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options, 
       mapper_(slam::async_mapper_options(slam_options(config), rig), rig,
               {.interrupted = options.interrupted,
                .progress = [this] { write_periodic_output(); },
+               .final_progress = [this](const auto& progress) { show(progress); },
                .failed = [this] { report_failure(); }}) {}
 
 void OnlineMap::open_files() {
@@ -34,6 +36,17 @@ void OnlineMap::write_periodic_output() {
   if (every <= 0.0 || since_save_.seconds() < every) return;
   save_map();
   since_save_.reset();
+}
+
+void OnlineMap::show(const slam::FinalProgress& progress) {
+  if (progress.ended) return status_.reset();
+  const bool refining = progress.work == slam::FinalWork::refining;
+  if (!status_) status_.emplace(refining ? "refining" : "finishing the map");
+  const mapping::Mapper& mapper = mapper_.mapper();
+  status_->update(progress.fraction,
+                  refining ? fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
+                                         mapper.iteration(), mapper.size(), progress.loss)
+                           : mapper_.status());
 }
 
 // The two large files are written at the same time.

@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "core/status_line.hpp"
 #include "core/stopwatch.hpp"
 #include "runs/map_files.hpp"
 #include "runs/mapping_run.hpp"
@@ -31,6 +32,7 @@ class OnlineMap {
 
  private:
   void write_periodic_output();
+  void show(const slam::FinalProgress& progress);
   void save_map();  ///< all but keyframes.tum
   void report_failure();
 
@@ -39,8 +41,9 @@ class OnlineMap {
   Stopwatch watch_;
   Stopwatch since_save_;
   double saving_s_ = 0.0;
-  std::optional<MappingLog> log_;  // once there is a folder
-  slam::AsyncMapper mapper_;       // last: its thread ends before what it uses
+  std::optional<MappingLog> log_;     // once there is a folder
+  std::optional<StatusLine> status_;  // during the work after the last frame
+  slam::AsyncMapper mapper_;          // last: its thread ends before what it uses
 };
 
 }  // namespace apvi::runs

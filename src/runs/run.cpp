@@ -350,7 +350,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   if (options.map != nullptr && sensors.cameras == 0) {
     fail_input("{}: no images of cam0; mapping requires them", config.dataset.path);
   }
-  RunFolder folder(options.folder, options.overwrite, sensors.cameras > 0);
+  RunFolder folder(options.folder, {.overwrite = options.overwrite, .camera = sensors.cameras > 0});
   log::open_file(folder.file("log.txt"));
   const RunConfig effective_config = resolved(config, rig_node);
   io::write_text_file(folder.file("resolved.yaml"),

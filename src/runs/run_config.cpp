@@ -76,8 +76,9 @@ bool makes_map(const RunConfig& config, const io::SequenceReader& recording) {
 }
 
 RunConfig load_run_config(const std::filesystem::path& file,
-                          const std::vector<std::string>& overrides) {
-  const config::Node node = config::load_config(file, overrides, config::run_renames());
+                          const std::vector<std::string>& overrides,
+                          const std::vector<std::filesystem::path>& search) {
+  const config::Node node = config::load_config(file, overrides, config::run_renames(), search);
   RunConfig config = defaults_for(node);
   config::read(node, config);
   check(config);

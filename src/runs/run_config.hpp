@@ -63,9 +63,11 @@ localization::Options localization_options(const RunConfig& config);
 slam::Options slam_options(const RunConfig& config);
 
 /// Reads a configuration file with its inherited files, applies the overrides "key=value" in order,
-/// and checks constraints between keys. Throws InputError.
+/// and checks constraints between keys. `search`: see config::load_with_inheritance. Throws
+/// InputError.
 RunConfig load_run_config(const std::filesystem::path& file,
-                          const std::vector<std::string>& overrides);
+                          const std::vector<std::string>& overrides,
+                          const std::vector<std::filesystem::path>& search = {});
 /// Reads the resolved.yaml of a run, also of an older version. Throws InputError.
 RunConfig load_recorded_run_config(const std::filesystem::path& file);
 /// Throws InputError for contradictory values, or a map that this build cannot make.

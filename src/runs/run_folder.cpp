@@ -127,14 +127,14 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   fs::remove_all(path / "renders", error);
 }
 
-RunFolder::RunFolder(const fs::path& path, bool overwrite, bool camera)
-    : path_(path), camera_(camera) {
-  prepare_folder(path, overwrite);
+RunFolder::RunFolder(const fs::path& path, const RunFolderOptions& options)
+    : path_(path), camera_(options.camera) {
+  prepare_folder(path, options.overwrite);
   trajectory_ = open_file(file("trajectory.tum"), "");
   dipo_ = open_file(file("dipo.tum"), "");
   calibration_ = open_file(file("calibration.csv"), kCalibrationHeader);
   pings_ = open_file(file("pings.csv"), kPingHeader);
-  if (!camera) return;
+  if (!options.camera) return;
   vio_ = open_file(file("vio.tum"), "");
   keyframes_ = open_file(file("keyframes.tum"), "");
   health_ = open_file(file("health.csv"), kHealthHeader);

@@ -18,6 +18,11 @@ void check_vacant(const std::filesystem::path& path, bool overwrite);
 /// be created.
 void prepare_folder(const std::filesystem::path& path, bool overwrite);
 
+struct RunFolderOptions {
+  bool overwrite = false;  ///< replace an existing run
+  bool camera = false;     ///< with the files of a run with a camera
+};
+
 /// The output files of a run, written incrementally so that an interrupted run keeps its results:
 /// trajectory.tum (fused trajectory), dipo.tum, calibration.csv (sensor calibration estimated by
 /// the filter) and pings.csv (result of every DVL update); with a camera also vio.tum,
@@ -28,7 +33,7 @@ class RunFolder {
  public:
   /// Creates the folder. Throws InputError when it already holds a run and `overwrite` is false,
   /// RunError when it cannot be written.
-  RunFolder(const std::filesystem::path& path, bool overwrite, bool camera);
+  RunFolder(const std::filesystem::path& path, const RunFolderOptions& options);
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path file(const std::string& name) const { return path_ / name; }

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "apvi/config/fields.hpp"
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "sensors/sound_speed.hpp"
 
@@ -251,7 +252,7 @@ DvlCalibration to_dvl(const DvlSection& section, const Node& node) {
 }  // namespace
 
 std::array<Eigen::Vector3d, kDvlBeams> default_dvl_beams() {
-  const double tilt = 22.5 * std::numbers::pi / 180.0;
+  const double tilt = 22.5 * kRadiansPerDegree;
   const double s = std::sin(tilt) / std::numbers::sqrt2;
   const double c = std::cos(tilt);
   return {Eigen::Vector3d(-s, s, c), Eigen::Vector3d(-s, -s, c), Eigen::Vector3d(s, -s, c),
@@ -283,7 +284,7 @@ Rig make_rig(const Node& node) {
   }
   if (file.lamp0) {
     rig.lamp = {.T_body_lamp = to_pose(file.lamp0->T_body_sensor, "lamp0.T_body_sensor"),
-                .half_beam_rad = file.lamp0->half_beam_deg * std::numbers::pi / 180.0};
+                .half_beam_rad = file.lamp0->half_beam_deg * kRadiansPerDegree};
   }
   return rig;
 }

@@ -208,8 +208,9 @@ std::string scene_documentation() {
   return config::to_markdown(config::document(SceneConfig{}));
 }
 
-Scene load_scene(const fs::path& path, const std::vector<std::string>& overrides) {
-  return make_scene(config::load_config(path, overrides, config::scene_renames()));
+Scene load_scene(const fs::path& path, const std::vector<std::string>& overrides,
+                 const std::vector<fs::path>& search) {
+  return make_scene(config::load_config(path, overrides, config::scene_renames(), search));
 }
 
 }  // namespace apvi::sim

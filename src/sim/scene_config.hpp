@@ -130,9 +130,10 @@ struct Scene {
 };
 
 /// Reads a scene file with the files it inherits from, then applies "key=value" overrides. File
-/// names in it (rig, motion.file) are relative to the file that contains them. Throws InputError
-/// with file and line.
-Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
+/// names in it (rig, motion.file) are relative to the file that contains them. `search`: see
+/// config::load_with_inheritance. Throws InputError with file and line.
+Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides = {},
+                 const std::vector<std::filesystem::path>& search = {});
 /// As above from a node, for programs that build scenes themselves.
 Scene make_scene(const config::Node& node);
 

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "apvi/core/log.hpp"
-#include "core/status_line.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
 
@@ -129,16 +128,20 @@ void AsyncMapper::flush_depth() {
   const int steps = scheduler_.flush_steps(count, static_cast<double>(keyframe_count_),
                                            static_cast<double>(mapper_.iteration()), depth_s());
   if (steps == 0) return;
-  StatusLine status_line("settling");
+  FinalProgress progress{.work = FinalWork::finishing};
+  callbacks_.final_progress(progress);
   {
     const std::scoped_lock lock(mutex_);
     mapper_.flush_depth_queue();
   }
   for (int k = 0; k < steps && mapper_.ready() && !callbacks_.interrupted(); ++k) {
     step();
-    status_line.update(static_cast<double>(k) / steps, status());
+    progress.fraction = static_cast<double>(k) / steps;
+    callbacks_.final_progress(progress);
   }
   gaussian_count_ = mapper_.size();
+  progress.ended = true;
+  callbacks_.final_progress(progress);
 }
 
 std::string AsyncMapper::status() const {
@@ -170,8 +173,8 @@ void AsyncMapper::change_scale(const ScaleChange& change) {
 }
 
 mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& frame) {
-  const auto entry = times_.scope("intake");
-  return scheduler_.measure_intake([&] {
+  const auto entry = times_.scope("keyframes");
+  return scheduler_.measure_keyframe([&] {
     mapping::MapperInput input = to_input(frame);
     input.loop_corrections = next_loop_corrections();
     input.skip_depth = scheduler_.should_skip_depth(queued_frames(), depth_s());
@@ -217,7 +220,7 @@ std::size_t AsyncMapper::queued_frames() const {
 }
 
 double AsyncMapper::depth_s() const {
-  return mapper_.times().seconds("depth");
+  return mapper_.depth_s();
 }
 
 MapCopy AsyncMapper::snapshot() const {
@@ -303,17 +306,18 @@ Tensor AsyncMapper::camera_pose(const SE3& T_world_body) const {
 bool AsyncMapper::refine() {
   torch::set_num_threads(options_.threads);
   mapper_.begin_final();
-  StatusLine status("refining");
-  double loss = 0.0;
-  while (!mapper_.final_done()) {
-    if (callbacks_.interrupted()) return false;
+  FinalProgress progress{.work = FinalWork::refining};
+  callbacks_.final_progress(progress);
+  while (!mapper_.final_done() && !callbacks_.interrupted()) {
     const double latest = step();
-    loss = loss == 0.0 ? latest : 0.98 * loss + 0.02 * latest;
-    status.update(mapper_.progress(), fmt::format("iteration {}, {} Gaussians, loss {:.4f}",
-                                                  mapper_.iteration(), mapper_.size(), loss));
+    progress.loss = progress.loss == 0.0 ? latest : 0.98 * progress.loss + 0.02 * latest;
+    progress.fraction = mapper_.progress();
+    callbacks_.final_progress(progress);
     callbacks_.progress();
   }
-  return true;
+  progress.ended = true;
+  callbacks_.final_progress(progress);
+  return mapper_.final_done();
 }
 
 void AsyncMapper::resume(const std::filesystem::path& checkpoint) {

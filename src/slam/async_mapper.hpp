@@ -38,12 +38,27 @@ struct AsyncMapperOptions {
   mapping::MapperOptions mapper;
 };
 
+/// What the mapper does after the last frame.
+enum class FinalWork {
+  finishing,  ///< in `finish`: the newest keyframes, which waited for neighbors
+  refining,   ///< in `refine`
+};
+
+struct FinalProgress {
+  FinalWork work = FinalWork::finishing;
+  double fraction = 0.0;  ///< of the work
+  double loss = 0.0;      ///< smoothed; of `refining` only
+  bool ended = false;     ///< the last report of this work, complete or interrupted
+};
+
 /// Called on the mapper's thread, between two steps of the mapper.
 struct AsyncMapperCallbacks {
   /// Whether to stop early; asked before every step.
   std::function<bool()> interrupted = [] { return false; };
   /// After every frame, and after every step of `refine`.
   std::function<void()> progress = [] {};
+  /// Before the first and after every step of this work.
+  std::function<void(const FinalProgress&)> final_progress = [](const FinalProgress&) {};
   /// Mapping has failed and is disabled; the map so far can be saved.
   std::function<void()> failed = [] {};
 };

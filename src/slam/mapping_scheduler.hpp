@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <functional>
 
-#include "core/profiler.hpp"
 #include "core/stopwatch.hpp"
 
 namespace apvi::slam {
@@ -31,8 +30,8 @@ class MappingScheduler {
 
   /// Measures work: taking in a keyframe, or an optimization step.
   template <typename Work>
-  auto measure_intake(const Work& work) {
-    return measure(intake_s_, work);
+  auto measure_keyframe(const Work& work) {
+    return measure(keyframes_s_, work);
   }
   template <typename Work>
   auto measure_step(const Work& work) {
@@ -65,13 +64,13 @@ class MappingScheduler {
  private:
   template <typename Work>
   auto measure(double& seconds, const Work& work) {
-    const Profiler::Scope scope(seconds);
+    const TimedScope scope(seconds);
     return work();
   }
-  double busy_s() const { return intake_s_ + training_s_; }
+  double busy_s() const { return keyframes_s_ + training_s_; }
 
   Options options_;
-  double intake_s_ = 0.0;
+  double keyframes_s_ = 0.0;
   double training_s_ = 0.0;
   Stopwatch since_finish_;  // written before finishing_ is
   std::atomic<bool> finishing_ = false;

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <mutex>
+#include <opencv2/core.hpp>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -18,7 +19,7 @@ namespace {
 
 using torch::Tensor;
 
-// LibTorch's exceptions do not leave the library.
+// Exceptions of LibTorch and OpenCV do not leave the library.
 template <typename Work>
 auto translate_errors(const Work& work) {
   try {
@@ -28,6 +29,8 @@ auto translate_errors(const Work& work) {
       fail_run("out of memory on the device: lower mapping.max_gaussians or mapping.image_scale");
     }
     fail_run("LibTorch: {}", error.what_without_backtrace());
+  } catch (const cv::Exception& error) {
+    fail_run("OpenCV: {}: {}", error.func, error.err);
   }
 }
 

@@ -76,9 +76,22 @@ raw: {anything: [1, {x: y}]}
   EXPECT_EQ(c.raw.find("anything")->items.size(), 2u);
 }
 
+struct Third {
+  double value = 1.0 / 3.0;
+  template <typename V>
+  void visit(V& v) {
+    v("value", value, Range{0.0, 1.0}, "a third");
+  }
+};
+
+TEST(Fields, LongDefaultsAreShortInDocumentationAndExactInFiles) {
+  EXPECT_EQ(document(Third{}).at(0).default_value, "0.3333");
+  EXPECT_EQ(std::stod(to_node(Third{}).find("value")->text), 1.0 / 3.0);
+}
+
 TEST(Fields, UnknownKeyErrorNamesLineAndSuggestion) {
   EXPECT_EQ(error_of("seed: 1\ntracker:\n  min_distnce_px: 3\n"),
-            "a.yaml:3: unknown key tracker.min_distnce_px; did you mean min_distance_px?");
+            "a.yaml:3: unknown key tracker.min_distnce_px; did you mean tracker.min_distance_px?");
   EXPECT_THAT(error_of("seed: 1\nzzz: 3\n"),
               HasSubstr("a.yaml:2: unknown key zzz; known here: enabled,"));
   EXPECT_THAT(error_of("nmae:\n"), HasSubstr("a.yaml:1: unknown key nmae; did you mean name?"));

@@ -104,6 +104,27 @@ TEST(Inheritance, PathsAreRelativeToTheInheritingFile) {
   EXPECT_EQ(c.rate_hz, 5.0);
 }
 
+TEST(Inheritance, SearchesFoldersForFilesThatAreNotBesideIt) {
+  const test::TmpDir dir;
+  dir.write("share/configs/base.yaml", "seed: 1\nrate_hz: 1\n");
+  dir.write("share/configs/deep/mid.yaml", "inherit: ../base.yaml\nrate_hz: 2\n");
+  const std::vector<std::filesystem::path> search = {dir.path() / "share/configs"};
+  const auto load = [&](const char* name) {
+    const auto file = dir.write("mine/own.yaml", fmt::format("inherit: {}\n", name));
+    return as_example(load_with_inheritance(file, {}, search));
+  };
+  EXPECT_EQ(load("base.yaml").rate_hz, 1.0);
+  EXPECT_EQ(load("configs/base.yaml").rate_hz, 1.0);
+  EXPECT_EQ(load("deep/mid.yaml").rate_hz, 2.0);
+  EXPECT_EQ(load("configs/deep/mid.yaml").seed, 1);
+  EXPECT_EQ(error_of([&] { load("none.yaml"); }),
+            fmt::format("{}:1: inherit: no such file: none.yaml (relative to this file, or in {})",
+                        (dir.path() / "mine/own.yaml").string(), search.front().string()));
+  EXPECT_THAT(error_of([&] { load("configs"); }), HasSubstr("no such file: configs"));
+  dir.write("mine/base.yaml", "seed: 9\n");  // the file beside it wins
+  EXPECT_EQ(load("base.yaml").seed, 9);
+}
+
 TEST(Inheritance, ListsAreReplaced) {
   const test::TmpDir dir;
   dir.write("a.yaml", "weights: [1, 2, 3]\n");
@@ -141,7 +162,8 @@ TEST(Inheritance, MissingParentErrorNamesLine) {
   const test::TmpDir dir;
   const auto file = dir.write("c.yaml", "seed: 1\ninherit: nowhere.yaml\n");
   EXPECT_EQ(error_of([&] { load_with_inheritance(file); }),
-            fmt::format("{}:2: inherit: no such file: nowhere.yaml", file.string()));
+            fmt::format("{}:2: inherit: no such file: nowhere.yaml (relative to this file)",
+                        file.string()));
   const auto wrong = dir.write("d.yaml", "inherit: {a: b}\n");
   EXPECT_THAT(error_of([&] { load_with_inheritance(wrong); }), HasSubstr("expected a file name"));
 }
@@ -172,12 +194,15 @@ TEST(Overrides, ErrorNamesCommandLineOption) {
   Node node = parse_yaml("seed: 1\n", "a.yaml");
   apply_override(node, "tracker.max_features=5");
   EXPECT_EQ(error_of([&] { as_example(node); }),
-            "--set tracker.max_features: tracker.max_features: 5 is outside [20, 2000]");
+            "--set: tracker.max_features: 5 is outside [20, 2000]");
   Node other;
   apply_override(other, "tracker.max_fetures=50");
-  EXPECT_THAT(
-      error_of([&] { as_example(other); }),
-      HasSubstr("--set tracker.max_fetures: unknown key tracker.max_fetures; did you mean"));
+  EXPECT_EQ(error_of([&] { as_example(other); }),
+            "--set: unknown key tracker.max_fetures; did you mean tracker.max_features?");
+  EXPECT_EQ(error_of([&] { apply_override(other, "a..b=1"); }),
+            "--set: a..b: empty key between dots");
+  EXPECT_THAT(error_of([&] { apply_override(other, "weights=[1, 2"); }),
+              HasSubstr("--set weights:1: not valid YAML"));
 }
 
 TEST(Overrides, TextIsLiteral) {

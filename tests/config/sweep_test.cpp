@@ -140,6 +140,16 @@ TEST_F(SweepTest, CaseConfigRoundTrips) {
   EXPECT_EQ(node.find("run")->find("seed")->text, "1");
 }
 
+TEST_F(SweepTest, SearchesFoldersForBaseAndInheritedFiles) {
+  const auto file = dir_.write("mine/sweep.yaml", "inherit: common.yaml\nbase: base.yaml\n");
+  dir_.write("configs/common.yaml", "seeds: 2\n");
+  dir_.write("configs/base.yaml", "run: {seed: 7}\n");
+  const Sweep sweep = load_sweep(file, {dir_.path() / "configs"});
+  ASSERT_EQ(sweep.cases.size(), 2U);
+  EXPECT_EQ(sweep.cases[0].config.find("inherit")->items.at(0).text,
+            (dir_.path() / "configs/base.yaml").string());
+}
+
 TEST_F(SweepTest, ErrorsNameLine) {
   const std::string base = "base: ../base.yaml\n";
   EXPECT_THAT(error("seeds: 3\n"), HasSubstr("test.yaml: base: missing"));

@@ -33,6 +33,16 @@ TEST(ImportCommand, MissingSourceIsAnInputError) {
   EXPECT_THAT(result.err, HasSubstr("/nowhere/clip.mp4: no such file"));
 }
 
+TEST(ImportCommand, BrokenVideoIsReportedOnce) {
+  const test::TmpDir dir;
+  const fs::path video = dir.write("clip.mp4", "");
+  const auto result = apvi({"import", video.string(), "-o", (dir.path() / "dive").string()});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_EQ(result.err,
+            "error: " + video.string() +
+                ": not a video that this OpenCV can read; convert it to H.264 in MP4\n");
+}
+
 TEST(ImportCommand, FolderThatCannotBeCreatedIsARunError) {
   const test::TmpDir dir;
   test::write_photo(dir, "photos/a.png");

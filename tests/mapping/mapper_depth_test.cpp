@@ -41,11 +41,11 @@ Mapper mapper_with_deferred_depth(const gaussians::Gaussians& world, int final_i
 
 TEST(MapperDepth, IsDeferredUntilTheFinalRefinement) {
   Mapper mapper = mapper_with_deferred_depth(gaussian_wall(), 200);
-  EXPECT_EQ(mapper.times().seconds("depth"), 0.0);
+  EXPECT_EQ(mapper.depth_s(), 0.0);
   EXPECT_GT(mapper.waiting(), 0U);
   mapper.begin_final();
   EXPECT_EQ(mapper.waiting(), 0U);
-  EXPECT_GT(mapper.times().seconds("depth"), 0.0);
+  EXPECT_GT(mapper.depth_s(), 0.0);
 }
 
 // Inserted Gaussians need steps to converge; a later refinement processes the queue.

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <sstream>
 
 #include "apvi/core/error.hpp"
@@ -70,6 +71,23 @@ TEST(MapperLimits, LearningRatesDecayDuringMapping) {
     return (mapper.snapshot().gaussians.sh_dc - before).abs().mean().item<double>();
   };
   EXPECT_LT(moves(0.1), 0.3 * moves(1.0));
+}
+
+TEST(MapperLimits, SparseAdamIsThatOfTheMapOrElseThatOfIncrementalMapping) {
+  const gaussians::Gaussians world = gaussian_wall();
+  const auto map_with = [&world](std::optional<bool> sparse, bool online_sparse) {
+    MapperOptions options = small_map_options();
+    options.trainer.sparse_adam = sparse;
+    options.online.sparse_adam = online_sparse;
+    Mapper mapper(options);
+    for (int number = 0; number < 6; ++number) add_and_train(mapper, world, number);
+    return mapper.snapshot().gaussians;
+  };
+  const gaussians::Gaussians sparse = map_with(std::nullopt, true);
+  const gaussians::Gaussians dense = map_with(std::nullopt, false);
+  EXPECT_FALSE(test::bitwise_equal(sparse, dense));
+  EXPECT_TRUE(test::bitwise_equal(map_with(false, true), dense));
+  EXPECT_TRUE(test::bitwise_equal(map_with(true, false), sparse));
 }
 
 TEST(MapperLimits, RejectsImagesAroundLowVisibility) {

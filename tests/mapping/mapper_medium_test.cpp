@@ -33,8 +33,8 @@ std::vector<int> estimations(const std::optional<int>& outage_after) {
     input.keyframe = test::render_keyframe(world, test::camera_at(0.015 * i - 0.7, 0.0), second);
     input.points = points_of(world);
     EXPECT_EQ(mapper.add(input), KeyframeDecision::accepted);
-    if (mapper.times().seconds("water") > passed_s) after.push_back(i + 1);
-    passed_s = mapper.times().seconds("water");
+    if (mapper.times().seconds("medium") > passed_s) after.push_back(i + 1);
+    passed_s = mapper.times().seconds("medium");
   }
   return after;
 }

@@ -98,8 +98,9 @@ TEST(Rig, RejectsInvalidTransforms) {
 }
 
 TEST(Rig, UnknownKeyErrorNamesLineAndSuggestion) {
-  EXPECT_EQ(error_of("imu0:\n  rate_hz: 100\n  gyro_noise_densty: 1e-3\n"),
-            "rig.yaml:3: unknown key imu0.gyro_noise_densty; did you mean gyro_noise_density?");
+  EXPECT_EQ(
+      error_of("imu0:\n  rate_hz: 100\n  gyro_noise_densty: 1e-3\n"),
+      "rig.yaml:3: unknown key imu0.gyro_noise_densty; did you mean imu0.gyro_noise_density?");
   EXPECT_THAT(error_of("\nimu1: {rate_hz: 100}\n"),
               HasSubstr("rig.yaml:2: unknown key imu1; did you mean imu0?"));
 }
@@ -153,7 +154,7 @@ TEST(Rig, SoundSpeedSetsDvlScale) {
       sound_speed(20, 0, 5) / 1500.0, 1e-12);
   EXPECT_THAT(error_of("dvl0: {sound_speed: 340}"), HasSubstr("outside [1300, 1700]"));
   EXPECT_THAT(error_of("dvl0: {sound_speed: {temprature_c: 20}}"),
-              HasSubstr("did you mean temperature_c?"));
+              HasSubstr("did you mean dvl0.sound_speed.temperature_c?"));
 }
 
 TEST(Rig, ConvertsPressureToDepth) {

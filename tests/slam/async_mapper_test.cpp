@@ -5,6 +5,7 @@
 
 #include <map>
 #include <optional>
+#include <vector>
 
 #include "support/posed_scene.hpp"
 
@@ -81,6 +82,30 @@ TEST(AsyncMapper, OptimizesAMediumByGradientAtTwiceTheRateDuringAnOutage) {
     EXPECT_NEAR(steps[2e-2], 12, 1);  // as many as four keyframes get
     EXPECT_NEAR(steps[1e-2], 33, 2);
   }
+}
+
+TEST(AsyncMapper, ReportsTheProgressOfTheRefinement) {
+  AsyncMapperOptions options;
+  options.mapper.medium = false;
+  options.mapper.trainer.sh_degree = 0;
+  options.mapper.trainer.densify.kind = mapping::Densification::none;
+  options.mapper.trainer.final_iterations = 4;
+  options.mapper.online.steps_per_keyframe = 1;
+  std::vector<FinalProgress> reports;
+  const auto report = [&reports](const FinalProgress& progress) { reports.push_back(progress); };
+  AsyncMapper mapper(options, rig_with_small_camera(), {.final_progress = report});
+  const gaussians::Gaussians world = test::gaussian_wall();
+  for (int second = 0; second < 3; ++second) mapper.push(keyframe(world, second));
+  mapper.finish();
+  EXPECT_TRUE(mapper.refine());
+  ASSERT_EQ(reports.size(), 6U);  // before, after each step, at the end
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    EXPECT_EQ(reports[i].work, FinalWork::refining);
+    EXPECT_EQ(reports[i].ended, i == 5);
+  }
+  EXPECT_EQ(reports[0].fraction, 0.0);
+  EXPECT_EQ(reports[4].fraction, 1.0);
+  EXPECT_GT(reports[4].loss, 0.0);
 }
 
 TEST(AsyncMapper, DoesNotOptimizeDuringAnOutageWhenTheMediumIsFitted) {

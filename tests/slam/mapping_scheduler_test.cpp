@@ -27,7 +27,7 @@ TEST(MappingScheduler, OptimizesWithoutLimitInRealTimeWhileNoFrameWaits) {
 
 TEST(MappingScheduler, StopsOptimizingInRealTimeWhenItsShareIsUsedUpAndFramesWait) {
   MappingScheduler scheduler({.realtime = true, .training_fraction = 0.5});
-  scheduler.measure_intake([] { work(0.002); });
+  scheduler.measure_keyframe([] { work(0.002); });
   EXPECT_TRUE(scheduler.may_step(0, 1));
   scheduler.measure_step([] { work(0.02); });
   EXPECT_FALSE(scheduler.may_step(1, 1));
@@ -35,7 +35,7 @@ TEST(MappingScheduler, StopsOptimizingInRealTimeWhenItsShareIsUsedUpAndFramesWai
 
 TEST(MappingScheduler, SkipsDepthWhenFramesWaitAndDepthHasUsedUpItsShare) {
   MappingScheduler scheduler({.realtime = true, .max_depth_fraction = 0.3});
-  scheduler.measure_intake([] { work(0.01); });
+  scheduler.measure_keyframe([] { work(0.01); });
   EXPECT_TRUE(scheduler.should_skip_depth(1, 0.009));
   EXPECT_FALSE(scheduler.should_skip_depth(1, 0.0));
   EXPECT_FALSE(scheduler.should_skip_depth(0, 0.009));

@@ -290,6 +290,8 @@ class Documenter {
  private:
   template <typename T, typename Limit>
   void add(std::string_view name, T& value, const Limit& limit, std::string_view doc);
+  template <typename T, typename Limit>
+  void add_value(const std::string& key, T& value, const Limit& limit, std::string_view doc);
   template <typename T>
   void add_section(const std::string& key, T& section, std::string_view doc);
 
@@ -297,6 +299,8 @@ class Documenter {
 };
 
 std::string to_flow_yaml(const Node& node);
+/// A number for readers: of many digits only four.
+std::string format_briefly(double value);
 
 template <typename T>
 std::string type_name() {
@@ -350,6 +354,18 @@ void Documenter::add_section(const std::string& key, T& section, std::string_vie
 }
 
 template <typename T, typename Limit>
+void Documenter::add_value(const std::string& key, T& value, const Limit& limit,
+                           std::string_view doc) {
+  std::string text;
+  if constexpr (std::is_same_v<T, double>) {
+    text = format_briefly(value);
+  } else {
+    text = to_flow_yaml(value_to_node(value, limit));
+  }
+  rows.push_back({key, type_name<T>(), std::move(text), format_limit(limit), std::string(doc)});
+}
+
+template <typename T, typename Limit>
 void Documenter::add(std::string_view name, T& value, const Limit& limit, std::string_view doc) {
   const std::string key = join(path_, name);
   if constexpr (is_visitable<T>) {
@@ -359,12 +375,10 @@ void Documenter::add(std::string_view name, T& value, const Limit& limit, std::s
       typename T::value_type section{};
       add_section(key, section, doc);
     } else {
-      rows.push_back({key, type_name<T>(), to_flow_yaml(value_to_node(value, limit)),
-                      format_limit(limit), std::string(doc)});
+      add_value(key, value, limit, doc);
     }
   } else {
-    rows.push_back({key, type_name<T>(), to_flow_yaml(value_to_node(value, limit)),
-                    format_limit(limit), std::string(doc)});
+    add_value(key, value, limit, doc);
   }
 }
 

@@ -44,9 +44,11 @@ Node parse_yaml(const std::string& text, const std::string& source);
 /// Later files override earlier ones, and the file itself all of them. Throws InputError for a
 /// cycle.
 Node load_with_inheritance(const std::filesystem::path& path);
-/// Same, with a change to the keys of each file before it is merged with others.
+/// Same, with a change to the keys of each file before it is merged with others, unless empty.
+/// Files that are not there relative to the inheriting file are looked for in the folders `search`.
 Node load_with_inheritance(const std::filesystem::path& path,
-                           const std::function<void(Node&)>& edit);
+                           const std::function<void(Node&)>& edit,
+                           const std::vector<std::filesystem::path>& search = {});
 /// Merges `over` into `base`: maps are merged recursively, everything else is replaced.
 void merge(Node& base, const Node& over);
 /// A dotted key with a value, as in "a.b.c=value".

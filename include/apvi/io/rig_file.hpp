@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 #include "apvi/config/node.hpp"
 
@@ -17,8 +18,10 @@ namespace apvi::io {
 /// - ORB-SLAM3: settings
 ///
 /// Any of them may be listed under `inherit:` of a rig.yaml, whose own keys win. What the files of
-/// other tools do not say is assumed, and logged once. Throws InputError with file, line and key
-/// for values that are not understood, and for lenses that are not supported.
-config::Node load_rig_file(const std::filesystem::path& path);
+/// other tools do not say is assumed, and logged once. `search`: see config::load_with_inheritance.
+/// Throws InputError with file, line and key for values that are not understood, and for lenses
+/// that are not supported.
+config::Node load_rig_file(const std::filesystem::path& path,
+                           const std::vector<std::filesystem::path>& search = {});
 
 }  // namespace apvi::io

@@ -152,7 +152,9 @@ struct TrainerOptions {
   double full_resolution_after = 0.25;  ///< fraction of the training
   bool antialiased = false;
   bool gain_compensation = true;  ///< estimate a gain per keyframe
-  bool sparse_adam = false;       ///< a step updates only visible Gaussians
+  /// A step updates only visible Gaussians. Nothing: no, but OnlineOptions::sparse_adam decides in
+  /// incremental mapping.
+  std::optional<bool> sparse_adam = std::nullopt;
   MediumEstimationMethod medium_estimation = MediumEstimationMethod::fit;
   std::optional<medium::Lamp> lamp =
       std::nullopt;  ///< on the vehicle; used when the medium is optimized
@@ -178,8 +180,8 @@ struct OnlineOptions {
   double image_memory_mib = 1024.0;  ///< limit for keyframe images
   int max_heldout_views = 100;       ///< at most, evenly spread over the run
   int medium_min_keyframes = 5;      ///< before the first medium estimation
-  /// As TrainerOptions::sparse_adam. Without it, rarely visible Gaussians take too large steps,
-  /// because Adam's second moment decays while they are not visible.
+  /// Default of TrainerOptions::sparse_adam. Without it, rarely visible Gaussians take too large
+  /// steps, because Adam's second moment decays while they are not visible.
   bool sparse_adam = true;
   /// Learning rates decay to this fraction during mapping: inserted Gaussians start near their
   /// solution, and at full rates the rest of the map would follow noise.
@@ -223,8 +225,7 @@ struct OnlineOptions {
     v("medium_min_keyframes", medium_min_keyframes, Range{1, 1000000},
       "number of keyframes from which the medium is first estimated");
     v("sparse_adam", sparse_adam,
-      "as mapping.sparse_adam, in incremental mapping; keeps Gaussians that few keyframes see from "
-      "drifting");
+      "mapping.sparse_adam if that is null; keeps Gaussians that few keyframes see from drifting");
     v("keyframe_budget_fraction", keyframe_budget_fraction, Range{1e-6, 1.0},
       "maximum new Gaussians per keyframe, as a fraction of max_gaussians; in a full map they "
       "replace older ones");

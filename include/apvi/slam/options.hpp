@@ -128,7 +128,7 @@ struct MappingOptions {
       "images interpolate their neighbors'");
     v("sparse_adam", trainer.sparse_adam,
       "update only the Gaussians visible in the view: faster steps, slightly less progress per "
-      "step");
+      "step; null: false with given poses, online.sparse_adam with localization");
     v("densify", trainer.densify, "densification and pruning");
     v("learning_rates", trainer.learning_rates, "learning rates of Adam");
     v("pose_refinement", trainer.pose_refinement,

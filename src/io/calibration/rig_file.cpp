@@ -20,11 +20,11 @@ config::Node load_folder(const fs::path& path) {
 
 }  // namespace
 
-config::Node load_rig_file(const fs::path& path) {
+config::Node load_rig_file(const fs::path& path, const std::vector<fs::path>& search) {
   if (fs::is_directory(path)) return load_folder(path);
   bool foreign = false;
   config::Node rig = config::load_with_inheritance(
-      path, [&](config::Node& file) { foreign = convert_foreign(file) || foreign; });
+      path, [&](config::Node& file) { foreign = convert_foreign(file) || foreign; }, search);
   if (foreign) finish_foreign(rig, path.string());
   return rig;
 }

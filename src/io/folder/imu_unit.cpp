@@ -7,13 +7,13 @@
 #include <cstddef>
 #include <string_view>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/log.hpp"
 #include "io/folder/units.hpp"
 
 namespace apvi::io {
 namespace {
 
-constexpr double kGravity = 9.80665;     // [m/s²]
 constexpr std::size_t kFewSamples = 20;  // less say nothing
 constexpr std::size_t kMaxKept = 100'000;
 constexpr double kTolerance = 0.1;      // of the median norm against gravity
@@ -31,7 +31,7 @@ const Unit* unit_of_gravity(double norm) {
   double nearest = kTolerance;
   for (const std::string_view name : {"m/s^2", "g", "mg", "cm/s^2", "mm/s^2"}) {
     const Unit* unit = find_unit(Dimension::acceleration, name);
-    const double off = std::abs(norm * unit->to_si / kGravity - 1.0);
+    const double off = std::abs(norm * unit->to_si / kStandardGravity - 1.0);
     if (off >= nearest) continue;
     best = unit;
     nearest = off;
@@ -78,7 +78,7 @@ double accel_factor(const ImuMagnitudes& magnitudes, bool has_accel_unit, bool h
   const double force = magnitudes.median_force();
   const Unit* unit = unit_of_gravity(force);
   if (unit == nullptr) {
-    if (force >= 0.3 * kGravity) return 1.0;
+    if (force >= 0.3 * kStandardGravity) return 1.0;
     log::warning(
         "{}: median specific force {:.3g} m/s²: gravity is missing; log the raw specific "
         "force of the accelerometer, and check its unit",

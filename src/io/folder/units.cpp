@@ -6,17 +6,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <utility>
 
+#include "apvi/core/constants.hpp"
 #include "core/text.hpp"
 
 namespace apvi::io {
 namespace {
-
-constexpr double kGravity = 9.80665;
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 // The first name of each dimension is SI's. Several names of one unit are several rows.
 constexpr std::array kUnits = {
@@ -44,16 +41,16 @@ constexpr std::array kUnits = {
     Unit{"cm/s^2", Dimension::acceleration, 0.01},
     Unit{"mm/s^2", Dimension::acceleration, 0.001},
     Unit{"ft/s^2", Dimension::acceleration, 0.3048},
-    Unit{"g", Dimension::acceleration, kGravity},
-    Unit{"mg", Dimension::acceleration, 0.001 * kGravity},
-    Unit{"milli-g", Dimension::acceleration, 0.001 * kGravity},
+    Unit{"g", Dimension::acceleration, kStandardGravity},
+    Unit{"mg", Dimension::acceleration, 0.001 * kStandardGravity},
+    Unit{"milli-g", Dimension::acceleration, 0.001 * kStandardGravity},
     Unit{"rad/s", Dimension::angular_rate, 1.0},
     Unit{"mrad/s", Dimension::angular_rate, 0.001},
-    Unit{"deg/s", Dimension::angular_rate, kDegree},
-    Unit{"dps", Dimension::angular_rate, kDegree},
-    Unit{"mdps", Dimension::angular_rate, 0.001 * kDegree},
-    Unit{"deg/h", Dimension::angular_rate, kDegree / 3600.0},
-    Unit{"rpm", Dimension::angular_rate, 6.0 * kDegree},
+    Unit{"deg/s", Dimension::angular_rate, kRadiansPerDegree},
+    Unit{"dps", Dimension::angular_rate, kRadiansPerDegree},
+    Unit{"mdps", Dimension::angular_rate, 0.001 * kRadiansPerDegree},
+    Unit{"deg/h", Dimension::angular_rate, kRadiansPerDegree / 3600.0},
+    Unit{"rpm", Dimension::angular_rate, 6.0 * kRadiansPerDegree},
     Unit{"Pa", Dimension::pressure, 1.0},
     Unit{"hPa", Dimension::pressure, 1e2},
     Unit{"mbar", Dimension::pressure, 1e2},

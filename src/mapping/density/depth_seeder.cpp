@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include "apvi/core/log.hpp"
+#include "core/stopwatch.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/density/neighbors.hpp"
 #include "mapping/density/quadtree_insertion.hpp"
@@ -47,7 +48,8 @@ depth::DepthRequest DepthSeeder::request(std::size_t view, const KeyframeStore& 
   return request;
 }
 
-depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request) const {
+depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request) {
+  const TimedScope scope(estimation_s_);
   return depth::estimate_depth(request, depth_);
 }
 
@@ -75,8 +77,9 @@ Seeds DepthSeeder::seeds(const depth::DepthEstimate& estimate, std::size_t view,
   }
   const ProjectedPoints seen = project(camera, points);
   const Tensor pixels = seen.pixels.index({seen.in_view});
-  const Tensor which = blocks_to_fill(estimate, pixels, rendered, alpha, image, options_);
-  const Seeds seeds = seeds_from_blocks(estimate, which, options_);
+  const Tensor depths = insertion_depths(estimate, options_.insertion_depth);
+  const Tensor which = blocks_to_fill(estimate, depths, pixels, rendered, alpha, image, options_);
+  const Seeds seeds = seeds_from_blocks(estimate, depths, which, options_.initial_opacity);
   log::debug("{}: depth accepted in {} of {} blocks, {} seeded", keyframes[view].name,
              estimate.confident.sum().item<std::int64_t>(), estimate.blocks.size(), seeds.size());
   return seeds;

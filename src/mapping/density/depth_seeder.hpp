@@ -23,7 +23,7 @@ class DepthSeeder {
   /// The keyframe and its neighbors, as input of `estimate`.
   depth::DepthRequest request(std::size_t view, const KeyframeStore& keyframes,
                               const KeyframePoses& poses, const MapOptimizer& optimizer) const;
-  depth::DepthEstimate estimate(const depth::DepthRequest& request) const;
+  depth::DepthEstimate estimate(const depth::DepthRequest& request);
   /// In daylight, removes the Gaussians in front of the surfaces that the keyframe sees.
   void clear_free_space(const depth::DepthEstimate& estimate, const gaussians::View& camera,
                         MapOptimizer& optimizer) const;
@@ -32,10 +32,14 @@ class DepthSeeder {
   Seeds seeds(const depth::DepthEstimate& estimate, std::size_t view,
               const KeyframeStore& keyframes, const Map& map, const torch::Tensor& points) const;
 
+  /// Time spent in `estimate` so far [s].
+  double estimation_s() const { return estimation_s_; }
+
  private:
   depth::DepthOptions depth_;
   OnlineOptions options_;
   bool clears_free_space_;
+  double estimation_s_ = 0.0;
 };
 
 }  // namespace apvi::mapping

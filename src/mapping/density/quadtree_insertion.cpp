@@ -86,16 +86,16 @@ Tensor insertion_depths(const depth::DepthEstimate& estimate, InsertionDepth sou
   return estimate.dense.index({pixels.select(1, 1), pixels.select(1, 0)});
 }
 
-Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& points,
-                      const Tensor& rendered, const Tensor& alpha, const Tensor& image,
-                      const OnlineOptions& options) {
+Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& depths,
+                      const Tensor& points, const Tensor& rendered, const Tensor& alpha,
+                      const Tensor& image, const OnlineOptions& options) {
   const Tensor error = (rendered - image).abs().mean(2);
   const Tensor counts = histogram(points, alpha.size(0), alpha.size(1)).to(alpha.device());
   const Tensor means = block_means(torch::stack({alpha, error, counts}), estimate.blocks);
   const Tensor covered =
       (means[0] >= options.coverage_min_alpha) & (means[1] <= options.coverage_max_error);
   const Tensor needed = (means[2] == 0.0) & ~covered;
-  return (insertion_depths(estimate, options.insertion_depth) > 0) & needed.to(torch::kCPU);
+  return (depths > 0) & needed.to(torch::kCPU);
 }
 
 Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View& view,
@@ -121,8 +121,8 @@ Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View
   return seen.in_view & (seen.depths < limit);
 }
 
-Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& which,
-                        const OnlineOptions& options) {
+Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& depths,
+                        const Tensor& which, double opacity) {
   const Tensor index = which.nonzero().squeeze(1);
   const std::int64_t n = index.size(0);
   Tensor size = torch::empty({static_cast<std::int64_t>(estimate.blocks.size())}, torch::kFloat64);
@@ -130,11 +130,9 @@ Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const Tensor& whic
     size.data_ptr<double>()[i] = estimate.blocks[i].size;
   }
   return {.pixels = estimate.points.index_select(0, index).to(torch::kFloat64),
-          .depths = insertion_depths(estimate, options.insertion_depth)
-                        .index_select(0, index)
-                        .to(torch::kFloat64),
+          .depths = depths.index_select(0, index).to(torch::kFloat64),
           .radii_px = 0.5 * size.index_select(0, index),
-          .opacities = torch::full({n}, options.initial_opacity, torch::kFloat64)};
+          .opacities = torch::full({n}, opacity, torch::kFloat64)};
 }
 
 }  // namespace apvi::mapping

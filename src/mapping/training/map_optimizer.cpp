@@ -8,6 +8,7 @@
 #include <limits>
 #include <string>
 
+#include "apvi/core/stamp.hpp"
 #include "gaussians/device.hpp"
 #include "gaussians/metrics/losses.hpp"
 #include "gaussians/model/archive.hpp"
@@ -60,7 +61,7 @@ medium::Medium on_device(const medium::Medium& medium) {
 std::vector<double> seconds_of(const KeyframeStore& keyframes) {
   std::vector<double> seconds(keyframes.size());
   for (std::size_t i = 0; i < seconds.size(); ++i) {
-    seconds[i] = 1e-9 * static_cast<double>(keyframes[i].stamp_ns - keyframes[0].stamp_ns);
+    seconds[i] = seconds_between(Stamp{keyframes[0].stamp_ns}, Stamp{keyframes[i].stamp_ns});
   }
   return seconds;
 }
@@ -156,10 +157,11 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
     loss.backward();
   }
   statistics_.observe(out.statistics);
+  const bool sparse = options_.sparse_adam.value_or(false);
   if (out.sparse_gradient != nullptr) {
-    store_.step(settings.rates, *out.sparse_gradient, options_.sparse_adam);
+    store_.step(settings.rates, *out.sparse_gradient, sparse);
   } else {
-    store_.step(settings.rates, {}, options_.sparse_adam ? out.statistics.visible : Tensor());
+    store_.step(settings.rates, {}, sparse ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
   if (lit) illumination_->step(i);

@@ -31,7 +31,8 @@ struct Inputs {
 };
 
 std::vector<bool> filled(const depth::DepthEstimate& estimate, const Inputs& d) {
-  const Tensor which = blocks_to_fill(estimate, d.points, d.rendered, d.alpha, d.image, {});
+  const Tensor depths = insertion_depths(estimate, InsertionDepth::block);
+  const Tensor which = blocks_to_fill(estimate, depths, d.points, d.rendered, d.alpha, d.image, {});
   std::vector<bool> result;
   for (std::int64_t i = 0; i < which.size(0); ++i) result.push_back(which[i].item<bool>());
   return result;
@@ -65,13 +66,15 @@ TEST(BlocksToFill, ExcludesCoveredBlocks) {
 }
 
 TEST(BlocksToFill, SeedsHaveTheBlocksCentersAndSizes) {
+  const depth::DepthEstimate estimate = four_blocks();
   const Seeds seeds =
-      seeds_from_blocks(four_blocks(), torch::tensor({false, true, false, true}), {});
+      seeds_from_blocks(estimate, estimate.depth, torch::tensor({false, true, false, true}), 0.3);
   ASSERT_EQ(seeds.size(), 2);
   EXPECT_TRUE(test::tensors_near(seeds.pixels,
                                  torch::tensor({{24.0, 8.0}, {24.0, 24.0}}, torch::kFloat64), 0));
   EXPECT_TRUE(test::tensors_near(seeds.depths, torch::tensor({2.0, 4.0}, torch::kFloat64), 0));
   EXPECT_DOUBLE_EQ(seeds.radii_px[0].item<double>(), 8.0);
+  EXPECT_DOUBLE_EQ(seeds.opacities[0].item<double>(), 0.3);
 }
 
 TEST(InsertionDepths, UpsampledDepthFillsBlocksWithoutConfidentDepth) {
@@ -85,12 +88,12 @@ TEST(InsertionDepths, UpsampledDepthFillsBlocksWithoutConfidentDepth) {
                            torch::tensor({1.0F, 0.0F, 3.0F, 4.0F})));
   EXPECT_TRUE(torch::equal(insertion_depths(estimate, InsertionDepth::upsampled),
                            torch::tensor({9.0F, 2.5F, 0.0F, 9.0F})));
-  const OnlineOptions options = {.insertion_depth = InsertionDepth::upsampled};
+  const Tensor depths = insertion_depths(estimate, InsertionDepth::upsampled);
   const Inputs empty;
   const Tensor which =
-      blocks_to_fill(estimate, empty.points, empty.rendered, empty.alpha, empty.image, options);
+      blocks_to_fill(estimate, depths, empty.points, empty.rendered, empty.alpha, empty.image, {});
   EXPECT_TRUE(torch::equal(which, torch::tensor({true, true, false, true})));
-  const Seeds seeds = seeds_from_blocks(estimate, which, options);
+  const Seeds seeds = seeds_from_blocks(estimate, depths, which, 0.1);
   EXPECT_TRUE(test::tensors_near(seeds.depths, torch::tensor({9.0, 2.5, 9.0}, torch::kFloat64), 0));
 }
 

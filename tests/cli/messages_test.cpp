@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the program `apvi` says about its arguments.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "support/run_program.hpp"
+
+namespace apvi::cli {
+namespace {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+test::ProgramResult apvi(const std::vector<std::string>& arguments) {
+  return test::run_program(APVI_PROGRAM, arguments);
+}
+
+// The messages of a command that refuses its arguments.
+std::string error_of(const std::vector<std::string>& arguments) {
+  const auto result = apvi(arguments);
+  EXPECT_EQ(result.status, 2);
+  EXPECT_EQ(result.out, "");
+  return result.err;
+}
+
+TEST(Arguments, UnknownCommandHasASuggestion) {
+  EXPECT_EQ(error_of({"rum"}), "error: unknown command rum; did you mean run?\n");
+  EXPECT_EQ(error_of({"runs", "--help"}), "error: unknown command runs; did you mean run?\n");
+  EXPECT_EQ(error_of({"-v", "evl"}), "error: unknown command evl; did you mean eval?\n");
+  EXPECT_THAT(error_of({"xyzzy"}),
+              StartsWith("error: unknown command xyzzy; the commands are run, eval, "));
+}
+
+TEST(Arguments, ErrorsHaveOneFormAndNameTheHelp) {
+  EXPECT_EQ(error_of({"-q"}), "error: a subcommand is required; see apvi --help\n");
+  EXPECT_EQ(error_of({"run"}), "error: DIVE|CONFIG is required; see apvi run --help\n");
+  EXPECT_EQ(error_of({"run", "dive", "--foo"}),
+            "error: the following argument was not expected: --foo; see apvi run --help\n");
+}
+
+TEST(Arguments, HelpAndVersionAreNoErrors) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"--help"}, {"run", "--help"}, {"-v", "--version"}}) {
+    const auto result = apvi(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.err, "");
+  }
+  EXPECT_THAT(apvi({"run", "--help"}).out, HasSubstr("DIVE|CONFIG FILE|FOLDER REQUIRED"));
+}
+
+TEST(RunCommand, RefusesFilesThatAreNoRecordingOrConfiguration) {
+  const test::TmpDir dir;
+  const std::string file = dir.write("a.txt", "hello\n").string();
+  EXPECT_EQ(error_of({"run", file}),
+            "error: " + file +
+                ": not a recording (folder, .bag, .mcap, .db3), video, or configuration (.yaml)\n");
+  EXPECT_THAT(error_of({"run", "/nowhere/dive"}),
+              StartsWith("error: /nowhere/dive: no such file or folder"));
+}
+
+TEST(RunCommand, NamesTheOptionForTheRecording) {
+  const test::TmpDir dir;
+  for (const char* name : {"own.yaml", "own.yml", "own.job", "own"}) {
+    const std::string file = dir.write(name, "run: {seed: 1}\n").string();
+    EXPECT_EQ(error_of({"run", file}),
+              "error: " + file +
+                  ": dataset.path: missing; name the recording: --set dataset.path=RECORDING\n");
+  }
+}
+
+TEST(RunCommand, ErrorsOfOverridesNameTheKeyOnce) {
+  const test::TmpDir dir;
+  const std::string file = dir.write("own.yaml", "run: {seed: 1}\n").string();
+  EXPECT_EQ(error_of({"run", file, "--set", "mapping.max_gaussians=abc"}),
+            "error: --set: mapping.max_gaussians: expected a whole number, got abc\n");
+  EXPECT_EQ(
+      error_of({"run", file, "--set", "mapping.max_gausians=5"}),
+      "error: --set: unknown key mapping.max_gausians; did you mean mapping.max_gaussians?\n");
+}
+
+TEST(ConfigCommand, CountsInvalidFiles) {
+  const test::TmpDir dir;
+  const std::string good = dir.write("good.yaml", "run: {seed: 1}\n").string();
+  const std::string bad = dir.write("bad.yaml", "run: {sead: 1}\n").string();
+  const auto result = apvi({"config", "--check", good, bad});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_EQ(result.out, good + ": ok (run configuration)\n");
+  EXPECT_THAT(result.err, HasSubstr("bad.yaml:1: unknown key run.sead; did you mean run.seed?"));
+  EXPECT_THAT(result.err, EndsWith("error: 1 of 2 files invalid\n"));
+}
+
+}  // namespace
+}  // namespace apvi::cli
