@@ -20,12 +20,11 @@ struct Arguments {
 void import_source_of(const Arguments& a) {
   import_into(a.source, a.out, a.options);
   const auto notes = importer::read_notes(a.out);
-  if (notes && notes->imu_samples == 0 && notes->poses == 0) {
+  if (notes && notes->kind == "photos" && notes->poses == 0) {
     log::warning(
-        "{}: images without an IMU cannot be localized; reconstruct them with COLMAP, then import "
-        "its folder",
+        "{}: photographs can be localized only if each shows most of what the one before it shows, "
+        "as in a video; reconstruct others with COLMAP, then import its folder",
         a.out.string());
-    return;
   }
   log::info("next: apvi run {}", a.out.string());
 }

@@ -26,6 +26,16 @@ TEST(Trajectory, PathLengthSumsSegments) {
   EXPECT_EQ(Trajectory{}.path_length(), 0.0);
 }
 
+TEST(Trajectory, MergesPosesByStamp) {
+  Trajectory t = three_poses();
+  const SE3 other{so3::exp(Vector3d(0, 0, 3.0)), Vector3d(7, 8, 9)};
+  t.merge({{{1'500'000'000}, other}, {{2'000'000'000}, other}, {{6'000'000'000}, other}});
+  ASSERT_EQ(t.size(), 5U);
+  EXPECT_EQ(t.poses[1].stamp.ns, 1'500'000'000);
+  EXPECT_THAT(t.poses[2].T_world_body, PoseNear(other, 0.0));
+  EXPECT_EQ(t.poses[4].stamp.ns, 6'000'000'000);
+}
+
 TEST(Trajectory, ReturnsStoredPosesExactly) {
   const Trajectory t = three_poses();
   for (const StampedPose& pose : t.poses) {

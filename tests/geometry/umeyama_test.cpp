@@ -125,5 +125,20 @@ TEST(YawAlignment, RejectsVerticallyAlignedPoints) {
   EXPECT_FALSE(align_yaw(Points{}, Points{}));
 }
 
+TEST(Umeyama, FindsTheScaleOfASimilarity) {
+  const std::vector<Vector3d> source = {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {1, 1, 3}};
+  std::vector<Vector3d> target;
+  const Eigen::Quaterniond R = Eigen::Quaterniond::UnitRandom();
+  for (const Vector3d& p : source) target.push_back(R * (2.5 * p) + Vector3d(1, 2, 3));
+  const auto scale = similarity_scale(source, target);
+  ASSERT_TRUE(scale);
+  EXPECT_NEAR(*scale, 2.5, 1e-12);
+}
+
+TEST(Umeyama, PointsOnALineHaveNoScale) {
+  const std::vector<Vector3d> line = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
+  EXPECT_FALSE(similarity_scale(line, line));
+}
+
 }  // namespace
 }  // namespace apvi

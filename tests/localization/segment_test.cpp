@@ -28,8 +28,9 @@ class PausedDive {
  public:
   explicit PausedDive(double pause_s)
       : pause_(Duration::from_seconds(pause_s)),
-        synchronizer_(dipo_config(), test::SimulatedDive::rig(), true, 1),
-        stage_(vio::Config{}, fusion_config(), fusion::FreezeConfig{}, test::SimulatedDive::rig()) {
+        synchronizer_(dipo_config(), test::SimulatedDive::rig(), {.dvl = true, .cameras = 1}),
+        stage_(vio::Config{}, fusion_config(), fusion::FreezeConfig{}, test::SimulatedDive::rig(),
+               {.dvl = true, .cameras = 1}) {
     for (int k = 0; k < dive_.frames(); ++k) record(k);
   }
 

@@ -25,7 +25,7 @@ Rig make_test_rig() {
 // Seven seconds at rest: IMU at 100 Hz, DVL at 5 Hz, and an image when `image_at` returns true
 // (called at 100 Hz).
 std::vector<FrameJob> jobs_at_rest(bool use_dvl, const std::function<bool(int)>& image_at) {
-  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), use_dvl, 1);
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), {.dvl = use_dvl, .cameras = 1});
   std::vector<FrameJob> jobs;
   const auto feed = [&](const SensorEvent& event) {
     for (FrameJob& job : synchronizer.process(event).frames) jobs.push_back(std::move(job));
@@ -93,7 +93,7 @@ TEST(Synchronizer, KeepsNoSamplesWithoutACamera) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer keeps what is freed";
 #endif
-  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), false, 0);
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), {});
   const double before = peak_memory_mib();
   for (std::int64_t k = 0; k < 1'800'000; ++k) {
     const Stamp now{kSecond + k * kSecond / 100};
@@ -103,7 +103,7 @@ TEST(Synchronizer, KeepsNoSamplesWithoutACamera) {
 }
 
 TEST(Synchronizer, KeepsAMinuteOfSamplesWhileTheCameraIsSilent) {
-  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), false, 1);
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), {.cameras = 1});
   std::vector<FrameJob> jobs;
   for (std::int64_t k = 0; k < 15'000; ++k) {
     const Stamp now{kSecond + k * kSecond / 100};
@@ -119,6 +119,17 @@ TEST(Synchronizer, KeepsAMinuteOfSamplesWhileTheCameraIsSilent) {
   ASSERT_EQ(jobs.size(), 2U);
   EXPECT_GT(jobs[1].imu.size(), 100U);
   EXPECT_LE(jobs[1].imu.size(), 6000U);
+}
+
+TEST(Synchronizer, WaitsForNothingWithoutAnIMU) {
+  Synchronizer synchronizer(dipo::Config{}, make_test_rig(), {.imu = false, .cameras = 1});
+  ImageFrame image;
+  image.stamp = Stamp{kSecond};
+  image.decode = [] { return cv::Mat(); };
+  const auto jobs = synchronizer.process(image).frames;
+  ASSERT_EQ(jobs.size(), 1U);
+  EXPECT_TRUE(jobs.front().imu.empty());
+  EXPECT_FALSE(jobs.front().R_before_now);
 }
 
 }  // namespace

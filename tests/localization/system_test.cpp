@@ -38,7 +38,7 @@ class LiveDive : public testing::Test {
   System make_system() {
     return {options_,
             rig_,
-            select_sensors(options_, rig_, false),
+            select_sensors(options_, rig_, {.images = false}),
             {.pose = [this](const StampedPose& pose) { poses_ += io::tum_line(pose); }}};
   }
   std::string poses_of_all() {

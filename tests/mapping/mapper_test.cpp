@@ -436,5 +436,28 @@ TEST(Mapper, SnapshotsAreIndependentCopies) {
   EXPECT_FALSE(torch::equal(mapper.snapshot().gaussians.means, means));
 }
 
+// With a medium: its coefficients have the inverse unit.
+TEST(Mapper, ImagesOfTheMapDoNotChangeWithTheUnitOfLength) {
+  const gaussians::Gaussians world = gaussian_wall();
+  MapperOptions options = quick_options();
+  options.medium = true;
+  Mapper mapper(options);
+  swim(mapper, world, 6, 20);
+  ASSERT_TRUE(mapper.map().medium);
+  const auto image = [&] {
+    return render_map(mapper.map(), mapper.keyframes().view(0, 1)).color.clone();
+  };
+  const Tensor before = image();
+  const Tensor position = mapper.keyframes()[2].T_camera_world.clone();
+  mapper.change_scale({2.5, torch::tensor({0.3, -0.2, 0.1}, torch::kFloat64)});
+  EXPECT_LT((image() - before).abs().max().item<double>(), 2e-3);
+  EXPECT_FALSE(torch::allclose(mapper.keyframes()[2].T_camera_world, position));
+  const double online =
+      *mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out());
+  for (int k = 0; k < 50; ++k) mapper.step();
+  EXPECT_GT(*mean_psnr(mapper.snapshot(), mapper.keyframes(), mapper.keyframes().held_out()),
+            online - 0.5);
+}
+
 }  // namespace
 }  // namespace apvi::mapping

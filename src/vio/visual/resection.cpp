@@ -14,13 +14,13 @@ constexpr int kIterations = 100;
 constexpr double kConfidence = 0.999;
 constexpr double kMinInliers = 0.5;  // share of the observed points
 
-struct Sightings {
+struct KnownPoints {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> seen;
 };
 
-Sightings known_points(const TrackedFrame& frame, const PointsById& points) {
-  Sightings found;
+KnownPoints known_points(const TrackedFrame& frame, const PointsById& points) {
+  KnownPoints found;
   for (const FeatureObservation& seen : frame.observations) {
     const auto point = points.find(seen.id);
     if (seen.camera != 0 || point == points.end()) continue;
@@ -30,8 +30,8 @@ Sightings known_points(const TrackedFrame& frame, const PointsById& points) {
   return found;
 }
 
-Sightings selected(const Sightings& all, const std::vector<int>& indices) {
-  Sightings some;
+KnownPoints selected(const KnownPoints& all, const std::vector<int>& indices) {
+  KnownPoints some;
   for (const int i : indices) {
     some.points.push_back(all.points[static_cast<std::size_t>(i)]);
     some.seen.push_back(all.seen[static_cast<std::size_t>(i)]);
@@ -43,7 +43,7 @@ Sightings selected(const Sightings& all, const std::vector<int>& indices) {
 
 std::optional<SE3> resect(const TrackedFrame& frame, const PointsById& points, double max_error,
                           std::size_t min_points) {
-  const Sightings all = known_points(frame, points);
+  const KnownPoints all = known_points(frame, points);
   if (all.points.size() < std::max<std::size_t>(min_points, 4)) return std::nullopt;
   const cv::Mat K = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat rotation, translation;
@@ -56,7 +56,7 @@ std::optional<SE3> resect(const TrackedFrame& frame, const PointsById& points, d
       count < kMinInliers * static_cast<double>(all.points.size())) {
     return std::nullopt;
   }
-  const Sightings good = selected(all, inliers);
+  const KnownPoints good = selected(all, inliers);
   cv::solvePnPRefineLM(good.points, good.seen, K, cv::noArray(), rotation, translation);
   Eigen::Vector3d turn;
   Eigen::Vector3d t;

@@ -45,13 +45,6 @@ void move(Window& window, const SE3& T) {
   }
 }
 
-void scale(Window& window, double factor) {
-  for (const auto& frame : window.frames) {
-    Eigen::Map<Eigen::Vector3d>(frame->state.pose.data()) *= factor;
-  }
-  for (auto& [id, landmark] : window.landmarks) landmark.inverse_depth /= factor;
-}
-
 // Holds the first pose of the window, and the distance from it to the last one.
 std::shared_ptr<Prior> gauge_prior(const Window& window, double distance) {
   const Frame& first = *window.frames.front();
@@ -138,7 +131,7 @@ Result VisualOdometry::start(const TrackedFrame& tracked, const std::optional<SE
   if (!found) return result;
   window_ = std::move(found->window);
   const double unit = scene_depth_ / config_.visual.start_distance;
-  scale(window_, unit);
+  scale_lengths(window_, unit);
   for (auto& pose : found->T_world_body) {
     if (pose) pose->translation *= unit;
   }

@@ -9,6 +9,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "apvi/vio/config.hpp"
 #include "vio/visual/resection.hpp"
+#include "vio/visual/start_attempt.hpp"
 #include "vio/window/observation.hpp"
 #include "vio/window/window.hpp"
 
@@ -31,11 +32,7 @@ std::optional<VisualStart> start_visually(const std::vector<TrackedFrame>& frame
                                           const Config& config, const Rig& rig,
                                           std::string& waiting_for);
 
-/// The frame with the corners of the first camera only: a second one has a scale of its own.
-TrackedFrame first_camera_of(const TrackedFrame& frame);
 /// Positions of the triangulated landmarks.
 PointsById landmark_positions(const Window& window);
-/// Median depth of the landmarks that the newest frame observes, in its camera; zero without any.
-double median_depth(const Window& window);
 
 }  // namespace apvi::vio

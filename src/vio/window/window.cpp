@@ -127,6 +127,13 @@ void triangulate(Window& window, double min_parallax) {
   }
 }
 
+void scale_lengths(Window& window, double factor) {
+  for (const auto& frame : window.frames) {
+    Eigen::Map<Eigen::Vector3d>(frame->state.pose.data()) *= factor;
+  }
+  for (auto& [id, landmark] : window.landmarks) landmark.inverse_depth /= factor;
+}
+
 void remove_frame(Window& window, std::size_t index) {
   remove_observations(window, *window.frames[index]);
   window.frames.erase(window.frames.begin() + static_cast<std::ptrdiff_t>(index));

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vio/visual/start_attempt.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "apvi/core/constants.hpp"
+#include "vio/visual/resection.hpp"
+#include "vio/visual/two_view.hpp"
+#include "vio/window/graph.hpp"
+#include "vio/window/window_update.hpp"
+
+namespace apvi::vio {
+namespace {
+
+constexpr int kRounds = 2;  // solve, reject outliers, triangulate the rest, solve again
+constexpr int kIterations = 20;
+constexpr std::size_t kMinFrames = 4;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Points in the first camera, scaled so that their median depth is `distance`; `motion` is scaled
+// with them.
+PointsById triangulate_all(const Matches& matches, double distance, SE3& motion) {
+  PointsById points;
+  std::vector<double> depths;
+  for (std::size_t i = 0; i < matches.ids.size(); ++i) {
+    const auto point = triangulate(matches.pairs[i], motion);
+    if (!point) continue;
+    depths.push_back(point->depth);
+    points[matches.ids[i]] = point->depth * matches.pairs[i].before.homogeneous();
+  }
+  if (points.empty()) return points;
+  const double scale = distance / median(std::move(depths));
+  for (auto& [id, point] : points) point *= scale;
+  motion.translation *= scale;
+  return points;
+}
+
+void add_frame(Window& window, const TrackedFrame& tracked, const SE3& T_world_body) {
+  auto frame = std::make_unique<Frame>();
+  frame->stamp = tracked.stamp;
+  frame->state.pose = to_block(T_world_body);
+  window.frames.push_back(std::move(frame));
+  add_observations(window, window.newest(), first_camera_of(tracked));
+}
+
+// Evenly spaced frames, including the first and the last.
+std::vector<const TrackedFrame*> thin(const std::vector<TrackedFrame>& frames, std::size_t first,
+                                      std::size_t count) {
+  const std::size_t all = frames.size() - first;
+  const std::size_t n = std::min(all, count);
+  std::vector<const TrackedFrame*> chosen;
+  for (std::size_t k = 0; k < n; ++k) chosen.push_back(&frames[first + k * (all - 1) / (n - 1)]);
+  return chosen;
+}
+
+StartFit fit_of(const Window& window, const Rig& rig, double max_error_px) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  std::size_t landmarks = 0;
+  std::size_t good = 0;
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (landmark.observations.size() < 3) continue;
+    ++landmarks;
+    good += landmark.triangulated() ? 1 : 0;
+    for (const Landmark::Observation& seen : landmark.observations) {
+      const double error = landmark.triangulated()
+                               ? reprojection_error_px(landmark, seen, window, rig)
+                               : max_error_px;
+      sum += std::min(error * error, max_error_px * max_error_px);
+      ++count;
+    }
+  }
+  if (count == 0) return {};
+  return {sum / static_cast<double>(count),
+          static_cast<double>(good) / static_cast<double>(landmarks)};
+}
+
+}  // namespace
+
+Matches match(const TrackedFrame& first, const TrackedFrame& second) {
+  Matches found;
+  auto it = second.observations.begin();
+  const auto end = second.observations.end();
+  for (const FeatureObservation& seen : first.observations) {
+    if (seen.camera != 0) break;
+    while (it != end && it->camera == 0 && it->id < seen.id) ++it;
+    if (it == end || it->camera != 0) break;
+    if (it->id != seen.id) continue;
+    found.ids.push_back(seen.id);
+    found.pairs.push_back({seen.point, it->point});
+  }
+  return found;
+}
+
+SE3 StartSolution::motion() const {
+  return to_se3(window.frames.front()->state.pose.data()).inverse() *
+         to_se3(window.frames.back()->state.pose.data());
+}
+
+StartAttempt::StartAttempt(const std::vector<TrackedFrame>& frames, std::size_t base,
+                           const Config& config, const Rig& rig)
+    : config_(config),
+      rig_(rig),
+      T_body_camera_(rig.cameras.front().T_body_camera),
+      focal_(rig.cameras.front().model.parameters().fx),
+      chosen_(thin(frames, base, static_cast<std::size_t>(config.window.keyframes))) {
+  config_.vision.estimate_extrinsics = config_.vision.estimate_time_offset = false;
+}
+
+std::optional<StartSolution> StartAttempt::solve(SE3 motion, const Matches& matches) const {
+  const PointsById points = triangulate_all(matches, config_.visual.start_distance, motion);
+  Window window = empty_window(rig_);
+  const SE3 T_camera_body = T_body_camera_.inverse();
+  const auto min_points = static_cast<std::size_t>(config_.visual.min_tracks);
+  for (const TrackedFrame* frame : chosen_) {
+    std::optional<SE3> camera = resect(*frame, points, max_error(), min_points / 2);
+    if (frame == chosen_.front()) camera = SE3::identity();
+    if (frame == chosen_.back()) camera = motion;
+    if (camera) add_frame(window, *frame, T_body_camera_ * *camera * T_camera_body);
+  }
+  if (window.frames.size() < std::min(kMinFrames, chosen_.size())) return std::nullopt;
+  window.frames.front()->frozen = true;  // the world
+  adjust(window);
+  window.frames.front()->frozen = false;
+  const StartFit fit = fit_of(window, rig_, config_.vision.max_reprojection_px);
+  if (!(median_depth(window) > 0.0)) return std::nullopt;
+  return StartSolution{std::move(window), fit};
+}
+
+void StartAttempt::adjust(Window& window) const {
+  for (int round = 0; round < kRounds; ++round) {
+    triangulate(window, config_.vision.min_parallax_deg * kRadiansPerDegree);
+    const Graph graph(window, config_, rig_);
+    vio::solve(graph, window, config_, kIterations);
+    reject_outliers(window, rig_, config_.vision.max_reprojection_px);
+    if (round + 1 < kRounds) window.rejected_tracks.clear();
+  }
+}
+
+TrackedFrame first_camera_of(const TrackedFrame& frame) {
+  TrackedFrame out = frame;
+  std::erase_if(out.observations, [](const FeatureObservation& seen) { return seen.camera != 0; });
+  return out;
+}
+
+double median_depth(const Window& window) {
+  std::vector<double> depths;
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (!landmark.triangulated()) continue;
+    const Landmark::Observation& last = landmark.observations.back();
+    if (last.frame != &window.newest()) continue;
+    depths.push_back((camera_pose(last, window).inverse() * position(landmark, window)).z());
+  }
+  return median(std::move(depths));
+}
+
+}  // namespace apvi::vio

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "apvi/geometry/so3.hpp"
+#include "geometry/umeyama.hpp"
+#include "localization/fusion_stage.hpp"
+#include "localization/synchronizer.hpp"
+#include "support/simulated_dive.hpp"
+
+namespace apvi::localization {
+namespace {
+
+// A dive with one camera, with or without an IMU, and without a DVL.
+class DiveWithoutDvl {
+ public:
+  explicit DiveWithoutDvl(bool imu)
+      : sensors_{.imu = imu, .cameras = 1},
+        synchronizer_({}, test::SimulatedDive::rig(), sensors_),
+        stage_(vio_config(), {}, {}, test::SimulatedDive::rig(), sensors_) {
+    for (int k = 0; k < dive_.frames(); ++k) record(k);
+  }
+
+  // RMS position error after the best alignment, with scale if asked for [m].
+  double error_m(bool with_scale) const {
+    std::vector<Eigen::Vector3d> found;
+    std::vector<Eigen::Vector3d> truth;
+    for (int k = 0; k < dive_.frames(); ++k) {
+      const auto pose = path.at(dive_.frame_stamp(k), Duration{1});
+      if (!pose) continue;
+      found.push_back(pose->translation);
+      truth.push_back(dive_.truth(k).p_world);
+    }
+    const double scale = with_scale ? similarity_scale(found, truth).value() : 1.0;
+    for (Eigen::Vector3d& p : found) p *= scale;
+    const SE3 T = align_rigid(found, truth).value();
+    double sum = 0.0;
+    for (std::size_t i = 0; i < found.size(); ++i) sum += (T * found[i] - truth[i]).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(found.size()));
+  }
+  std::size_t frames() const { return static_cast<std::size_t>(dive_.frames()); }
+
+  Trajectory path;
+  int scales_found = 0;
+  std::size_t poses_before_scale = 0;
+  bool ends_up_to_scale = false;
+
+ private:
+  static vio::Config vio_config() {
+    vio::Config config;
+    config.window.max_solve_s = 1e3;
+    config.visual.min_parallax_deg = 1.0;  // starts before visual-inertial odometry does
+    return config;
+  }
+
+  void record(int k) {
+    const vio::TrackedFrame tracked = dive_.frame(k);
+    ImageFrame image;
+    image.stamp = tracked.stamp;
+    image.decode = [] { return cv::Mat(); };
+    process(image, tracked);
+    for (const ImuSample& sample : dive_.imu_until(k)) {
+      if (sensors_.imu) process(sample, tracked);
+    }
+  }
+
+  void process(const SensorEvent& event, const vio::TrackedFrame& tracked) {
+    for (const FrameJob& job : synchronizer_.process(event).frames) {
+      const FrameOutput output = stage_.process(job, tracked);
+      if (output.scale_found) {
+        ++scales_found;
+        poses_before_scale = path.size();
+        apply(*output.scale_found, path);
+      }
+      path.merge(output.vio.earlier);
+      if (const auto pose = output.fused()) path.merge({*pose});
+      ends_up_to_scale = output.vio.up_to_scale;
+    }
+  }
+
+  ActiveSensors sensors_;
+  test::SimulatedDive dive_{{.duration_s = 12.0}};
+  Synchronizer synchronizer_;
+  FusionStage stage_;
+};
+
+TEST(Scale, WithoutAnIMUEveryFrameHasAPoseUpToScale) {
+  const DiveWithoutDvl dive(false);
+  EXPECT_EQ(dive.path.size(), dive.frames());
+  EXPECT_TRUE(dive.ends_up_to_scale);
+  EXPECT_EQ(dive.scales_found, 0);
+  EXPECT_LT(dive.error_m(true), 0.1);
+}
+
+TEST(Scale, PosesUpToScaleBecomeMetricWhenTheIMUShowsTheScale) {
+  const DiveWithoutDvl dive(true);
+  EXPECT_EQ(dive.scales_found, 1);
+  EXPECT_GT(dive.poses_before_scale, 3U);
+  EXPECT_FALSE(dive.ends_up_to_scale);
+  EXPECT_LT(dive.error_m(false), 0.1);
+}
+
+TEST(Scale, TheFirstPoseStaysWhereItIs) {
+  const DiveWithoutDvl dive(true);
+  EXPECT_LT(dive.path.poses.front().T_world_body.translation.norm(), 0.05);
+}
+
+}  // namespace
+}  // namespace apvi::localization
