@@ -13,8 +13,10 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "apvi/localization/system.hpp"
 #include "core/stopwatch.hpp"
+#include "localization/fusion_stage.hpp"
+#include "localization/pipeline.hpp"
+#include "localization/synchronizer.hpp"
 #include "synthetic_dive.hpp"
 
 namespace apvi::bench {
@@ -100,16 +102,17 @@ class Soak {
   void run() {
     Rig rig = dive_.rig();
     rig.cameras.push_back(make_camera());
-    localization::Options options;
+    localization::Options config;
     config.run.mode = localization::RunMode::replay;
     // The images have only about fifty corners; lower the threshold so that frames are fused.
     config.fusion.discriminator.tracking.min_features = 20;
     config.fusion.discriminator.degeneracy.action = fusion::DegeneracyAction::ignore;
-    localization::System system(config, rig, localization::select_sensors(config, rig, true),
-                                {.frame = [this](const localization::FrameOutput& o) {
-                                  ++count_.out;
-                                  if (o.fusion.state == fusion::FusionState::fused) ++count_.fused;
-                                }});
+    localization::Pipeline system(config, rig, localization::select_sensors(config, rig, {}),
+                                  {.frame = [this](const localization::FrameOutput& o) {
+                                    ++count_.out;
+                                    if (o.fusion.state == fusion::FusionState::fused)
+                                      ++count_.fused;
+                                  }});
     fmt::print("| minutes of the dive | RSS, MiB | frames | fused | max in flight | wall, s |\n");
     fmt::print("|---|---|---|---|---|---|\n");
     Stamp next_report = dive_.start() + kReportPeriod;
@@ -126,7 +129,7 @@ class Soak {
   }
 
  private:
-  void feed(localization::System& system, const Rig& rig, const SensorEvent& event) {
+  void feed(localization::Pipeline& system, const Rig& rig, const SensorEvent& event) {
     if (std::holds_alternative<ImuSample>(event) && stamp_of(event) >= next_image_) {
       const double t = seconds_between(dive_.start(), next_image_);
       const bool dark = std::fmod(t, kOutagePeriod_s) > kOutagePeriod_s - kOutage_s;

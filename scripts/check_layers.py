@@ -7,6 +7,7 @@
 - CUDA sources never include LibTorch, directly or indirectly: nvcc compiles them without it.
 - Public headers (include/apvi) include only public headers. Each is used outside its module, or is
   included by apvi/apvi.hpp.
+- Every type that a public header declares is defined in one.
 - Examples include only public headers.
 """
 import functools
@@ -58,6 +59,8 @@ GENERATED = {"apvi/version.hpp"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.MULTILINE)
 IS_TORCH = re.compile(r"^(torch|ATen|c10)/")
 IS_LOCALIZATION_LIBRARY = re.compile(r"^(Eigen|opencv2|ceres|unsupported/Eigen)/")
+DECLARATION = re.compile(r"^(?:class|struct) (\w+);", re.MULTILINE)  # not in a class
+DEFINITION = re.compile(r"^(?:class|struct|enum class) (\w+)(?: final)?(?: : [^{;]+)? *\{", re.MULTILINE)
 KERNEL_HOST = re.compile(r"^kernels/\w+/cuda_\w+\.cpp$")  # hands the memory of tensors to kernels
 
 
@@ -180,6 +183,17 @@ def unused_public_headers(names):
             yield f"{name}: only {module_of(name)} includes it: move it to src/, or add it to {UMBRELLA}"
 
 
+def undefined_in_public(names):
+    """Types that a public header declares and no public header defines: users could not use them."""
+    public = [name for name in names if name.startswith("include/")]
+    texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in public}
+    defined = {match for text in texts.values() for match in DEFINITION.findall(text)}
+    for name, text in texts.items():
+        for declared in DECLARATION.findall(text):
+            if declared not in defined:
+                yield f"{name}: declares {declared}, which no public header defines: move it to src/"
+
+
 def our_files():
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard",
                "*.hpp", "*.cpp", "*.cu", "*.cuh"]
@@ -190,7 +204,7 @@ def our_files():
 def main():
     names = our_files()
     problems = [text for name in names for text in problems_of(name)]
-    problems += unused_public_headers(names)
+    problems += [*unused_public_headers(names), *undefined_in_public(names)]
     print("\n".join(problems) or "layers: all includes respect the module dependencies")
     return 1 if problems else 0
 

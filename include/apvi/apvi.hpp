@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-/// Everything that a program needs to localize and to map: see apvi::slam::System, and
-/// apvi::localization::System for localization alone.
+/// Everything that a program needs to localize and to map: see apvi::slam::System,
+/// apvi::localization::System for localization alone, and apvi::slam::Mapper for mapping alone.
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/live_sequence.hpp"
@@ -10,4 +10,6 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/localization/system.hpp"
+#include "apvi/slam/map_snapshot.hpp"
+#include "apvi/slam/mapper.hpp"
 #include "apvi/slam/system.hpp"

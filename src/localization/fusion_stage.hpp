@@ -8,6 +8,7 @@
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/localization/system.hpp"
 #include "fusion/fuser.hpp"
+#include "localization/active_sensors.hpp"
 #include "localization/frame_job.hpp"
 #include "vio/estimator.hpp"
 #include "vio/visual/visual_odometry.hpp"

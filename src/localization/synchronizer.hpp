@@ -7,10 +7,10 @@
 #include <optional>
 #include <vector>
 
-#include "apvi/localization/system.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "imu/sample_buffer.hpp"
 #include "localization/acoustic_odometry.hpp"
+#include "localization/active_sensors.hpp"
 #include "localization/frame_job.hpp"
 
 namespace apvi::localization {

@@ -1,51 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/localization/system.hpp"
 
-#include <algorithm>
-#include <opencv2/core.hpp>
-#include <optional>
+#include <mutex>
 #include <utility>
 
-#include "apvi/core/error.hpp"
-#include "localization/map_sink.hpp"
-#include "localization/sensor_monitor.hpp"
-#include "localization/synchronizer.hpp"
-#include "localization/visual_pipeline.hpp"
+#include "localization/pipeline.hpp"
 
 namespace apvi::localization {
-namespace {
-
-dipo::Config dipo_config(const Options& options) {
-  dipo::Config out = options.dipo;
-  out.gravity = options.gravity;
-  return out;
-}
-
-// OpenCV's exceptions do not leave the library.
-template <typename Work>
-void translate_errors(const Work& work) {
-  try {
-    work();
-  } catch (const cv::Exception& error) {
-    fail_run("OpenCV: {}", error.what());
-  }
-}
-
-}  // namespace
-
-ActiveSensors select_sensors(const Options& options, const Rig& rig,
-                             const RecordedSensors& recorded) {
-  ActiveSensors sensors;
-  sensors.imu = options.sensors.includes("imu") && recorded.imu;
-  sensors.dvl = sensors.imu && options.sensors.includes("dvl") && rig.dvl.has_value();
-  if (options.sensors.includes("camera") && recorded.images) {
-    sensors.cameras = std::min<std::size_t>(rig.cameras.size(), options.vio.stereo ? 2 : 1);
-  }
-  if (sensors.dvl || sensors.cameras > 0) return sensors;
-  fail_input(
-      "no odometry possible: needs a camera, or a DVL and an IMU, both in the recording and in "
-      "sensors.use");
-}
 
 void apply(const ScaleFound& found, Trajectory& poses) {
   for (StampedPose& pose : poses.poses) {
@@ -53,80 +14,66 @@ void apply(const ScaleFound& found, Trajectory& poses) {
   }
 }
 
-struct System::Stages {
-  SensorMonitor sensor_monitor;
-  std::optional<Synchronizer> synchronizer;
-  std::optional<VisualPipeline> visual;  // last: its threads end before what they use
+struct System::Implementation {
+  Implementation(const Options& options, const Rig& rig, SystemCallbacks receivers)
+      : callbacks(std::move(receivers)),
+        pipeline(options, rig, select_sensors(options, rig, {.images = !rig.cameras.empty()}),
+                 {.pose = [this](const StampedPose& pose) { take(pose); },
+                  .scale_found = [this](const ScaleFound& found) { take(found); }}) {}
 
-  explicit Stages(System& system) {
-    const std::size_t cameras = system.sensors_.cameras;
-    synchronizer.emplace(dipo_config(system.options_), system.rig_, system.sensors_);
-    if (cameras == 0) return;
-    const auto forward = [&system](const FrameOutput& output) {
-      if (system.callbacks_.frame) system.callbacks_.frame(output);
-      if (output.scale_found && system.callbacks_.scale_found) {
-        system.callbacks_.scale_found(*output.scale_found);
-      }
-      if (!system.callbacks_.pose) return;
-      for (const StampedPose& earlier : output.vio.earlier) system.callbacks_.pose(earlier);
-      if (const auto pose = output.fused()) system.callbacks_.pose(*pose);
-    };
-    visual.emplace(system.options_, system.rig_, system.sensors_, forward, system.callbacks_.map);
+  void take(const StampedPose& pose) {
+    {
+      const std::scoped_lock lock(mutex);
+      trajectory.merge({pose});
+    }
+    if (callbacks.pose) callbacks.pose(pose);
   }
+  void take(const ScaleFound& found) {
+    {
+      const std::scoped_lock lock(mutex);
+      apply(found, trajectory);
+    }
+    if (callbacks.scale_found) callbacks.scale_found(found);
+  }
+
+  SystemCallbacks callbacks;
+  mutable std::mutex mutex;
+  Trajectory trajectory;  // guarded by mutex
+  Pipeline pipeline;      // last: its threads end before what they use
 };
 
 System::System(const Options& options, const Rig& rig, SystemCallbacks callbacks)
-    : System(options, rig, select_sensors(options, rig, {.images = !rig.cameras.empty()}),
-             std::move(callbacks)) {}
-
-System::System(const Options& options, const Rig& rig, const ActiveSensors& sensors,
-               SystemCallbacks callbacks)
-    : options_(options), rig_(rig), sensors_(sensors), callbacks_(std::move(callbacks)) {
-  options_.check();
-  stages_ = std::make_unique<Stages>(*this);
-}
+    : implementation_(std::make_unique<Implementation>(options, rig, std::move(callbacks))) {}
 
 System::~System() = default;
 
 void System::process(const SensorEvent& event) {
-  translate_errors([&] {
-    stages_->sensor_monitor.process(event);
-    Synchronizer::Output output = stages_->synchronizer->process(event);
-    for (const PingOutput& ping : output.pings) {
-      if (callbacks_.ping) callbacks_.ping(ping);
-      const imu::NavState& nav = ping.estimate.state.nav;
-      if (!stages_->visual && callbacks_.pose) callbacks_.pose({ping.estimate.stamp, nav.pose()});
-    }
-    for (FrameJob& job : output.frames) stages_->visual->push(std::move(job));
-  });
+  implementation_->pipeline.process(event);
 }
 
 void System::finish() {
-  translate_errors([&] {
-    if (stages_->visual) stages_->visual->finish();
-  });
+  implementation_->pipeline.finish();
 }
 
 void System::stop() {
-  if (stages_->visual) stages_->visual->stop();
+  implementation_->pipeline.stop();
 }
 
 void System::reset() {
-  stop();
-  stages_.reset();  // its threads first
-  stages_ = std::make_unique<Stages>(*this);
+  implementation_->pipeline.reset();
+  const std::scoped_lock lock(implementation_->mutex);
+  implementation_->trajectory = {};
 }
 
-const SensorMonitor& System::sensor_monitor() const {
-  return stages_->sensor_monitor;
+Trajectory System::trajectory() const {
+  const std::scoped_lock lock(implementation_->mutex);
+  return implementation_->trajectory;
 }
 
-const Synchronizer& System::synchronizer() const {
-  return *stages_->synchronizer;
-}
-
-const VisualPipeline* System::visual() const {
-  return stages_->visual ? &*stages_->visual : nullptr;
+std::optional<StampedPose> System::pose() const {
+  const std::scoped_lock lock(implementation_->mutex);
+  const Trajectory& trajectory = implementation_->trajectory;
+  return trajectory.empty() ? std::nullopt : std::optional(trajectory.poses.back());
 }
 
 }  // namespace apvi::localization

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "apvi/localization/options.hpp"
-#include "apvi/localization/system.hpp"
 #include "core/worker.hpp"
+#include "localization/active_sensors.hpp"
 #include "localization/fusion_stage.hpp"
 #include "localization/image_monitor.hpp"
 #include "localization/map_feed.hpp"

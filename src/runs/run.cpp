@@ -8,13 +8,13 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/localization/system.hpp"
 #include "apvi/version.hpp"
 #include "core/memory.hpp"
 #include "core/status_line.hpp"
 #include "core/stopwatch.hpp"
 #include "eval/metrics_file.hpp"
 #include "localization/map_sink.hpp"
+#include "localization/pipeline.hpp"
 #include "localization/sensor_monitor.hpp"
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
@@ -32,10 +32,10 @@ std::size_t total_dropped(const io::StreamReport& report) {
   return sum;
 }
 
-eval::Json counts_json(const localization::System& system, const io::SequenceReader& reader) {
-  const localization::Synchronizer& synchronizer = system.synchronizer();
+eval::Json counts_json(const localization::Pipeline& pipeline, const io::SequenceReader& reader) {
+  const localization::Synchronizer& synchronizer = pipeline.synchronizer();
   eval::Json json = eval::Json::object();
-  for (const localization::Outage& outage : system.sensor_monitor().outages()) {
+  for (const localization::Outage& outage : pipeline.sensor_monitor().outages()) {
     eval::Json& count = json["outages"][outage.sensor];
     count = count.is_null() ? 1 : count.get<int>() + 1;
   }
@@ -114,8 +114,8 @@ void add_pose(Pass& pass, const StampedPose& pose) {
   poses.push_back(pose);
 }
 
-/// One run over a recording: feeds the system, writes the run's files and collects the results for
-/// the evaluation.
+/// One run over a recording: feeds the pipeline, writes the run's files and collects the results
+/// for the evaluation.
 class Runner {
  public:
   Runner(const RunConfig& config, const Rig& rig, const localization::ActiveSensors& sensors,
@@ -123,11 +123,11 @@ class Runner {
       : config_(config),
         map_(sensors.cameras > 0 ? map : nullptr),
         folder_(folder),
-        system_(localization_options(config), rig, sensors,
-                {.pose = {},
-                 .ping = [this](const localization::PingOutput& o) { record(o); },
-                 .frame = [this](const localization::FrameOutput& o) { record(o); },
-                 .map = map_}) {
+        pipeline_(localization_options(config), rig, sensors,
+                  {.pose = {},
+                   .ping = [this](const localization::PingOutput& o) { record(o); },
+                   .frame = [this](const localization::FrameOutput& o) { record(o); },
+                   .map = map_}) {
     pass_.samples = SampleStatistics(config.dipo.inertial.segment_gap_s);
     if (config.run.mode != localization::RunMode::realtime) return;
     playback_.emplace(config.run.playback_rate, config.dipo.inertial.segment_gap_s);
@@ -141,26 +141,26 @@ class Runner {
       if (!pass_.first) pass_.first = pass_.last;
       pass_.samples.add(*event);
       if (playback_) playback_->wait(pass_.last, interrupted);
-      system_.process(*event);
+      pipeline_.process(*event);
       if (++count % 256 == 0) status.update(reader.fraction(), detail());
       if (interrupted()) {
         pass_.interrupted = true;
         break;
       }
     }
-    system_.finish();
+    pipeline_.finish();
     if (map_ != nullptr) map_->finish();
     return std::move(pass_);
   }
 
-  const localization::System& system() const { return system_; }
+  const localization::Pipeline& pipeline() const { return pipeline_; }
 
  private:
   void record(const localization::PingOutput& output) {
     folder_.write(output);
     const StampedPose pose = stamped(output.estimate.stamp, output.estimate.state.nav);
     pass_.dipo.poses.push_back(pose);
-    if (system_.visual() == nullptr) add_pose(pass_, pose);
+    if (pipeline_.visual() == nullptr) add_pose(pass_, pose);
     pass_.accel_factor = output.ping.accel_factor;
   }
 
@@ -204,7 +204,7 @@ class Runner {
       const std::string map = map_ == nullptr ? "" : ", " + map_->status();
       return fmt::format("{} poses, {:.1f} m{}", pass_.fused.size(), pass_.length_m, map);
     }
-    const localization::Synchronizer& synchronizer = system_.synchronizer();
+    const localization::Synchronizer& synchronizer = pipeline_.synchronizer();
     if (synchronizer.has_acoustic_odometry() &&
         !synchronizer.acoustic_odometry().dipo().initialized()) {
       return "waiting for " + synchronizer.acoustic_odometry().dipo().waiting_for();
@@ -219,7 +219,7 @@ class Runner {
   std::mutex mutex_;
   Pass pass_;
   std::string awaited_ = "the camera";
-  localization::System system_;  // last member: its threads use the others
+  localization::Pipeline pipeline_;  // last member: its threads use the others
 };
 
 // Success: VIO contributed and recovered from every failure. Its other figures would be untrue when
@@ -248,7 +248,7 @@ AcousticService acoustic_service(const RunConfig& config,
 }
 
 Evidence evidence_of(const RunConfig& config, const io::SequenceReader& reader,
-                     const localization::System& system, const Pass& pass) {
+                     const localization::Pipeline& pipeline, const Pass& pass) {
   Evidence evidence{.sensors_in_use = config.sensors.use,
                     .streams = reader.report(),
                     .images = {},
@@ -256,11 +256,11 @@ Evidence evidence_of(const RunConfig& config, const io::SequenceReader& reader,
                     .acoustic = std::nullopt,
                     .samples = pass.samples,
                     .gravity = config.localization.gravity};
-  if (const localization::VisualPipeline* visual = system.visual()) {
+  if (const localization::VisualPipeline* visual = pipeline.visual()) {
     evidence.images = visual->image_counts();
     evidence.vio = pass.vio_service;
   }
-  const localization::Synchronizer& synchronizer = system.synchronizer();
+  const localization::Synchronizer& synchronizer = pipeline.synchronizer();
   if (synchronizer.has_acoustic_odometry()) {
     evidence.acoustic = acoustic_service(config, synchronizer.acoustic_odometry(), pass);
   }
@@ -363,10 +363,10 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   const Stopwatch watch;
   Runner runner(config, rig, sensors, folder, options.map);
   const Pass pass = runner.run(reader, options.interrupted);
-  const localization::System& system = runner.system();
+  const localization::Pipeline& pipeline = runner.pipeline();
   folder.close();
-  const Evidence evidence = evidence_of(config, reader, system, pass);
-  eval::Json counts = counts_json(system, reader);
+  const Evidence evidence = evidence_of(config, reader, pipeline, pass);
+  eval::Json counts = counts_json(pipeline, reader);
   if (auto images = image_counts_json(evidence); !images.empty()) counts["images"] = images;
   RunResult result{.interrupted = pass.interrupted,
                    .poses = pass.fused.size(),
@@ -383,14 +383,14 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
       {"counts", counts},
       {"speed", speed},
       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
-  if (const localization::VisualPipeline* visual = system.visual()) {
+  if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
     sections["dropped"]["images"] = visual->dropped_images();
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);
   if (result.poses == 0 && !result.interrupted) {
     fail_run("{}: no pose was estimated: still waiting for {} at the end; run `apvi doctor`",
-             config.dataset.path, awaited(system.synchronizer(), pass.vio_service));
+             config.dataset.path, awaited(pipeline.synchronizer(), pass.vio_service));
   }
   return result;
 }

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <string>
 
-#include "apvi/localization/system.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "eval/metrics_file.hpp"
+#include "localization/active_sensors.hpp"
 
 namespace apvi::runs {
 

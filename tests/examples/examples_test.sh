@@ -29,3 +29,6 @@ grep -q '^attenuation' map.txt || fail "02_map_folder found no water"
 
 "$examples/04_render_while_mapping" dive
 [[ -s render_000.ppm ]] || fail "04_render_while_mapping wrote no image"
+
+"$examples/06_map_given_poses" dive poses.tum | grep -qE '^[1-9][0-9]* Gaussians, [1-9]' ||
+  fail "06_map_given_poses made no map"

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "apvi/geometry/scale_change.hpp"
 #include "apvi/geometry/trajectory.hpp"
@@ -12,30 +12,6 @@
 #include "apvi/sensors/samples.hpp"
 
 namespace apvi::localization {
-
-class MapSink;
-class SensorMonitor;
-class Synchronizer;
-class VisualPipeline;
-struct FrameOutput;
-struct PingOutput;
-
-/// The sensors of a run: enabled in the options, described by the rig, and present in the source.
-struct ActiveSensors {
-  bool imu = true;
-  bool dvl = false;  ///< never without an IMU
-  std::size_t cameras = 0;
-};
-
-/// What a source has, besides what the rig describes.
-struct RecordedSensors {
-  bool images = true;
-  bool imu = true;
-};
-
-/// Throws InputError when there is neither a DVL with an IMU nor a camera.
-ActiveSensors select_sensors(const Options& options, const Rig& rig,
-                             const RecordedSensors& recorded);
 
 /// The scale of poses by images alone has become known: earlier poses, from stamp `since` on, and
 /// everything made with them are to be changed.
@@ -54,23 +30,16 @@ struct SystemCallbacks {
   std::function<void(const StampedPose&)> pose = {};
   /// Without a DVL, the first poses may be up to scale; called once, before the first metric pose.
   std::function<void(const ScaleFound&)> scale_found = {};
-  /// Every DVL ping, from `process`.
-  std::function<void(const PingOutput&)> ping = {};
-  /// Every camera frame, from the same thread as `pose`.
-  std::function<void(const FrameOutput&)> frame = {};
-  MapSink* map = nullptr;  ///< receives keyframes; the caller calls its `finish`
 };
 
-/// Localization as a library: samples in, poses out, no files. `process` and the other functions
-/// are called from one thread. An error of a stage's thread is thrown by `process` or `finish`. All
-/// errors derive from apvi::Error.
+/// Localization as a library: samples in, poses out, no files. `pose` and `trajectory` may be
+/// called from any thread at any time, the others from one thread. An error of a stage's thread is
+/// thrown by `process` or `finish`. All errors derive from apvi::Error.
 class System {
  public:
   /// Uses the sensors of the rig that the options enable. Throws InputError for contradictory
-  /// options, and without a DVL and a camera.
-  System(const Options& options, const Rig& rig, SystemCallbacks callbacks);
-  System(const Options& options, const Rig& rig, const ActiveSensors& sensors,
-         SystemCallbacks callbacks);
+  /// options, and without a camera or a DVL with an IMU.
+  System(const Options& options, const Rig& rig, SystemCallbacks callbacks = {});
   ~System();
   System(const System&) = delete;
   System& operator=(const System&) = delete;
@@ -84,19 +53,13 @@ class System {
   /// Discards every sample and every estimate; abandons work in progress.
   void reset();
 
-  const SensorMonitor& sensor_monitor() const;
-  const Synchronizer& synchronizer() const;
-  /// Nothing without a camera.
-  const VisualPipeline* visual() const;
+  Trajectory trajectory() const;
+  /// The newest pose; nothing before initialization.
+  std::optional<StampedPose> pose() const;
 
  private:
-  struct Stages;
-
-  Options options_;
-  Rig rig_;
-  ActiveSensors sensors_;
-  SystemCallbacks callbacks_;
-  std::unique_ptr<Stages> stages_;  // last: its threads end before what they use
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
 };
 
 }  // namespace apvi::localization

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "apvi/geometry/trajectory.hpp"
+#include "apvi/sensors/camera_model.hpp"
+
+namespace apvi::slam {
+
+/// The water: J exp(-beta_d z) + b_inf (1 - exp(-beta_b z)) per color channel (RGB), z the range.
+struct MediumCoefficients {
+  std::array<double, 3> beta_d{};  ///< attenuation [1/m]
+  std::array<double, 3> beta_b{};  ///< backscatter [1/m]
+  std::array<double, 3> b_inf{};   ///< veiling light
+};
+
+/// A copy of the map, in the world frame of the trajectory; float arrays row by row.
+struct MapSnapshot {
+  std::int64_t iteration = 0;
+  std::size_t count = 0;                   ///< number of Gaussians, n
+  std::vector<float> means;                ///< [n,3] [m]
+  std::vector<float> log_scales;           ///< [n,3] natural logarithm of the sigmas [m]
+  std::vector<float> quaternions;          ///< [n,4] w x y z, not normalized
+  std::vector<float> logit_opacities;      ///< [n]
+  std::size_t sh_coefficients = 0;         ///< k: 1, 4, 9 or 16 a channel
+  std::vector<float> spherical_harmonics;  ///< [n,k,3] RGB, degree 0 first
+  std::optional<MediumCoefficients> medium;
+  Trajectory keyframes;  ///< body poses, corrected by loop closures
+};
+
+/// A pinhole camera to render from; the center of the top-left pixel is (0, 0).
+struct RenderView {
+  CameraModel::Parameters camera;  ///< without distortion
+  SE3 T_world_camera;              ///< looks along z, x right, y down
+};
+
+/// Rendered from one view; all arrays row by row.
+struct RenderedImages {
+  int width = 0;
+  int height = 0;
+  std::vector<float> color;     ///< [h,w,3] RGB with the medium
+  std::vector<float> restored;  ///< [h,w,3] RGB without the medium
+  std::vector<float> depth;     ///< [h,w] along the optical axis [m], 0 where empty
+  std::vector<float> alpha;     ///< [h,w] accumulated opacity
+};
+
+}  // namespace apvi::slam
