@@ -11,7 +11,8 @@ namespace apvi::localization {
 /// The sensors of a run: enabled in the options, described by the rig, and present in the source.
 struct ActiveSensors {
   bool imu = true;
-  bool dvl = false;  ///< never without an IMU
+  bool dvl = false;        ///< never without an IMU
+  bool dvl_scale = false;  ///< without an IMU: gives the scale of poses by images
   std::size_t cameras = 0;
 };
 

@@ -38,18 +38,19 @@ double spread(const std::vector<Eigen::Vector3d>& points) {
   return std::sqrt(sum);
 }
 
-// Ratio of the spreads of the positions at equal stamps; nullopt with fewer than three of them, or
-// at rest.
+// Ratio of the spreads of the camera's positions at equal stamps; nullopt with fewer than three of
+// them, or at rest.
 std::optional<double> scale_between(const std::deque<StampedPose>& up_to_scale,
-                                    const std::vector<StampedPose>& metric) {
+                                    const std::vector<StampedPose>& metric,
+                                    const Eigen::Vector3d& p_body_camera) {
   std::vector<Eigen::Vector3d> from;
   std::vector<Eigen::Vector3d> to;
   for (const StampedPose& pose : metric) {
     const auto same = [&](const StampedPose& p) { return p.stamp == pose.stamp; };
     const auto found = std::ranges::find_if(up_to_scale, same);
     if (found == up_to_scale.end()) continue;
-    from.push_back(found->T_world_body.translation);
-    to.push_back(pose.T_world_body.translation);
+    from.push_back(found->T_world_body * p_body_camera);
+    to.push_back(pose.T_world_body * p_body_camera);
   }
   if (from.size() < 3 || !(spread(from) > 0.0)) return std::nullopt;
   return spread(to) / spread(from);
@@ -81,8 +82,10 @@ FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
       fuser_(scale_to_camera(fusion, rig), freeze),
       segment_gap_s_(segment_gap_s),
       with_dvl_(sensors.dvl),
+      p_body_camera_(rig.cameras.front().T_body_camera.translation),
       height_is_measured_(rig.pressure || rig.depth) {
   if (!sensors.dvl && vio.visual.enabled) images_alone_.emplace(vio, rig);
+  if (sensors.dvl_scale) dvl_scale_.emplace(*rig.dvl, p_body_camera_);
 }
 
 FrameOutput FusionStage::process(const FrameJob& job,
@@ -90,7 +93,9 @@ FrameOutput FusionStage::process(const FrameJob& job,
   const Stopwatch watch;
   if (!first_frame_) first_frame_ = job.stamp;
   for (const ImuSample& sample : job.imu) add(sample);
-  for (const vio::DvlMeasurement& ping : job.pings) estimator_.add(ping);
+  for (const vio::DvlMeasurement& ping : job.pings) {
+    dvl_scale_ ? dvl_scale_->add(ping) : estimator_.add(ping);
+  }
   for (const vio::PressureDepthMeasurement& depth : job.depths) estimator_.add(depth);
   for (const dipo::Report& report : job.reports) fuser_.add(report);
 
@@ -155,6 +160,8 @@ void FusionStage::use_images_alone(const vio::TrackedFrame& tracked, FrameOutput
   if (last_imu_) found.detail = vio.detail;  // what keeps the scale unknown
   if (!found.has_state() && last_imu_) return;
   vio = std::move(found);
+  if (dvl_scale_) output.scale_found = find_scale_by_dvl(vio);
+  if (!vio.up_to_scale) return;
   if (!vio_init_time_s_ || first_up_to_scale_) remember_up_to_scale(vio);
 }
 
@@ -171,17 +178,42 @@ void FusionStage::remember_up_to_scale(const vio::Result& vio) {
 // visual-inertial odometry move accordingly.
 std::optional<ScaleFound> FusionStage::find_scale(vio::Result& vio) {
   if (!first_up_to_scale_) return std::nullopt;
-  const auto scale = scale_between(recent_up_to_scale_, vio.earlier);
+  const auto scale = scale_between(recent_up_to_scale_, vio.earlier, p_body_camera_);
   if (!scale) return std::nullopt;
-  const Eigen::Vector3d first = first_up_to_scale_->T_world_body.translation;
-  const Eigen::Vector3d newest = recent_up_to_scale_.back().T_world_body.translation;
-  const Eigen::Vector3d shift = ScaleChange{*scale, first} * newest - newest;
+  const ScaleFound found = scale_found(*scale);
+  const StampedPose& newest = vio.earlier.back();
+  const auto known = std::ranges::find(recent_up_to_scale_, newest.stamp, &StampedPose::stamp);
+  if (known == recent_up_to_scale_.end()) return std::nullopt;
+  const Eigen::Vector3d shift = found.to_meters * (known->T_world_body * p_body_camera_) -
+                                newest.T_world_body * p_body_camera_;
   estimator_.shift(shift);
   vio.state.p_world += shift;
   for (StampedPose& pose : vio.earlier) pose.T_world_body.translation += shift;
   log::info("scale found at {:.2f} s: the unit so far was {:.3g} m",
             seconds_between(*first_frame_, vio.stamp), *scale);
-  return ScaleFound{first_up_to_scale_->stamp, {*scale, first}};
+  return found;
+}
+
+ScaleFound FusionStage::scale_found(double scale) const {
+  return {first_up_to_scale_->stamp,
+          {scale, first_up_to_scale_->T_world_body * p_body_camera_},
+          p_body_camera_};
+}
+
+// The poses so far, this one included, change their unit.
+std::optional<ScaleFound> FusionStage::find_scale_by_dvl(vio::Result& found) {
+  if (!found.has_state() || !found.up_to_scale) return std::nullopt;
+  if (found.status == vio::Status::started) dvl_scale_->reset();
+  const auto scale = dvl_scale_->add({found.stamp, found.state.pose()});
+  if (!scale || !first_up_to_scale_) return std::nullopt;
+  const ScaleFound result = scale_found(*scale);
+  images_alone_->change_scale(result.to_meters);
+  found.state.p_world = changed(result.to_meters, found.state.pose(), p_body_camera_).translation;
+  found.up_to_scale = false;
+  first_up_to_scale_.reset();
+  log::info("scale found by the DVL at {:.2f} s: the unit so far was {:.3g} m",
+            seconds_between(*first_frame_, found.stamp), *scale);
+  return result;
 }
 
 // Nothing relates the poses before a long gap to those after it.

@@ -9,6 +9,7 @@
 #include "apvi/localization/system.hpp"
 #include "fusion/fuser.hpp"
 #include "localization/active_sensors.hpp"
+#include "localization/dvl_scale.hpp"
 #include "localization/frame_job.hpp"
 #include "vio/estimator.hpp"
 #include "vio/visual/visual_odometry.hpp"
@@ -69,6 +70,8 @@ class FusionStage {
   void add(const ImuSample& sample);
   void use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output);
   std::optional<ScaleFound> find_scale(vio::Result& vio);
+  std::optional<ScaleFound> find_scale_by_dvl(vio::Result& found);
+  ScaleFound scale_found(double scale) const;
   void remember_up_to_scale(const vio::Result& vio);
   void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
@@ -83,6 +86,7 @@ class FusionStage {
   bool unfreeze_;
   vio::Estimator estimator_;
   std::optional<vio::VisualOdometry> images_alone_;
+  std::optional<DvlScale> dvl_scale_;
   std::optional<StampedPose> first_up_to_scale_;  // of the run's poses, until the scale is known
   std::deque<StampedPose> recent_up_to_scale_;    // of the last seconds
   fusion::Fuser fuser_;
@@ -92,6 +96,7 @@ class FusionStage {
   SE3 T_vio_dipo_ = SE3::identity();  // updated while the two agree
   double segment_gap_s_;
   bool with_dvl_;
+  Eigen::Vector3d p_body_camera_;
   bool height_is_measured_;
   bool align_pending_ = true;         // the segment has no pose of DIPO yet
   bool segment_began_ = false;        // after a gap, and has no pose yet

@@ -41,6 +41,7 @@ ActiveSensors select_sensors(const Options& options, const Rig& rig,
   if (options.sensors.includes("camera") && recorded.images) {
     sensors.cameras = std::min<std::size_t>(rig.cameras.size(), options.vio.stereo ? 2 : 1);
   }
+  sensors.dvl_scale = !sensors.imu && options.sensors.includes("dvl") && rig.dvl.has_value();
   if (sensors.dvl || sensors.cameras > 0) return sensors;
   fail_input(
       "no odometry possible: needs a camera, or a DVL and an IMU, both in the recording and in "

@@ -57,6 +57,14 @@ vio::DvlMeasurement to_vio_measurement(const DvlSample& ping, const dipo::Estima
               noise * noise * Eigen::Matrix3d::Identity() + time_variance * a * a.transpose()};
 }
 
+// A ping as the rig describes it.
+vio::DvlMeasurement uncorrected(const DvlSample& ping, const Rig& rig) {
+  const double noise = rig.dvl->velocity_noise;
+  return {.stamp = ping.stamp - Duration::from_seconds(rig.dvl->time_offset_s),
+          .velocity = rig.dvl->true_velocity(ping.velocity),
+          .covariance = noise * noise * Eigen::Matrix3d::Identity()};
+}
+
 // Beam end points; beam vectors point from the transducer outward.
 RangePoints to_range_points(const DvlSample& ping, const dipo::Estimate& estimate, const Rig& rig) {
   RangePoints result{.stamp = ping.stamp - Duration::from_seconds(estimate.state.dvl_time_offset_s),
@@ -88,6 +96,7 @@ Synchronizer::Synchronizer(const dipo::Config& config, const Rig& rig, const Act
       gravity_(config.gravity),
       segment_gap_s_(config.inertial.segment_gap_s),
       imu_in_use_(sensors.imu),
+      dvl_scale_(sensors.dvl_scale),
       cameras_(sensors.cameras),
       imu_(kBufferDuration) {
   if (sensors.dvl) acoustic_odometry_.emplace(config, rig);
@@ -158,6 +167,7 @@ void Synchronizer::add(const SensorEvent& event) {
     pings_[ping->stamp] = *ping;
     constexpr std::size_t kMaxPings = 64;
     while (pings_.size() > kMaxPings) pings_.erase(pings_.begin());
+    if (dvl_scale_ && ping->valid) new_pings_.push_back(uncorrected(*ping, rig_));
   }
   if (cameras_ == 0) return;
   if (const auto* p = std::get_if<PressureSample>(&event); p && rig_.pressure) {

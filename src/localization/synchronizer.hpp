@@ -52,6 +52,7 @@ class Synchronizer {
   double gravity_;  ///< [m/s²]
   double segment_gap_s_;
   bool imu_in_use_;
+  bool dvl_scale_;
   std::size_t cameras_;
   std::optional<AcousticOdometry> acoustic_odometry_;
   imu::SampleBuffer imu_;

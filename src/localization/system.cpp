@@ -10,7 +10,8 @@ namespace apvi::localization {
 
 void apply(const ScaleFound& found, Trajectory& poses) {
   for (StampedPose& pose : poses.poses) {
-    if (pose.stamp >= found.since) pose.T_world_body = found.to_meters * pose.T_world_body;
+    if (pose.stamp >= found.since)
+      pose.T_world_body = changed(found.to_meters, pose.T_world_body, found.p_body_camera);
   }
 }
 

@@ -92,7 +92,23 @@ void check_images(const ImageCounts& counts, std::size_t camera, Warnings& warni
   warnings.push_back(std::move(text));
 }
 
-void check_vio(const VioService& vio, bool has_imu, Warnings& warnings) {
+void check_scale(const VioService& vio, const Evidence& evidence, Warnings& warnings) {
+  if (vio.with_pose == 0 || vio.up_to_scale < vio.with_pose) return;
+  if (evidence.streams.contains("imu")) {
+    warnings.push_back(fmt::format(
+        "scale: unknown, as the IMU did not show it: visual-inertial odometry never initialized "
+        "and waited for {}; distances are in a unit in which the first scene is "
+        "vio.visual.start_distance away",
+        vio.waiting_for));
+  } else if (evidence.streams.contains("dvl")) {
+    warnings.push_back(
+        "scale: unknown, as too few velocities of the DVL agree with the images; check its "
+        "mounting "
+        "and its stamps with `apvi doctor`");
+  }
+}
+
+void check_vio(const VioService& vio, Warnings& warnings) {
   if (vio.frames == 0) {
     warnings.push_back("vio: no image reached it; check the stamps of camera and IMU");
   } else if (vio.with_pose == 0) {
@@ -105,12 +121,6 @@ void check_vio(const VioService& vio, bool has_imu, Warnings& warnings) {
         "vio: none of its {} poses was accepted by failure detection; look at the reasons in "
         "health.csv and at the camera's calibration with `apvi doctor`",
         vio.with_pose));
-  } else if (has_imu && vio.up_to_scale == vio.with_pose) {
-    warnings.push_back(fmt::format(
-        "scale: unknown, as the IMU did not show it: visual-inertial odometry never initialized "
-        "and waited for {}; distances are in a unit in which the first scene is "
-        "vio.visual.start_distance away",
-        vio.waiting_for));
   }
 }
 
@@ -168,7 +178,10 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) 
   for (std::size_t i = 0; i < evidence.images.size(); ++i) {
     check_images(evidence.images[i], i, warnings);
   }
-  if (evidence.vio) check_vio(*evidence.vio, evidence.streams.contains("imu"), warnings);
+  if (evidence.vio) {
+    check_vio(*evidence.vio, warnings);
+    check_scale(*evidence.vio, evidence, warnings);
+  }
   if (evidence.acoustic) check_acoustic(*evidence.acoustic, warnings);
   return warnings;
 }

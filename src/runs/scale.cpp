@@ -30,7 +30,7 @@ const char* name_of(ScaleSource source) {
 }  // namespace
 
 ScaleSource scale_of(const Rig& rig, const localization::ActiveSensors& sensors) {
-  if (sensors.dvl) return ScaleSource::dvl;
+  if (sensors.dvl || sensors.dvl_scale) return ScaleSource::dvl;
   if (!sensors.imu) return ScaleSource::images;
   return sensors.cameras > 1 && rig.cameras.size() > 1 ? ScaleSource::stereo
                                                        : ScaleSource::accelerometer;

@@ -12,11 +12,11 @@
 namespace apvi::localization {
 namespace {
 
-// A dive with one camera, with or without an IMU, and without a DVL.
-class DiveWithoutDvl {
+// A dive with one camera, and an IMU or a DVL or neither.
+class CameraDive {
  public:
-  explicit DiveWithoutDvl(bool imu)
-      : sensors_{.imu = imu, .cameras = 1},
+  explicit CameraDive(bool imu, bool dvl = false)
+      : sensors_{.imu = imu, .dvl_scale = dvl, .cameras = 1},
         synchronizer_({}, test::SimulatedDive::rig(), sensors_),
         stage_(vio_config(), {}, {}, test::SimulatedDive::rig(), sensors_) {
     for (int k = 0; k < dive_.frames(); ++k) record(k);
@@ -60,6 +60,13 @@ class DiveWithoutDvl {
     image.stamp = tracked.stamp;
     image.decode = [] { return cv::Mat(); };
     process(image, tracked);
+    if (sensors_.dvl_scale && k % 4 == 0) {
+      DvlSample ping;
+      ping.stamp = tracked.stamp;
+      ping.velocity = dive_.ping(tracked.stamp).velocity;
+      ping.valid = true;
+      process(ping, tracked);
+    }
     for (const ImuSample& sample : dive_.imu_until(k)) {
       if (sensors_.imu) process(sample, tracked);
     }
@@ -86,7 +93,7 @@ class DiveWithoutDvl {
 };
 
 TEST(Scale, WithoutAnIMUEveryFrameHasAPoseUpToScale) {
-  const DiveWithoutDvl dive(false);
+  const CameraDive dive(false);
   EXPECT_EQ(dive.path.size(), dive.frames());
   EXPECT_TRUE(dive.ends_up_to_scale);
   EXPECT_EQ(dive.scales_found, 0);
@@ -94,15 +101,22 @@ TEST(Scale, WithoutAnIMUEveryFrameHasAPoseUpToScale) {
 }
 
 TEST(Scale, PosesUpToScaleBecomeMetricWhenTheIMUShowsTheScale) {
-  const DiveWithoutDvl dive(true);
+  const CameraDive dive(true);
   EXPECT_EQ(dive.scales_found, 1);
   EXPECT_GT(dive.poses_before_scale, 3U);
   EXPECT_FALSE(dive.ends_up_to_scale);
   EXPECT_LT(dive.error_m(false), 0.1);
 }
 
+TEST(Scale, PosesUpToScaleBecomeMetricByTheDvlWithoutAnIMU) {
+  const CameraDive dive(false, true);
+  EXPECT_EQ(dive.scales_found, 1);
+  EXPECT_FALSE(dive.ends_up_to_scale);
+  EXPECT_LT(dive.error_m(false), 0.15);
+}
+
 TEST(Scale, TheFirstPoseStaysWhereItIs) {
-  const DiveWithoutDvl dive(true);
+  const CameraDive dive(true);
   EXPECT_LT(dive.path.poses.front().T_world_body.translation.norm(), 0.05);
 }
 

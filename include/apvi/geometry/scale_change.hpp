@@ -13,9 +13,14 @@ struct ScaleChange {
   friend Eigen::Vector3d operator*(const ScaleChange& c, const Eigen::Vector3d& p) {
     return c.center + c.scale * (p - c.center);
   }
-  friend SE3 operator*(const ScaleChange& c, const SE3& T_world_body) {
-    return {T_world_body.rotation, c * T_world_body.translation};
-  }
 };
+
+/// The pose of a body of which the point `p_body` changes its position, as a camera whose images
+/// know no scale. The size of the body does not change.
+inline SE3 changed(const ScaleChange& change, const SE3& T_world_body,
+                   const Eigen::Vector3d& p_body) {
+  const Eigen::Vector3d p = T_world_body * p_body;
+  return {T_world_body.rotation, T_world_body.translation + (change * p - p)};
+}
 
 }  // namespace apvi

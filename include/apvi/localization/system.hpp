@@ -17,9 +17,10 @@ namespace apvi::localization {
 /// everything made with them are to be changed.
 struct ScaleFound {
   Stamp since;
-  ScaleChange to_meters;
+  ScaleChange to_meters;  ///< of positions of the camera and of what it sees
+  Eigen::Vector3d p_body_camera = Eigen::Vector3d::Zero();  ///< [m]
 };
-
+/// Changes the poses of the body.
 void apply(const ScaleFound& found, Trajectory& poses);
 
 /// Receivers of results; those not set are not called.

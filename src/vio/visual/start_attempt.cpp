@@ -17,6 +17,7 @@ namespace {
 constexpr int kRounds = 2;  // solve, reject outliers, triangulate the rest, solve again
 constexpr int kIterations = 20;
 constexpr std::size_t kMinFrames = 4;
+constexpr double kMaxSolve_s = 1.0;  // the choice of a motion needs converged solutions
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
@@ -113,6 +114,7 @@ StartAttempt::StartAttempt(const std::vector<TrackedFrame>& frames, std::size_t 
       focal_(rig.cameras.front().model.parameters().fx),
       chosen_(thin(frames, base, static_cast<std::size_t>(config.window.keyframes))) {
   config_.vision.estimate_extrinsics = config_.vision.estimate_time_offset = false;
+  config_.window.max_solve_s = kMaxSolve_s;
 }
 
 std::optional<StartSolution> StartAttempt::solve(SE3 motion, const Matches& matches) const {

@@ -76,7 +76,10 @@ Config adapted(Config config) {
 }  // namespace
 
 VisualOdometry::VisualOdometry(const Config& config, const Rig& rig)
-    : config_(adapted(config)), rig_(rig), scene_depth_(config.visual.start_distance) {
+    : config_(adapted(config)),
+      rig_(rig),
+      p_body_camera_(rig.cameras.front().T_body_camera.translation),
+      scene_depth_(config.visual.start_distance) {
   reset();
 }
 
@@ -89,6 +92,39 @@ void VisualOdometry::reset() {
   newest_is_keyframe_ = false;
 }
 
+void VisualOdometry::change_scale(const ScaleChange& to_meters) {
+  is_metric_ = true;
+  scene_depth_ *= to_meters.scale;
+  const auto change = [&](PoseBlock& pose) {
+    pose = to_block(apvi::changed(to_meters, to_se3(pose.data()), p_body_camera_));
+  };
+  for (const auto& frame : window_.frames) {
+    change(frame->state.pose);
+    if (frame->first.pose) change(*frame->first.pose);
+  }
+  for (auto& [id, landmark] : window_.landmarks) landmark.inverse_depth /= to_meters.scale;
+  if (window_.prior) window_.prior = changed(*window_.prior, to_meters);
+}
+
+// Of poses only: landmarks that go on are re-anchored. With the lever arm l of the camera, position
+// p' = s p + (s - 1) R l, so δp = (δp' + (s - 1) R [l]x δθ) / s.
+std::shared_ptr<const Prior> VisualOdometry::changed(const Prior& prior,
+                                                     const ScaleChange& to_meters) const {
+  auto out = std::make_shared<Prior>(prior);
+  for (std::size_t k = 0; k < out->kept.size(); ++k) {
+    Prior::Kept& kept = out->kept[k];
+    const SE3 pose = to_se3(kept.value.data());
+    const SE3 after = apvi::changed(to_meters, pose, p_body_camera_);
+    Eigen::Map<Eigen::Vector3d>(kept.value.data()) = after.translation;
+    const auto column = static_cast<Eigen::Index>(kPoseTangent * k);
+    auto by_position = out->J.middleCols<3>(column + 3);
+    by_position /= to_meters.scale;
+    const Eigen::Matrix3d turn = pose.rotation.toRotationMatrix() * so3::hat(p_body_camera_);
+    out->J.middleCols<3>(column) += (to_meters.scale - 1.0) * by_position * turn;
+  }
+  return out;
+}
+
 void VisualOdometry::add(const ImuSample& sample) {
   force_sum_ += sample.accel;
   ++force_count_;
@@ -96,12 +132,12 @@ void VisualOdometry::add(const ImuSample& sample) {
 
 Result VisualOdometry::process(const TrackedFrame& tracked, const std::optional<SE3>& last_pose) {
   const auto nothing = [&](const char* detail) {
-    return Result{.stamp = tracked.stamp, .detail = detail, .up_to_scale = true};
+    return Result{.stamp = tracked.stamp, .detail = detail, .up_to_scale = !is_metric_};
   };
   if (tracked.observations.empty()) return nothing("images with corners");
   if (started() && tracked.stamp <= window_.newest().stamp) return nothing("newer images");
   Result result = started() ? track(tracked) : start(tracked, last_pose);
-  result.up_to_scale = true;
+  result.up_to_scale = !is_metric_;
   if (result.status == Status::lost) reset();
   force_sum_.setZero();
   force_count_ = 0;
@@ -116,43 +152,47 @@ void VisualOdometry::forget_old_frames(Stamp newest) {
   mean_force_.erase(mean_force_.begin(), mean_force_.begin() + static_cast<std::ptrdiff_t>(old));
 }
 
+void VisualOdometry::collect(const TrackedFrame& tracked) {
+  waiting_.push_back(tracked);
+  mean_force_.push_back(force_sum_ / std::max(force_count_, 1));
+  forget_old_frames(tracked.stamp);
+}
+
 Result VisualOdometry::start(const TrackedFrame& tracked, const std::optional<SE3>& last_pose) {
   Result result{.stamp = tracked.stamp};
-  waiting_.push_back(tracked);
-  mean_force_.push_back(force_count_ == 0 ? Eigen::Vector3d::Zero()
-                                          : Eigen::Vector3d(force_sum_ / force_count_));
-  forget_old_frames(tracked.stamp);
-  if (++attempts_ % kFramesPerAttempt != 0) {
-    result.detail = waiting_for_;
-    return result;
-  }
-  auto found = start_visually(waiting_, config_, rig_, waiting_for_);
+  collect(tracked);
+  const bool attempt = ++attempts_ % kFramesPerAttempt == 0;
+  auto found = attempt ? start_visually(waiting_, config_, rig_, waiting_for_) : std::nullopt;
   result.detail = waiting_for_;
   if (!found) return result;
-  window_ = std::move(found->window);
+  begin(*std::move(found), last_pose, result);
+  waiting_.clear();
+  mean_force_.clear();
+  return result;
+}
+
+// Continues in the unit so far, level, and at the last pose.
+void VisualOdometry::begin(VisualStart found, const std::optional<SE3>& last_pose, Result& result) {
   const double unit = scene_depth_ / config_.visual.start_distance;
+  const Eigen::Vector3d force = up_force(found.T_world_body);
+  SE3 T{so3::level_attitude(force, rig_.gravity(kStandardGravity)), Eigen::Vector3d::Zero()};
+  window_ = std::move(found.window);
   scale_lengths(window_, unit);
-  for (auto& pose : found->T_world_body) {
-    if (pose) pose->translation *= unit;
-  }
-  const Eigen::Quaterniond level =
-      so3::level_attitude(up_force(found->T_world_body), rig_.gravity(kStandardGravity));
-  SE3 T{level, Eigen::Vector3d::Zero()};
   const SE3 newest = T * to_se3(window_.newest().state.pose.data());
-  if (last_pose) T = level_alignment(*last_pose, newest) * T;
+  const Eigen::Vector3d first = to_se3(window_.frames.front()->state.pose.data()).translation;
+  T.translation = -(T * first);
+  if (last_pose) T = level_alignment(*last_pose, newest) * SE3{T.rotation, Eigen::Vector3d::Zero()};
   move(window_, T);
   window_.prior = gauge_prior(window_, scene_depth_);
   for (std::size_t i = 0; i + 1 < waiting_.size(); ++i) {
-    const auto& pose = found->T_world_body[i];
-    if (pose) result.earlier.push_back({waiting_[i].stamp, T * *pose});
+    if (!found.T_world_body[i]) continue;
+    const SE3 pose = apvi::changed({.scale = unit}, *found.T_world_body[i], p_body_camera_);
+    result.earlier.push_back({waiting_[i].stamp, T * pose});
   }
   finish(result, kStartIterations);
   newest_is_keyframe_ = true;  // the prior refers to it
   result.status = Status::started;
   result.detail = "images alone, up to scale";
-  waiting_.clear();
-  mean_force_.clear();
-  return result;
 }
 
 // Mean specific force in the frame of the first pose of the window.

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "apvi/geometry/scale_change.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "apvi/sensors/samples.hpp"
 #include "apvi/vio/config.hpp"
@@ -13,6 +15,8 @@
 #include "vio/window/window.hpp"
 
 namespace apvi::vio {
+
+struct VisualStart;
 
 /// Odometry by the images of the first camera alone, up to scale: used without an IMU, and until
 /// visual-inertial odometry knows the scale. The sliding window is that of `Estimator` without
@@ -37,19 +41,25 @@ class VisualOdometry {
   /// the median distance of the scene is unchanged.
   Result process(const TrackedFrame& tracked, const std::optional<SE3>& last_pose);
   void reset();
+  /// Changes the unit of length to meters.
+  void change_scale(const ScaleChange& to_meters);
 
   bool started() const { return !window_.frames.empty(); }
   const Window& window() const { return window_; }
 
  private:
   Result start(const TrackedFrame& tracked, const std::optional<SE3>& last_pose);
+  void collect(const TrackedFrame& tracked);
+  void begin(VisualStart found, const std::optional<SE3>& last_pose, Result& result);
   Result track(const TrackedFrame& tracked);
   Eigen::Vector3d up_force(const std::vector<std::optional<SE3>>& poses) const;
   void forget_old_frames(Stamp newest);
   void finish(Result& result, int iterations);
+  std::shared_ptr<const Prior> changed(const Prior& prior, const ScaleChange& to_meters) const;
 
   Config config_;
   Rig rig_;
+  Eigen::Vector3d p_body_camera_;
   Window window_;
   std::vector<TrackedFrame> waiting_;        // frames collected for the start
   std::vector<Eigen::Vector3d> mean_force_;  // before each of them [m/s²]; zero without an IMU
@@ -57,7 +67,8 @@ class VisualOdometry {
   int force_count_ = 0;
   int attempts_ = 0;
   std::string waiting_for_;
-  double scene_depth_;  // median depth in the last window
+  double scene_depth_;      // median depth in the last window
+  bool is_metric_ = false;  // after `change_scale`
   bool newest_is_keyframe_ = false;
   int bad_frames_ = 0;
 };

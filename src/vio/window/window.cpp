@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "apvi/geometry/scale_change.hpp"
+
 namespace apvi::vio {
 namespace {
 
@@ -128,8 +130,10 @@ void triangulate(Window& window, double min_parallax) {
 }
 
 void scale_lengths(Window& window, double factor) {
+  const Eigen::Vector3d p_body_camera = to_se3(window.T_body_camera.front().data()).translation;
   for (const auto& frame : window.frames) {
-    Eigen::Map<Eigen::Vector3d>(frame->state.pose.data()) *= factor;
+    const SE3 pose = to_se3(frame->state.pose.data());
+    frame->state.pose = to_block(changed({.scale = factor}, pose, p_body_camera));
   }
   for (auto& [id, landmark] : window.landmarks) landmark.inverse_depth /= factor;
 }

@@ -96,7 +96,8 @@ void remove_observations(Window& window, const Frame& frame);
 void restore_excluded_frames(Window& window);
 /// Triangulates landmarks whose rays have a parallax of at least `min_parallax` [rad].
 void triangulate(Window& window, double min_parallax);
-/// Multiplies positions and depths of landmarks; for a window without velocities and prior.
+/// Multiplies the positions of the first camera and the depths of landmarks; for a window without
+/// velocities and prior.
 void scale_lengths(Window& window, double factor);
 /// Removes a frame without marginalization; the next frame is unlinked from the previous one.
 void remove_frame(Window& window, std::size_t index);
