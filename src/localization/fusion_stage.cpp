@@ -151,7 +151,11 @@ FrameOutput FusionStage::process(const FrameJob& job,
 void FusionStage::use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output) {
   vio::Result& vio = output.vio;
   if (vio.has_state()) {
-    if (images_alone_->started()) output.scale_found = find_scale(vio);
+    output.scale_found = find_scale(vio);
+    if (first_up_to_scale_ && !output.scale_found) {
+      log::warning("poses before {:.2f} s stay up to scale: no image relates them to later ones",
+                   seconds_between(*first_frame_, vio.stamp));
+    }
     first_up_to_scale_.reset();
     return images_alone_->reset();
   }
@@ -177,7 +181,7 @@ void FusionStage::remember_up_to_scale(const vio::Result& vio) {
 // Compares the frames that both know. The first pose stays where it is; the poses of
 // visual-inertial odometry move accordingly.
 std::optional<ScaleFound> FusionStage::find_scale(vio::Result& vio) {
-  if (!first_up_to_scale_) return std::nullopt;
+  if (!first_up_to_scale_ || vio.earlier.empty()) return std::nullopt;
   const auto scale = scale_between(recent_up_to_scale_, vio.earlier, p_body_camera_);
   if (!scale) return std::nullopt;
   const ScaleFound found = scale_found(*scale);
