@@ -301,7 +301,9 @@ TEST(TrajectoryMetrics, Sim3ComparesAnEstimateUpToScale) {
   const Trajectory reference = curl();
   Trajectory estimate = moved({so3::exp(Vector3d(0.1, 0.2, 0.3)), Vector3d(4, 5, 6)}, reference);
   for (StampedPose& pose : estimate.poses) pose.T_world_body.translation *= 0.25;
-  const TrajectoryMetrics metrics = evaluate(reference, estimate, {.alignment = Alignment::sim3});
+  EvalOptions options;
+  options.alignment = Alignment::sim3;
+  const TrajectoryMetrics metrics = evaluate(reference, estimate, options);
   EXPECT_NEAR(metrics.scale_to_reference.value(), 4.0, 1e-9);
   EXPECT_NEAR(metrics.ate.value->rmse, 0.0, 1e-9);
   EXPECT_NEAR(metrics.rpe_time.value->rmse, 0.0, 1e-9);
