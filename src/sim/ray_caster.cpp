@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/ray_caster.hpp"
 
-#include <embree3/rtcore.h>
-
 #include <algorithm>
 #include <cstring>
 #include <limits>
 
 #include "apvi/core/error.hpp"
+#include "sim/embree.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -98,13 +97,11 @@ struct RayCaster::Impl {
   }
 
   std::optional<RTCRayHit> intersect(const RTCRay& ray) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
     RTCRayHit query{};
     query.ray = ray;
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(scene, &context, &query);
+    intersect_ray(scene, query);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
     return query;
   }
@@ -157,26 +154,21 @@ void RayCaster::cast(RayBatch& rays) const {
     }
     return;
   }
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   alignas(32) RTCRayHit8 packet{};
   alignas(32) int valid[kPacket];
   for (std::size_t first = 0; first < rays.size(); first += kPacket) {
     const std::size_t count = std::min(kPacket, rays.size() - first);
     for (std::size_t k = 0; k < kPacket; ++k) valid[k] = k < count ? -1 : 0;
     load_packet(rays, first, count, packet);
-    rtcIntersect8(valid, impl_->scene, &context, &packet);
+    intersect_packet(valid, impl_->scene, packet);
     store_packet(packet, first, count, rays);
   }
 }
 
 bool RayCaster::occluded(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
                          float max_range) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
   RTCRay ray = make_ray(origin, direction, max_range);
-  rtcOccluded1(impl_->scene, &context, &ray);
+  occlude_ray(impl_->scene, ray);
   return ray.tfar < 0.0F;
 }
 
