@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs missing Debian packages and creates the LPIPS weight files; does nothing if all exist.
+# Installs missing packages and creates the LPIPS weight files; does nothing if all exist.
 set -euo pipefail
 
 scripts="$(cd "$(dirname "$0")" && pwd)"
@@ -24,6 +24,23 @@ missing_packages() {
   installed="$(dpkg-query --show --showformat='${db:Status-Status} ${Package}\n' 2>/dev/null |
     sed -n 's/^installed //p')"
   wanted_packages | grep -vxF "$installed" || true
+}
+
+release() { sed -n 's/^PRETTY_NAME="\(.*\)"$/\1/p' /etc/os-release; }
+
+# available_packages NAME...: those that this release has. Others are reported, not fatal: some are optional, and
+# CMake names a library that it needs.
+available_packages() {
+  local name lacking=()
+  for name in "$@"; do
+    if apt-cache show "$name" >/dev/null 2>&1; then
+      echo "$name"
+    else
+      lacking+=("$name")
+    fi
+  done
+  ((${#lacking[@]} == 0)) ||
+    echo "setup: $(release) has no package ${lacking[*]}; see docs/installation.md" >&2
 }
 
 as_root() {
@@ -106,12 +123,15 @@ if ! apt-cache show "${missing[@]}" >/dev/null 2>&1; then
   echo "setup: updating the package lists"
   as_root apt-get update -q
 fi
-echo "setup: installing ${#missing[@]} packages"
-install_packages "${missing[@]}" || {
-  echo "setup: retrying with updated package lists"
-  as_root apt-get update -q
-  install_packages "${missing[@]}"
-}
+mapfile -t missing < <(available_packages "${missing[@]}")
+if ((${#missing[@]} > 0)); then
+  echo "setup: installing ${#missing[@]} packages"
+  install_packages "${missing[@]}" || {
+    echo "setup: retrying with updated package lists"
+    as_root apt-get update -q
+    install_packages "${missing[@]}"
+  }
+fi
 lpips_weights
 [[ "${1:-}" != --cuda ]] || cuda_torch
 echo "setup: done"
