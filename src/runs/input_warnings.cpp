@@ -108,7 +108,20 @@ void check_scale(const VioService& vio, const Evidence& evidence, Warnings& warn
   }
 }
 
+// Whether most images show nothing, which is no matter of the calibration.
+bool check_uniform(const VioService& vio, Warnings& warnings) {
+  constexpr double kBlack = 10.0;  // mean gray value
+  if (vio.uniform == 0 || 2 * vio.uniform <= vio.frames) return false;
+  const double gray = vio.uniform_gray / static_cast<double>(vio.uniform);
+  warnings.push_back(fmt::format(
+      "vio: {} of {} images are {} (mean gray value {:.0f} of 255): look at the images, their "
+      "exposure and encoding, and at lamp and lens cover",
+      vio.uniform, vio.frames, gray < kBlack ? "black" : "uniform, without structure", gray));
+  return true;
+}
+
 void check_vio(const VioService& vio, Warnings& warnings) {
+  if (check_uniform(vio, warnings) && vio.used == 0) return;
   if (vio.frames == 0) {
     warnings.push_back("vio: no image reached it; check the stamps of camera and IMU");
   } else if (vio.with_pose == 0) {
@@ -167,6 +180,12 @@ void check_pauses(const SampleStatistics& samples, Warnings& warnings) {
 }
 
 }  // namespace
+
+void VioService::add_image(const vio::FrameStatistics& image) {
+  if (image.quality != vio::FrameQuality::featureless) return;
+  ++uniform;
+  uniform_gray += image.brightness;
+}
 
 std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) {
   Warnings warnings;

@@ -12,6 +12,7 @@
 #include "localization/acoustic_odometry.hpp"
 #include "localization/image_monitor.hpp"
 #include "runs/sample_statistics.hpp"
+#include "vio/window/observation.hpp"
 
 namespace apvi::runs {
 
@@ -22,6 +23,11 @@ struct VioService {
   std::size_t up_to_scale = 0;   ///< of `with_pose`, by images alone
   std::size_t used = 0;          ///< frames whose pose is VIO's, or fused with it
   std::string waiting_for = {};  ///< detail of the last frame without a VIO pose
+  std::size_t uniform = 0;       ///< frames whose image shows no structure
+  double uniform_gray = 0.0;     ///< sum of their mean gray values, in [0, 255]
+
+  /// Counts a frame whose image shows no structure.
+  void add_image(const vio::FrameStatistics& image);
 };
 
 /// What DVL and pressure contributed to a run.

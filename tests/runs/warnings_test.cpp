@@ -122,6 +122,19 @@ TEST(InputWarnings, NameVioThatNeverInitializedOrWasNeverAccepted) {
   EXPECT_FALSE(vio_served(evidence));
 }
 
+TEST(InputWarnings, BlackImagesAreNotBlamedOnTheCalibration) {
+  Evidence evidence = good_evidence();
+  evidence.vio = VioService{.frames = 50, .waiting_for = "parallax"};
+  for (int i = 0; i < 25; ++i) evidence.vio->add_image({.quality = vio::FrameQuality::featureless});
+  for (int i = 0; i < 25; ++i) evidence.vio->add_image({});
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("vio: never initialized")));
+  evidence.vio->add_image({.quality = vio::FrameQuality::featureless, .brightness = 26.0});
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(HasSubstr("26 of 50 images are black (mean gray value 1 of 255)")));
+  evidence.vio->uniform_gray = 26 * 128.0;
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("images are uniform")));
+}
+
 TEST(InputWarnings, NameDvlAndPressureOfWhichNothingWasUsed) {
   Evidence evidence = good_evidence();
   evidence.acoustic->counts.pings = {{dipo::Verdict::rejected, 40}, {dipo::Verdict::no_lock, 2}};
