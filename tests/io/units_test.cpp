@@ -6,7 +6,9 @@
 
 #include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "io/dataset_builder.hpp"
+#include "io/folder/imu_unit.hpp"
 #include "io/folder/pressure_unit.hpp"
 
 namespace apvi {
@@ -187,6 +189,36 @@ TEST(ImuUnit, IsToldByTheSizeOfGravity) {
 TEST(ImuUnit, OfTheHeaderIsTrusted) {
   const TmpDir dir;
   EXPECT_NEAR(accel_of(dir, 9.80665, " [m s^-2]").z(), 9.8 / 9.80665, 1e-6);
+}
+
+// A vehicle that turns at this rate [rad/s], with the gyro in another unit.
+io::ImuFactors factors_of(const Eigen::Vector3d& rate, double gyro_unit, double accel_unit) {
+  io::ImuEvidence evidence;
+  for (int i = 0; i < 200; ++i) {
+    const double t = 0.01 * i;
+    const Eigen::AngleAxisd turned(-rate.norm() * t, rate.normalized());
+    evidence.add({Stamp{} + Duration::from_seconds(t), rate / gyro_unit,
+                  turned * Eigen::Vector3d(0.0, 2.0, 9.6) / accel_unit});
+  }
+  return io::imu_factors(evidence, "/imu");
+}
+
+TEST(ImuUnit, DegreesAreToldByRatesAndGravity) {
+  const Eigen::Vector3d slow(0.1, -0.05, 0.2);
+  for (const double accel_unit : {1.0, 9.80665}) {
+    EXPECT_DOUBLE_EQ(factors_of(slow, kRadiansPerDegree, accel_unit).gyro, kRadiansPerDegree);
+    EXPECT_NEAR(factors_of(slow, kRadiansPerDegree, accel_unit).accel, accel_unit, 1e-12);
+  }
+  EXPECT_DOUBLE_EQ(factors_of({0, 0, 0.2}, kRadiansPerDegree, 1.0).gyro, kRadiansPerDegree);
+}
+
+TEST(ImuUnit, RatesThatMayBeAnythingAreKept) {
+  const Eigen::Vector3d slow(0.1, -0.05, 0.2);
+  EXPECT_EQ(factors_of(slow, 1.0, 1.0).gyro, 1.0);
+  EXPECT_EQ(factors_of({3.0, 1.0, 0.5}, 1.0, 1.0).gyro, 1.0);            // gravity turns as fast
+  EXPECT_EQ(factors_of(0.01 * slow, kRadiansPerDegree, 1.0).gyro, 1.0);  // slow in any unit
+  EXPECT_EQ(factors_of(0.2 * slow, 1e-3, 9.80665e-3).gyro, 1.0);         // milli-g, so mrad/s
+  EXPECT_EQ(factors_of(slow, 1e-4, 1.0).gyro, 1.0);                      // too fast for deg/s
 }
 
 TEST(DvlPlaceholders, AreInvalidSamples) {

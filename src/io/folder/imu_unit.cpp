@@ -18,6 +18,7 @@ constexpr std::size_t kFewSamples = 20;  // less say nothing
 constexpr std::size_t kMaxKept = 100'000;
 constexpr double kTolerance = 0.1;      // of the median norm against gravity
 constexpr double kMaxMedianRate = 2.0;  // no vehicle keeps turning so fast [rad/s]
+constexpr double kMaxTurn = 0.3;        // of gravity, as a fraction of the gyro's, in deg/s
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -45,6 +46,14 @@ void check_rate(double rate, const std::string& source) {
       "{}: median angular rate {:.3g} rad/s: no vehicle turns so fast; for deg/s name the unit, in "
       "the header of a csv: w_x [deg/s]",
       source, rate);
+}
+
+// Devices that report milli-g may report mrad/s, so their rates say nothing.
+bool is_in_degrees(const ImuEvidence& evidence) {
+  const double rate = evidence.magnitudes.median_rate();
+  if (rate <= kMaxMedianRate || rate * kRadiansPerDegree > kMaxMedianRate) return false;
+  const Unit* accel = unit_of_gravity(evidence.magnitudes.median_force());
+  return accel != nullptr && accel->to_si >= 1.0 && evidence.turn.ratio() < kMaxTurn;
 }
 
 }  // namespace
@@ -98,6 +107,25 @@ double accel_factor(const ImuMagnitudes& magnitudes, bool has_accel_unit, bool h
       "header of a csv may state it: a_x [{}]",
       source, force, unit->name, unit->name);
   return unit->to_si;
+}
+
+void ImuEvidence::add(const ImuSample& sample) {
+  magnitudes.add(sample.gyro.norm(), sample.accel.norm());
+  turn.add(sample);
+}
+
+ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source) {
+  ImuFactors factors;
+  const bool degrees = evidence.magnitudes.count() >= kFewSamples && is_in_degrees(evidence);
+  if (degrees) {
+    factors.gyro = kRadiansPerDegree;
+    log::warning(
+        "{}: median angular rate {:.3g}: no vehicle turns so fast in rad/s, and gravity does not "
+        "turn so in the accelerations: taken as deg/s and converted to rad/s",
+        source, evidence.magnitudes.median_rate());
+  }
+  factors.accel = accel_factor(evidence.magnitudes, false, degrees, source);
+  return factors;
 }
 
 }  // namespace apvi::io

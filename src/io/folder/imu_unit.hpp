@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "io/folder/gravity_turn.hpp"
+
 namespace apvi::io {
 
 /// Norms of angular rate and specific force over a recording. Every n-th sample is kept, so that
@@ -28,5 +30,24 @@ class ImuMagnitudes {
 /// when gravity is not in them, or when the angular rates look like deg/s. `source` names the file.
 double accel_factor(const ImuMagnitudes& magnitudes, bool has_accel_unit, bool has_gyro_unit,
                     const std::string& source);
+
+/// Factors to rad/s and m/s².
+struct ImuFactors {
+  double gyro = 1.0;
+  double accel = 1.0;
+};
+
+/// What the samples of a recording that names no units tell of them.
+struct ImuEvidence {
+  ImuMagnitudes magnitudes;
+  GravityTurn turn;
+
+  void add(const ImuSample& sample);
+};
+
+/// As `accel_factor`, and the factor of angular rates, which are in deg/s when all of this holds:
+/// as rad/s they are more than vehicles turn, as deg/s they are not, gravity turns in the
+/// accelerations much less than by them, and the accelerations are in m/s² or g. A warning says so.
+ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source);
 
 }  // namespace apvi::io

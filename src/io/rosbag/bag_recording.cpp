@@ -200,15 +200,13 @@ struct BagSensor {
 
 // What only the readings themselves tell.
 struct Scales {
-  double accel = 1.0;
+  ImuFactors imu;
   std::shared_ptr<PressureScale> pressure = std::make_shared<PressureScale>();
 };
 
-void add_magnitude(const RosValue& message, ImuMagnitudes& magnitudes) {
-  const auto event = imu_of(message, {});
-  if (!event) return;
-  const auto& sample = std::get<ImuSample>(*event);
-  magnitudes.add(sample.gyro.norm(), sample.accel.norm());
+void add_imu(const RosValue& message, Stamp recorded, ImuEvidence& evidence) {
+  const auto event = imu_of(message, stamp_of_message(message, recorded).value_or(recorded));
+  if (event) evidence.add(std::get<ImuSample>(*event));
 }
 
 // Looks at the beginning for the IMU, which is sufficient, and at the whole bag for the pressure.
@@ -217,31 +215,31 @@ Scales read_scales(const Bag& bag, const std::string& imu, const PressureSource&
   std::set<std::string> topics = {imu, pressure.name};
   topics.erase("");
   if (topics.empty()) return scales;
-  ImuMagnitudes magnitudes;
+  ImuEvidence evidence;
   std::vector<double> pressures;
   const auto cursor = bag.open(topics);
   while (cursor->advance()) {
     const bool is_imu = cursor->topic() == imu;
-    if (is_imu && magnitudes.count() >= kImuSamples) {
+    if (is_imu && evidence.magnitudes.count() >= kImuSamples) {
       if (pressure.name.empty()) break;
       continue;
     }
     const auto message = cursor->message();
     if (!message) continue;
     if (is_imu) {
-      add_magnitude(*message, magnitudes);
+      add_imu(*message, cursor->recorded(), evidence);
     } else if (const auto value = message->number_at("fluid_pressure")) {
       pressures.push_back(*value);
     }
   }
-  scales.accel = accel_factor(magnitudes, false, false, imu);
+  scales.imu = imu_factors(evidence, imu);
   *scales.pressure = evaluate_pressure(std::move(pressures), pressure);
   return scales;
 }
 
 std::vector<BagSensor> sensors_of(const ChosenTopics& topics, const Scales& scales) {
   return {
-      {"imu0", "imu", "imu", topics.imu, imu_with(scales.accel)},
+      {"imu0", "imu", "imu", topics.imu, imu_with(scales.imu)},
       {"dvl0", "dvl", "dvl", topics.dvl, dvl_converter(topics.dvl)},
       {"pressure0", "pressure", "pressure", topics.pressure, pressure_of(*scales.pressure)},
       {"depth0", "depth", "pressure", topics.depth, depth_of},

@@ -39,10 +39,13 @@ std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp) {
   return ImuSample{stamp, *gyro, *accel};
 }
 
-MessageToEvent imu_with(double accel_factor) {
-  return [accel_factor](const RosValue& message, Stamp stamp) {
+MessageToEvent imu_with(ImuFactors factors) {
+  return [factors](const RosValue& message, Stamp stamp) {
     auto event = imu_of(message, stamp);
-    if (event) std::get<ImuSample>(*event).accel *= accel_factor;
+    if (!event) return event;
+    auto& sample = std::get<ImuSample>(*event);
+    sample.gyro *= factors.gyro;
+    sample.accel *= factors.accel;
     return event;
   };
 }

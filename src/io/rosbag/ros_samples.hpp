@@ -9,6 +9,7 @@
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/sensors/samples.hpp"
+#include "io/folder/imu_unit.hpp"
 #include "io/folder/pressure_unit.hpp"
 #include "io/rosbag/ros_message.hpp"
 
@@ -22,8 +23,8 @@ std::optional<Stamp> stamp_of_message(const RosValue& message, Stamp recorded);
 using MessageToEvent = std::function<std::optional<SensorEvent>(const RosValue&, Stamp)>;
 
 std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
-/// The same, with accelerations times this factor.
-MessageToEvent imu_with(double accel_factor);
+/// The same, in these units.
+MessageToEvent imu_with(ImuFactors factors);
 /// An odometry or pose whose z is minus the depth.
 std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
 MessageToEvent pressure_of(PressureScale scale);
