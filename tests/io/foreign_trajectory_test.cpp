@@ -95,6 +95,34 @@ TEST(ForeignTrajectories, UnitOfStampsIsToldByTheirSize) {
   expect_poses(rows("1403636581838555000", "1403636581888555000", ",1,2,3,0.7071,0,0,0.7071,9,9,"));
 }
 
+// What the log says of rotations about one axis, by up to 90 degrees; `row` is the format of the
+// cosine (0) and sine (1) of half the angle.
+std::string log_of_turn(const std::string& row) {
+  const TmpDir dir;
+  std::string text;
+  for (int i = 0; i <= 10; ++i) {
+    const double half = 0.5 * i * 0.15707963;
+    text += fmt::format(fmt::runtime(row), std::cos(half), std::sin(half), i) + "\n";
+  }
+  testing::internal::CaptureStderr();
+  io::read_trajectory(dir.write("turn.txt", text));
+  return testing::internal::GetCapturedStderr();
+}
+
+TEST(ForeignTrajectories, QuaternionsThatSeemToHaveTheOtherOrderAreAWarning) {
+  EXPECT_THAT(log_of_turn("{2}.5 0 0 0 {0:.9f} 0 0 {1:.9f}"), HasSubstr("tx ty tz qw qx qy qz"));
+  EXPECT_THAT(log_of_turn("{2},0,0,0,0,0,{1:.9f},{0:.9f}"), HasSubstr("tx,ty,tz,qx,qy,qz,qw"));
+}
+
+TEST(ForeignTrajectories, QuaternionsInTheOrderOfTheFormatAreNoWarning) {
+  EXPECT_EQ(log_of_turn("{2}.5 0 0 0 0 0 {1:.9f} {0:.9f}"), "");  // yaw
+  EXPECT_EQ(log_of_turn("{2}.5 0 0 0 {0:.9f} {1:.9f} 0 0"), "");  // yaw of a body with z down
+  EXPECT_EQ(log_of_turn("{2}.5 0 0 0 0 {1:.9f} 0 {0:.9f}"), "");  // pitch
+  EXPECT_EQ(log_of_turn("{2},0,0,0,{1:.9f},0,0,{0:.9f}"), "");    // yaw that begins backward
+  EXPECT_EQ(log_of_turn("{2},0,0,0,{0:.9f},{1:.9f},0,0"), "");    // roll
+  EXPECT_EQ(log_of_turn("# t x y z qw qx qy qz\n{2}.5 0 0 0 {0:.9f} 0 0 {1:.9f}"), "");
+}
+
 TEST(ForeignTrajectories, StampsWithoutTheirDigitsAreAnError) {
   const TmpDir dir;
   std::string text;

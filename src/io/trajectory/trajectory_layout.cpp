@@ -185,6 +185,7 @@ std::optional<TrajectoryLayout> layout_of_header(std::string_view line, const st
 
 TrajectoryLayout layout_of_numbers(std::string_view line, const std::string& where) {
   TrajectoryLayout layout;
+  layout.has_names = false;
   Cells cells;
   split_trajectory_line(line, cells);
   if (line.find_first_of(",;") != std::string_view::npos) {

@@ -20,6 +20,7 @@ struct TrajectoryLayout {
   std::array<double, 3> to_meters{1.0, 1.0, 1.0};
   std::optional<int> time_power;  ///< of ten nanoseconds; nullopt: not stated
   int usual_time_power = 9;       ///< when neither stated nor told by the stamps
+  bool has_names = true;          ///< of its columns; else the order is that of the format
   bool has_rotation = true;
   bool is_geodetic = false;  ///< `position` is latitude, longitude [deg] and altitude
   std::size_t cells = 8;     ///< required in a line

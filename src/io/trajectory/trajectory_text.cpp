@@ -13,6 +13,7 @@
 #include "io/folder/csv_file.hpp"
 #include "io/folder/units.hpp"
 #include "io/rosbag/navsat.hpp"
+#include "io/trajectory/quaternion_order.hpp"
 #include "io/trajectory/trajectory_layout.hpp"
 
 namespace apvi::io {
@@ -216,6 +217,8 @@ Trajectory parse_trajectory(std::istream& in, const std::string& name, BadLines 
   }
   bad.report(name, trajectory.size());
   trajectory.has_rotation = content.layout.has_rotation;
+  const bool w_first = content.layout.xyzw[3] < content.layout.xyzw[0];
+  if (!content.layout.has_names) check_quaternion_order(trajectory, w_first, name);
   // GNSS at the surface writes zeros for the height.
   const auto flat = [](const StampedPose& p) { return p.T_world_body.translation.z() == 0.0; };
   trajectory.has_height = trajectory.has_rotation ||
