@@ -4,9 +4,11 @@
 #include "apvi/core/error.hpp"
 #include "fuzz/fuzz_target.hpp"
 #include "io/folder/csv_sensors.hpp"
+#include "io/folder/waterlinked_log.hpp"
 #include "io/merged_reader.hpp"
 
-// A dataset folder with arbitrary CSV files, one for each sensor, separated by NUL bytes.
+// A dataset folder with arbitrary files, one for each sensor, separated by NUL bytes: CSV, and a
+// log of a DVL.
 
 namespace {
 
@@ -31,6 +33,9 @@ void add(io::Recording& recording, std::size_t sensor, std::string text) {
       return recording.add("gnss", io::csv_gnss(csv(std::move(text))));
     case 5:
       return recording.add("camera", io::csv_camera(csv(std::move(text)), "/nowhere", 0));
+    case 6:
+      return recording.add(
+          "dvl", io::waterlinked_dvl(std::make_unique<std::istringstream>(std::move(text)), "log"));
     default:
       return;
   }

@@ -133,6 +133,15 @@ std::vector<std::string> spz_seeds() {
   return {file.str(), plain + std::string(29, 'a'), "NGSP\2\0\0\0\0\0\0\0\0\14\0\0"s};
 }
 
+// The log of a DVL is the seventh file of a data set.
+std::string with_dvl_log(const std::string& imu) {
+  return imu + "\0\0\0\0\0\0"s +
+         R"({"vx":0.1,"vy":0,"vz":-1e-3,"fom":0.01,"altitude":-1,"velocity_valid":true,)"
+         R"("type":"velocity","time_of_validity":1000000,)"
+         R"("transducers":[{"id":0,"velocity":1,"distance":2,"beam_valid":true}]})"
+         "\n{\"type\":\"position_local\",\"ts\":1.5}\n";
+}
+
 Seeds all_seeds() {
   const std::string imu =
       "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1000000000,0,0,0,0,0,9.8\n1010000000,0,0,0,0,0,9\n"
@@ -149,7 +158,7 @@ Seeds all_seeds() {
       "  data: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\nrate_hz: 20\n";
   return {
       {"fuzz_dataset",
-       {imu, imu + "\0"s + dvl,
+       {imu, imu + "\0"s + dvl, with_dvl_log(imu),
         imu + "\0"s + dvl + "\0#timestamp [ns],pressure [hPa]\n1,1013\n"s +
             "\0#timestamp [ns],depth [m]\n1,2\n"s +
             "\0#timestamp [ns],east,north,up\n1,2,3,4\n\0#timestamp [ns],filename\n1,a.png\n"s}},

@@ -5,6 +5,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_sensors.hpp"
+#include "io/folder/waterlinked_log.hpp"
 #include "io/readers.hpp"
 #include "io/trajectory/trajectory_text.hpp"
 
@@ -21,6 +22,20 @@ bool is_expected(const SensorFile& file, const config::Node& rig) {
   // Recordings are often shared without images; the other sensors are sufficient.
   if (file.kind == "camera" && !folder_without_file) return false;
   return folder_without_file || rig.find(file.name) != nullptr;
+}
+
+// The csv file of the DVL, or else a log of the device.
+fs::path dvl_file(const fs::path& csv) {
+  if (fs::exists(csv)) return csv;
+  for (const char* extension : {".jsonl", ".json", ".log"}) {
+    fs::path log = csv;
+    if (fs::exists(log.replace_extension(extension))) return log;
+  }
+  return csv;
+}
+
+std::unique_ptr<SampleSource> open_dvl(const fs::path& path) {
+  return path.extension() == ".csv" ? csv_dvl(CsvFile(path)) : waterlinked_dvl(path);
 }
 
 }  // namespace
@@ -85,7 +100,7 @@ void add_asl_sensors(const fs::path& root, const DatasetConfig& config, const Se
     return csv_pressure(CsvFile(path), unit, air);
   };
   add_sensors({{"imu0", "imu", "imu", csv("imu0"), [](auto& p) { return csv_imu(CsvFile(p)); }},
-               {"dvl0", "dvl", "dvl", csv("dvl0"), [](auto& p) { return csv_dvl(CsvFile(p)); }},
+               {"dvl0", "dvl", "dvl", dvl_file(csv("dvl0")), open_dvl},
                {"pressure0", "pressure", "pressure", csv("pressure0"), pressure},
                {"depth0", "depth", "pressure", csv("depth0"),
                 [](auto& p) { return csv_depth(CsvFile(p)); }},
