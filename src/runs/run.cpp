@@ -190,6 +190,7 @@ class Runner {
   void count(const localization::FrameOutput& output) {
     VioService& service = pass_.vio_service;
     ++service.frames;
+    service.add_image(output.statistics);
     if (output.vio.has_state()) ++service.with_pose;
     if (output.vio.has_state() && output.vio.up_to_scale) ++service.up_to_scale;
     if (!output.vio.has_state() || output.vio.up_to_scale) service.waiting_for = output.vio.detail;

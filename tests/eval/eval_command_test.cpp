@@ -80,9 +80,9 @@ TEST_F(EvalTrajectory, AcceptsAlignmentAndAssociationOptions) {
 }
 
 TEST_F(EvalTrajectory, RejectsUnknownOptionValues) {
-  const ProgramResult result = evaluate_files({"--align", "sim3"});
+  const ProgramResult result = evaluate_files({"--align", "sim2"});
   EXPECT_EQ(result.status, 2);
-  EXPECT_THAT(result.err, HasSubstr("sim3"));
+  EXPECT_THAT(result.err, HasSubstr("sim2"));
 }
 
 TEST_F(EvalTrajectory, ReportsMissingFile) {
