@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/folder/gravity_turn.hpp"
 
+#include <Eigen/Geometry>
+
 namespace apvi::io {
 namespace {
 
