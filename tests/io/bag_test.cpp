@@ -236,14 +236,14 @@ TEST(Bag, RatesInDegreesAreConvertedWithAWarning) {
   const auto path = dir.path() / "a.bag";
   {
     BagWriter bag(path);
-    for (int i = 0; i < 100; ++i) {
+    for (int i = 0; i < 250; ++i) {
       bag.write_imu("/imu", {at(0.01 * i), {1.0, -2.0, 9.0}, {0.0, 0.3, 9.8}});
     }
   }
   testing::internal::CaptureStderr();
   const auto out = read_dataset(config_for(path));
   EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("taken as deg/s"));
-  ASSERT_EQ(out.events.size(), 100U);
+  ASSERT_EQ(out.events.size(), 250U);
   EXPECT_NEAR(std::get<ImuSample>(out.events[0]).gyro.z(), 0.1570796, 1e-6);
   EXPECT_EQ(std::get<ImuSample>(out.events[0]).accel.z(), 9.8);
 }

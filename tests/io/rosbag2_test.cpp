@@ -50,7 +50,7 @@ std::vector<Message> recording() {
   std::vector<Message> all;
   for (int i = 0; i < 300; ++i) {
     const std::int64_t ns = at(0.01 * i);
-    all.push_back({"/imu/data", "sensor_msgs/msg/Imu", ns, test::cdr_imu(ns, 0.1 * i)});
+    all.push_back({"/imu/data", "sensor_msgs/msg/Imu", ns, test::cdr_imu(ns, 0.001 * i)});
     if (i % 20 == 0) all.push_back({"/dvl/data", "dvl_msgs/msg/DVL", ns, test::cdr_dvl(ns, 0.5)});
     if (i % 10 == 0) {
       all.push_back(
@@ -136,7 +136,7 @@ TEST(Mcap, RoundTripsSamples) {
   };
   const auto imu = std::get<ImuSample>(find(SensorEvent(ImuSample{}).index(), 7));
   EXPECT_EQ(imu.stamp.ns, at(0.07));
-  EXPECT_DOUBLE_EQ(imu.gyro.x(), 0.7);
+  EXPECT_DOUBLE_EQ(imu.gyro.x(), 0.007);
   EXPECT_EQ(imu.accel, Eigen::Vector3d(1, 2, 9.8));
   const auto dvl = std::get<DvlSample>(find(SensorEvent(DvlSample{}).index(), 1));
   EXPECT_TRUE(dvl.valid);

@@ -15,6 +15,7 @@ namespace apvi::io {
 namespace {
 
 constexpr std::size_t kFewSamples = 20;  // less say nothing
+constexpr std::size_t kEnoughForDegrees = 200;
 constexpr std::size_t kMaxKept = 100'000;
 constexpr double kTolerance = 0.1;      // of the median norm against gravity
 constexpr double kMaxMedianRate = 2.0;  // no vehicle keeps turning so fast [rad/s]
@@ -116,7 +117,8 @@ void ImuEvidence::add(const ImuSample& sample) {
 
 ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source) {
   ImuFactors factors;
-  const bool degrees = evidence.magnitudes.count() >= kFewSamples && is_in_degrees(evidence);
+  const bool enough = evidence.magnitudes.count() >= kEnoughForDegrees;
+  const bool degrees = enough && is_in_degrees(evidence);
   if (degrees) {
     factors.gyro = kRadiansPerDegree;
     log::warning(
