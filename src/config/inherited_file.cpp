@@ -22,7 +22,7 @@ std::optional<fs::path> find_in_folders(const std::vector<fs::path>& folders,
 fs::path inherited_file(const Node& name, std::string_view key, const fs::path& folder,
                         const std::vector<fs::path>& search) {
   if (name.kind != Node::Kind::scalar) fail_at(name, key, "expected a file name");
-  const fs::path beside = folder / name.text;
+  fs::path beside = folder / name.text;
   if (fs::exists(beside)) return beside;
   if (const auto found = find_in_folders(search, name.text)) return *found;
   std::string places = "relative to this file";

@@ -184,7 +184,7 @@ std::optional<ScaleFound> FusionStage::find_scale(vio::Result& vio) {
   if (!first_up_to_scale_ || vio.earlier.empty()) return std::nullopt;
   const auto scale = scale_between(recent_up_to_scale_, vio.earlier, p_body_camera_);
   if (!scale) return std::nullopt;
-  const ScaleFound found = scale_found(*scale);
+  ScaleFound found = scale_found(*scale);
   const StampedPose& newest = vio.earlier.back();
   const auto known = std::ranges::find(recent_up_to_scale_, newest.stamp, &StampedPose::stamp);
   if (known == recent_up_to_scale_.end()) return std::nullopt;
@@ -210,7 +210,7 @@ std::optional<ScaleFound> FusionStage::find_scale_by_dvl(vio::Result& found) {
   if (found.status == vio::Status::started) dvl_scale_->reset();
   const auto scale = dvl_scale_->add({found.stamp, found.state.pose()});
   if (!scale || !first_up_to_scale_) return std::nullopt;
-  const ScaleFound result = scale_found(*scale);
+  ScaleFound result = scale_found(*scale);
   images_alone_->change_scale(result.to_meters);
   found.state.p_world = changed(result.to_meters, found.state.pose(), p_body_camera_).translation;
   found.up_to_scale = false;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 
-#include "apvi/core/stamp.hpp"
 #include "gaussians/model/archive.hpp"
 #include "mapping/density/seeds.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
@@ -55,7 +54,7 @@ Tensor MapOdomTransform::points_in_map(const Tensor& points) const {
 }
 
 PoseSigmas MapOdomTransform::sigmas(std::int64_t stamp_ns) const {
-  const double passed = seconds_between(Stamp{last_registered_ns_}, Stamp{stamp_ns});
+  const double passed = 1e-9 * static_cast<double>(stamp_ns - last_registered_ns_);
   const double time = std::clamp(passed, kMinTime_s, kMaxTime_s);
   return {.translation_m = time * drift_per_second_.translation_m,
           .rotation_rad = time * drift_per_second_.rotation_rad};

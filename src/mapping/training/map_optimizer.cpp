@@ -8,7 +8,6 @@
 #include <limits>
 #include <string>
 
-#include "apvi/core/stamp.hpp"
 #include "gaussians/device.hpp"
 #include "gaussians/metrics/losses.hpp"
 #include "gaussians/model/archive.hpp"
@@ -61,7 +60,7 @@ medium::Medium on_device(const medium::Medium& medium) {
 std::vector<double> seconds_of(const KeyframeStore& keyframes) {
   std::vector<double> seconds(keyframes.size());
   for (std::size_t i = 0; i < seconds.size(); ++i) {
-    seconds[i] = seconds_between(Stamp{keyframes[0].stamp_ns}, Stamp{keyframes[i].stamp_ns});
+    seconds[i] = 1e-9 * static_cast<double>(keyframes[i].stamp_ns - keyframes[0].stamp_ns);
   }
   return seconds;
 }
