@@ -154,7 +154,7 @@ void VisualOdometry::forget_old_frames(Stamp newest) {
 
 void VisualOdometry::collect(const TrackedFrame& tracked) {
   waiting_.push_back(tracked);
-  mean_force_.push_back(force_sum_ / std::max(force_count_, 1));
+  mean_force_.emplace_back(force_sum_ / std::max(force_count_, 1));
   forget_old_frames(tracked.stamp);
 }
 
