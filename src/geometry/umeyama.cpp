@@ -29,29 +29,31 @@ bool spans_plane(const Eigen::Matrix3Xd& points) {
   return s(1) > 1e-12 * s(0) && s(0) > 0.0;
 }
 
+// The transform as a matrix; nullopt when the points do not determine it.
+std::optional<Eigen::Matrix4d> align(const std::vector<Vector3d>& source,
+                                     const std::vector<Vector3d>& target, bool with_scale) {
+  APVI_CHECK(source.size() == target.size());
+  if (source.size() < 3) return std::nullopt;
+  const Eigen::Matrix3Xd from = to_matrix(source);
+  const Eigen::Matrix3Xd to = to_matrix(target);
+  if (!spans_plane(from) || !spans_plane(to)) return std::nullopt;
+  return Eigen::umeyama(from, to, with_scale);
+}
+
 }  // namespace
 
 std::optional<SE3> align_rigid(const std::vector<Vector3d>& source,
                                const std::vector<Vector3d>& target) {
-  APVI_CHECK(source.size() == target.size());
-  if (source.size() < 3) return std::nullopt;
-  const Eigen::Matrix3Xd from = to_matrix(source);
-  const Eigen::Matrix3Xd to = to_matrix(target);
-  if (!spans_plane(from) || !spans_plane(to)) return std::nullopt;
-  const Eigen::Matrix4d m = Eigen::umeyama(from, to, false);
-  return SE3{Eigen::Quaterniond(Matrix3d(m.topLeftCorner<3, 3>())).normalized(),
-             m.topRightCorner<3, 1>()};
+  const auto m = align(source, target, false);
+  if (!m) return std::nullopt;
+  return SE3{Eigen::Quaterniond(Matrix3d(m->topLeftCorner<3, 3>())).normalized(),
+             m->topRightCorner<3, 1>()};
 }
 
 std::optional<double> similarity_scale(const std::vector<Vector3d>& source,
                                        const std::vector<Vector3d>& target) {
-  APVI_CHECK(source.size() == target.size());
-  if (source.size() < 3) return std::nullopt;
-  const Eigen::Matrix3Xd from = to_matrix(source);
-  const Eigen::Matrix3Xd to = to_matrix(target);
-  if (!spans_plane(from) || !spans_plane(to)) return std::nullopt;
-  const Eigen::Matrix4d m = Eigen::umeyama(from, to, true);
-  return m.col(0).head<3>().norm();
+  const auto m = align(source, target, true);
+  return m ? std::optional(m->col(0).head<3>().norm()) : std::nullopt;
 }
 
 std::optional<SE3> align_yaw(const std::vector<Vector3d>& source,

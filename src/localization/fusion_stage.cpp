@@ -52,8 +52,10 @@ std::optional<double> scale_between(const std::deque<StampedPose>& up_to_scale,
     from.push_back(found->T_world_body * p_body_camera);
     to.push_back(pose.T_world_body * p_body_camera);
   }
-  if (from.size() < 3 || !(spread(from) > 0.0)) return std::nullopt;
-  return spread(to) / spread(from);
+  if (from.size() < 3) return std::nullopt;
+  const double up_to_scale_spread = spread(from);
+  if (!(up_to_scale_spread > 0.0)) return std::nullopt;
+  return spread(to) / up_to_scale_spread;
 }
 
 fusion::Config scale_to_camera(fusion::Config config, const Rig& rig) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/localization/system.hpp"
 
-#include <mutex>
 #include <utility>
 
 #include "localization/pipeline.hpp"
+#include "localization/pose_record.hpp"
 
 namespace apvi::localization {
 
@@ -16,31 +16,15 @@ void apply(const ScaleFound& found, Trajectory& poses) {
 }
 
 struct System::Implementation {
-  Implementation(const Options& options, const Rig& rig, SystemCallbacks receivers)
-      : callbacks(std::move(receivers)),
+  Implementation(const Options& options, const Rig& rig, SystemCallbacks callbacks)
+      : record(std::move(callbacks.pose), std::move(callbacks.scale_found)),
         pipeline(options, rig, select_sensors(options, rig, {.images = !rig.cameras.empty()}),
-                 {.pose = [this](const StampedPose& pose) { take(pose); },
-                  .scale_found = [this](const ScaleFound& found) { take(found); }}) {}
-
-  void take(const StampedPose& pose) {
-    {
-      const std::scoped_lock lock(mutex);
-      trajectory.merge({pose});
-    }
-    if (callbacks.pose) callbacks.pose(pose);
-  }
-  void take(const ScaleFound& found) {
-    {
-      const std::scoped_lock lock(mutex);
-      apply(found, trajectory);
-    }
-    if (callbacks.scale_found) callbacks.scale_found(found);
+                 {.pose = [this](const StampedPose& pose) { record.add(pose); },
+                  .scale_found = [this](const ScaleFound& found) { record.change_scale(found); }}) {
   }
 
-  SystemCallbacks callbacks;
-  mutable std::mutex mutex;
-  Trajectory trajectory;  // guarded by mutex
-  Pipeline pipeline;      // last: its threads end before what they use
+  PoseRecord record;
+  Pipeline pipeline;  // last: its threads end before what they use
 };
 
 System::System(const Options& options, const Rig& rig, SystemCallbacks callbacks)
@@ -62,19 +46,15 @@ void System::stop() {
 
 void System::reset() {
   implementation_->pipeline.reset();
-  const std::scoped_lock lock(implementation_->mutex);
-  implementation_->trajectory = {};
+  implementation_->record.clear();
 }
 
 Trajectory System::trajectory() const {
-  const std::scoped_lock lock(implementation_->mutex);
-  return implementation_->trajectory;
+  return implementation_->record.trajectory();
 }
 
 std::optional<StampedPose> System::pose() const {
-  const std::scoped_lock lock(implementation_->mutex);
-  const Trajectory& trajectory = implementation_->trajectory;
-  return trajectory.empty() ? std::nullopt : std::optional(trajectory.poses.back());
+  return implementation_->record.newest();
 }
 
 }  // namespace apvi::localization

@@ -92,19 +92,18 @@ void check_images(const ImageCounts& counts, std::size_t camera, Warnings& warni
   warnings.push_back(std::move(text));
 }
 
-void check_scale(const VioService& vio, const Evidence& evidence, Warnings& warnings) {
-  if (vio.with_pose == 0 || vio.up_to_scale < vio.with_pose) return;
+void check_scale(const Evidence& evidence, Warnings& warnings) {
+  if (!has_unknown_scale(evidence)) return;
   if (evidence.streams.contains("imu")) {
     warnings.push_back(fmt::format(
         "scale: unknown, as the IMU did not show it: visual-inertial odometry never initialized "
         "and waited for {}; distances are in a unit in which the first scene is "
         "vio.visual.start_distance away",
-        vio.waiting_for));
+        evidence.vio->waiting_for));
   } else if (evidence.streams.contains("dvl")) {
     warnings.push_back(
         "scale: unknown, as too few velocities of the DVL agree with the images; check its "
-        "mounting "
-        "and its stamps with `apvi doctor`");
+        "mounting and its stamps with `apvi doctor`");
   }
 }
 
@@ -197,10 +196,8 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) 
   for (std::size_t i = 0; i < evidence.images.size(); ++i) {
     check_images(evidence.images[i], i, warnings);
   }
-  if (evidence.vio) {
-    check_vio(*evidence.vio, warnings);
-    check_scale(*evidence.vio, evidence, warnings);
-  }
+  if (evidence.vio) check_vio(*evidence.vio, warnings);
+  check_scale(evidence, warnings);
   if (evidence.acoustic) check_acoustic(*evidence.acoustic, warnings);
   return warnings;
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apvi/slam/system.hpp"
 
-#include <mutex>
 #include <utility>
 
 #include "apvi/core/error.hpp"
 #include "localization/pipeline.hpp"
+#include "localization/pose_record.hpp"
 #include "slam/async_mapper.hpp"
 #include "slam/map_access.hpp"
 #include "slam/mapper_options.hpp"
@@ -14,7 +14,7 @@ namespace apvi::slam {
 
 struct System::Implementation {
   Implementation(const Options& options, const Rig& rig, SystemCallbacks callbacks)
-      : callbacks_(std::move(callbacks)) {
+      : record_(std::move(callbacks.pose), std::move(callbacks.scale_found)) {
     const bool camera = options.localization.sensors.includes("camera") && !rig.cameras.empty();
     if (options.mapping.enabled == MapSwitch::on && !camera) {
       fail_input("mapping.enabled: true: the rig has no camera");
@@ -23,33 +23,17 @@ struct System::Implementation {
       mapper_.emplace(async_mapper_options(options, rig), rig, AsyncMapperCallbacks{});
     }
     localization::PipelineCallbacks out;
-    out.pose = [this](const StampedPose& pose) { take(pose); };
-    out.scale_found = [this](const localization::ScaleFound& found) { take(found); };
+    out.pose = [this](const StampedPose& pose) { record_.add(pose); };
+    out.scale_found = [this](const localization::ScaleFound& found) {
+      record_.change_scale(found);
+    };
     out.map = mapper_ ? &*mapper_ : nullptr;
     const localization::ActiveSensors sensors =
         localization::select_sensors(options.localization, rig, {.images = !rig.cameras.empty()});
     localization_.emplace(options.localization, rig, sensors, std::move(out));
   }
 
-  void take(const localization::ScaleFound& found) {
-    {
-      const std::scoped_lock lock(mutex_);
-      localization::apply(found, trajectory_);
-    }
-    if (callbacks_.scale_found) callbacks_.scale_found(found);
-  }
-
-  void take(const StampedPose& pose) {
-    {
-      const std::scoped_lock lock(mutex_);
-      trajectory_.merge({pose});
-    }
-    if (callbacks_.pose) callbacks_.pose(pose);
-  }
-
-  SystemCallbacks callbacks_;
-  mutable std::mutex mutex_;
-  Trajectory trajectory_;  // guarded by mutex_
+  localization::PoseRecord record_;
   std::optional<AsyncMapper> mapper_;
   std::optional<localization::Pipeline> localization_;  // last: its threads end before the mapper
 };
@@ -84,22 +68,16 @@ void System::stop() {
 }
 
 Trajectory System::trajectory() const {
-  const std::scoped_lock lock(implementation_->mutex_);
-  return implementation_->trajectory_;
+  return implementation_->record_.trajectory();
 }
 
 std::optional<StampedPose> System::pose() const {
-  const std::scoped_lock lock(implementation_->mutex_);
-  const Trajectory& trajectory = implementation_->trajectory_;
-  return trajectory.empty() ? std::nullopt : std::optional(trajectory.poses.back());
+  return implementation_->record_.newest();
 }
 
 Status System::status() const {
   Status status;
-  {
-    const std::scoped_lock lock(implementation_->mutex_);
-    status.poses = implementation_->trajectory_.size();
-  }
+  status.poses = implementation_->record_.size();
   if (const auto& mapper = implementation_->mapper_) {
     status.keyframes = static_cast<std::size_t>(mapper->keyframe_count());
     status.gaussians = static_cast<std::size_t>(mapper->gaussian_count());

@@ -5,17 +5,13 @@
 #include <map>
 
 namespace apvi::vio {
-namespace {
 
-// Evenly spaced, including the first and the last.
 std::vector<std::size_t> choose_keyframes(std::size_t first, std::size_t count, int max_count) {
   const std::size_t n = std::min(count, static_cast<std::size_t>(max_count));
   std::vector<std::size_t> chosen;
   for (std::size_t k = 0; k < n; ++k) chosen.push_back(first + k * (count - 1) / (n - 1));
   return chosen;
 }
-
-}  // namespace
 
 std::vector<ImuSample> join(const std::vector<InitFrame>& frames, std::size_t after,
                             std::size_t until) {
@@ -30,13 +26,7 @@ std::vector<ImuSample> join(const std::vector<InitFrame>& frames, std::size_t af
 
 int common_tracks(const TrackedFrame& a, const TrackedFrame& b) {
   int common = 0;
-  auto it = b.observations.begin();
-  for (const FeatureObservation& seen : a.observations) {
-    if (seen.camera != 0) break;
-    while (it != b.observations.end() && it->camera == 0 && it->id < seen.id) ++it;
-    if (it == b.observations.end() || it->camera != 0) break;
-    if (it->id == seen.id) ++common;
-  }
+  visit_common_tracks(a, b, [&](const auto&, const auto&) { ++common; });
   return common;
 }
 

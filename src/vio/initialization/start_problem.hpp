@@ -35,6 +35,23 @@ struct StartProblem {
 std::vector<ImuSample> join(const std::vector<InitFrame>& frames, std::size_t after,
                             std::size_t until);
 
+/// At most `max_count` evenly spaced ones of `count` indices from `first` on, including the first
+/// and the last.
+std::vector<std::size_t> choose_keyframes(std::size_t first, std::size_t count, int max_count);
+
+/// Calls `visit` with both observations of every track of the first camera that both frames have.
+template <typename Visit>
+void visit_common_tracks(const TrackedFrame& a, const TrackedFrame& b, const Visit& visit) {
+  auto it = b.observations.begin();
+  const auto end = b.observations.end();
+  for (const FeatureObservation& seen : a.observations) {
+    if (seen.camera != 0) break;
+    while (it != end && it->camera == 0 && it->id < seen.id) ++it;
+    if (it == end || it->camera != 0) break;
+    if (it->id == seen.id) visit(seen, *it);
+  }
+}
+
 /// Number of tracks of the first camera common to both frames.
 int common_tracks(const TrackedFrame& a, const TrackedFrame& b);
 

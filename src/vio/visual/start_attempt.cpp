@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apvi/core/constants.hpp"
+#include "vio/initialization/start_problem.hpp"
 #include "vio/visual/resection.hpp"
 #include "vio/visual/two_view.hpp"
 #include "vio/window/graph.hpp"
@@ -18,13 +19,6 @@ constexpr int kRounds = 2;  // solve, reject outliers, triangulate the rest, sol
 constexpr int kIterations = 20;
 constexpr std::size_t kMinFrames = 4;
 constexpr double kMaxSolve_s = 1.0;  // the choice of a motion needs converged solutions
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Points in the first camera, scaled so that their median depth is `distance`; `motion` is scaled
 // with them.
@@ -42,24 +36,6 @@ PointsById triangulate_all(const Matches& matches, double distance, SE3& motion)
   for (auto& [id, point] : points) point *= scale;
   motion.translation *= scale;
   return points;
-}
-
-void add_frame(Window& window, const TrackedFrame& tracked, const SE3& T_world_body) {
-  auto frame = std::make_unique<Frame>();
-  frame->stamp = tracked.stamp;
-  frame->state.pose = to_block(T_world_body);
-  window.frames.push_back(std::move(frame));
-  add_observations(window, window.newest(), first_camera_of(tracked));
-}
-
-// Evenly spaced frames, including the first and the last.
-std::vector<const TrackedFrame*> thin(const std::vector<TrackedFrame>& frames, std::size_t first,
-                                      std::size_t count) {
-  const std::size_t all = frames.size() - first;
-  const std::size_t n = std::min(all, count);
-  std::vector<const TrackedFrame*> chosen;
-  for (std::size_t k = 0; k < n; ++k) chosen.push_back(&frames[first + k * (all - 1) / (n - 1)]);
-  return chosen;
 }
 
 StartFit fit_of(const Window& window, const Rig& rig, double max_error_px) {
@@ -84,20 +60,21 @@ StartFit fit_of(const Window& window, const Rig& rig, double max_error_px) {
           static_cast<double>(good) / static_cast<double>(landmarks)};
 }
 
+// A second camera has a scale of its own.
+TrackedFrame first_camera_of(const TrackedFrame& frame) {
+  TrackedFrame out = frame;
+  std::erase_if(out.observations, [](const FeatureObservation& seen) { return seen.camera != 0; });
+  return out;
+}
+
 }  // namespace
 
 Matches match(const TrackedFrame& first, const TrackedFrame& second) {
   Matches found;
-  auto it = second.observations.begin();
-  const auto end = second.observations.end();
-  for (const FeatureObservation& seen : first.observations) {
-    if (seen.camera != 0) break;
-    while (it != end && it->camera == 0 && it->id < seen.id) ++it;
-    if (it == end || it->camera != 0) break;
-    if (it->id != seen.id) continue;
-    found.ids.push_back(seen.id);
-    found.pairs.push_back({seen.point, it->point});
-  }
+  visit_common_tracks(first, second, [&](const FeatureObservation& a, const FeatureObservation& b) {
+    found.ids.push_back(a.id);
+    found.pairs.push_back({a.point, b.point});
+  });
   return found;
 }
 
@@ -111,8 +88,11 @@ StartAttempt::StartAttempt(const std::vector<TrackedFrame>& frames, std::size_t 
     : config_(config),
       rig_(rig),
       T_body_camera_(rig.cameras.front().T_body_camera),
-      focal_(rig.cameras.front().model.parameters().fx),
-      chosen_(thin(frames, base, static_cast<std::size_t>(config.window.keyframes))) {
+      focal_(rig.cameras.front().model.parameters().fx) {
+  for (const std::size_t i :
+       choose_keyframes(base, frames.size() - base, config.window.keyframes)) {
+    chosen_.push_back(&frames[i]);
+  }
   config_.vision.estimate_extrinsics = config_.vision.estimate_time_offset = false;
   config_.window.max_solve_s = kMaxSolve_s;
 }
@@ -147,10 +127,12 @@ void StartAttempt::adjust(Window& window) const {
   }
 }
 
-TrackedFrame first_camera_of(const TrackedFrame& frame) {
-  TrackedFrame out = frame;
-  std::erase_if(out.observations, [](const FeatureObservation& seen) { return seen.camera != 0; });
-  return out;
+void add_frame(Window& window, const TrackedFrame& tracked, const SE3& T_world_body) {
+  auto frame = std::make_unique<Frame>();
+  frame->stamp = tracked.stamp;
+  frame->state.pose = to_block(T_world_body);
+  window.frames.push_back(std::move(frame));
+  add_observations(window, window.newest(), first_camera_of(tracked));
 }
 
 double median_depth(const Window& window) {

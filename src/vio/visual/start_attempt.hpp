@@ -61,8 +61,8 @@ class StartAttempt {
   std::vector<const TrackedFrame*> chosen_;
 };
 
-/// The frame with the corners of the first camera only: a second one has a scale of its own.
-TrackedFrame first_camera_of(const TrackedFrame& frame);
+/// Adds a frame with the observations of its first camera.
+void add_frame(Window& window, const TrackedFrame& tracked, const SE3& T_world_body);
 /// Median depth of the landmarks that the newest frame observes, in its camera; zero without any.
 double median_depth(const Window& window);
 

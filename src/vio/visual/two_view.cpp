@@ -19,13 +19,6 @@ constexpr double kMinShare = 0.8;
 // Length of the translation below which a homography is a pure rotation [distances to the plane].
 constexpr double kMinTranslation = 0.005;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 SE3 of_unit_length(SE3 T) {
   T.translation.normalize();
   return T;
@@ -99,6 +92,13 @@ std::vector<SE3> possible_motions(const Pairs& pairs, double max_error) {
     if (count > 0.0 && count >= kMinShare * best) possible.push_back(motions[i]);
   }
   return possible;
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 double median_parallax(const Pairs& pairs, const SE3& T_first_second) {

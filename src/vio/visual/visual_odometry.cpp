@@ -220,11 +220,7 @@ Result VisualOdometry::track(const TrackedFrame& tracked) {
     remove_observations(window_, window_.newest());
     window_.frames.pop_back();
   }
-  auto frame = std::make_unique<Frame>();
-  frame->stamp = tracked.stamp;
-  frame->state.pose = to_block(*camera * rig_.cameras.front().T_body_camera.inverse());
-  window_.frames.push_back(std::move(frame));
-  add_observations(window_, window_.newest(), first_camera_of(tracked));
+  add_frame(window_, tracked, *camera * rig_.cameras.front().T_body_camera.inverse());
   finish(result, config_.window.max_iterations);
   const bool bad = result.reprojection_rms_px > config_.health.max_reprojection_px;
   bad_frames_ = bad ? bad_frames_ + 1 : 0;

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "localization/pose_record.hpp"
+
+#include <utility>
+
+namespace apvi::localization {
+
+PoseRecord::PoseRecord(std::function<void(const StampedPose&)> pose,
+                       std::function<void(const ScaleFound&)> scale_found)
+    : pose_(std::move(pose)), scale_found_(std::move(scale_found)) {}
+
+void PoseRecord::add(const StampedPose& pose) {
+  {
+    const std::scoped_lock lock(mutex_);
+    trajectory_.merge({pose});
+  }
+  if (pose_) pose_(pose);
+}
+
+void PoseRecord::change_scale(const ScaleFound& found) {
+  {
+    const std::scoped_lock lock(mutex_);
+    apply(found, trajectory_);
+  }
+  if (scale_found_) scale_found_(found);
+}
+
+void PoseRecord::clear() {
+  const std::scoped_lock lock(mutex_);
+  trajectory_ = {};
+}
+
+Trajectory PoseRecord::trajectory() const {
+  const std::scoped_lock lock(mutex_);
+  return trajectory_;
+}
+
+std::size_t PoseRecord::size() const {
+  const std::scoped_lock lock(mutex_);
+  return trajectory_.size();
+}
+
+std::optional<StampedPose> PoseRecord::newest() const {
+  const std::scoped_lock lock(mutex_);
+  return trajectory_.empty() ? std::nullopt : std::optional(trajectory_.poses.back());
+}
+
+}  // namespace apvi::localization
