@@ -158,7 +158,7 @@ TEST_F(SlamSystem, LocalizesWithoutMapWhenMappingIsDisabled) {
 
 TEST_F(SlamSystem, ReportsInvalidInputAsError) {
   Options contradictory = options();
-  contradictory.localization.sensors.use = {"camera"};
+  contradictory.localization.sensors.use = {"dvl", "pressure"};
   EXPECT_THROW(System(contradictory, rig_), Error);
   EXPECT_THROW(System(options(), Rig{}), Error);
   System system(options(), rig_);
