@@ -58,11 +58,11 @@ TEST(CentralCamera, WithoutRefractionIsTheLens) {
 }
 
 TEST(CentralCamera, HasItsLeastErrorAtTheWorkingRange) {
-  for (const Port& port : {flat_port(), flat_port(0.05, 0.05), dome_port({0.0, 0.0, 0.01})}) {
+  for (const Port& port : {flat_port(), flat_port(0.05, 0.01), dome_port({0.0, 0.0, 0.01})}) {
     const PortCamera camera(lens_in_air(), port);
     const CentralCamera central = fit_central_camera(camera, 2.0);
     const double at_working_range = central_error(camera, central, 2.0).rms_px;
-    EXPECT_LT(at_working_range, 0.1);
+    EXPECT_LT(at_working_range, 0.3);
     EXPECT_LT(at_working_range, central_error(camera, central, 0.4).rms_px);
     EXPECT_LE(at_working_range, central_error(camera, central, 20.0).rms_px);
     EXPECT_LT(central_error(camera, central, 1.0).rms_px, 2.0);
