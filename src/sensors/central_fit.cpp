@@ -163,7 +163,10 @@ class LensFit {
   std::vector<Vector3d> directions_;
 };
 
-CameraModel to_model(const CameraModel& lens, Distortion distortion, const VectorXd& x) {
+// nullopt for a fit that went astray.
+std::optional<CameraModel> to_model(const CameraModel& lens, Distortion distortion,
+                                    const VectorXd& x) {
+  if (!x.allFinite() || x(0) <= 0.0 || x(1) <= 0.0) return std::nullopt;
   CameraModel::Parameters p = lens.parameters();
   p.fx = x(0);
   p.fy = x(1);
@@ -191,21 +194,21 @@ CentralError error_of(const std::vector<PixelRay>& samples, const CentralCamera&
 
 // Start: close behind a flat port, tan(angle in air) = n m / sqrt(1 - (n^2 - 1) m^2) for m on the
 // plane z = 1 in the water; its Pade approximant is a rational lens.
-CentralCamera fit_lens(const PortCamera& camera, const std::vector<PixelRay>& samples,
-                       const Vector3d& center, double range, Distortion distortion) {
+std::optional<CameraModel> fit_lens(const PortCamera& camera, const std::vector<PixelRay>& samples,
+                                    const Vector3d& center, double range, Distortion distortion) {
   const CameraModel::Parameters& p = camera.lens().parameters();
   const bool flat = camera.port().kind == PortKind::flat;
   const double enlarged = flat ? camera.port().water_index / camera.port().air_index : 1.0;
   const Eigen::Index coefficients = distortion == Distortion::radtan ? 8 : 4;
   VectorXd x = VectorXd::Zero(kIntrinsics + coefficients);
-  x.head<4>() << enlarged * p.fx, enlarged * p.fy, p.cx, p.cy;
+  x.head<4>() << enlarged * focal_lengths(p), p.cx, p.cy;
   if (distortion == Distortion::radtan) {
     const double bend = enlarged * enlarged - 1.0;
     x(kIntrinsics) = -0.25 * bend;
     x(kIntrinsics + 5) = -0.75 * bend;
   }
   const LensFit fit(distortion, samples, center, range);
-  return {to_model(camera.lens(), distortion, fit.solve(x)), center};
+  return to_model(camera.lens(), distortion, fit.solve(x));
 }
 
 }  // namespace
@@ -219,11 +222,12 @@ CentralCamera fit_central_camera(const PortCamera& camera, double range_m,
   double least = std::numeric_limits<double>::infinity();
   for (const Distortion candidate : {Distortion::radtan, Distortion::equidistant}) {
     if (distortion.value_or(candidate) != candidate) continue;
-    const CentralCamera fitted = fit_lens(camera, samples, center, range_m, candidate);
-    const double error = error_of(samples, fitted, range_m).rms_px;
+    const auto model = fit_lens(camera, samples, center, range_m, candidate);
+    if (!model) continue;
+    const double error = error_of(samples, {*model, center}, range_m).rms_px;
     if (!(error < least)) continue;
     least = error;
-    best = fitted;
+    best = {*model, center};
   }
   if (!best) fail_input("no central camera describes the whole image behind this port");
   return *best;

@@ -73,6 +73,11 @@ std::vector<double> coefficients_of(const CameraModel::Parameters& camera) {
   return {k.begin(), k.begin() + static_cast<std::ptrdiff_t>(*count)};
 }
 
+Eigen::Vector2d focal_lengths(const CameraModel::Parameters& camera) {
+  const bool sphere = camera.distortion == Distortion::double_sphere;
+  return Eigen::Vector2d(camera.fx, camera.fy) / (sphere ? 1.0 + camera.coefficients[0] : 1.0);
+}
+
 std::optional<std::string> lens_problem(const CameraModel::Parameters& camera) {
   const auto& k = camera.coefficients;
   if (!std::all_of(k.begin(), k.end(), [](double value) { return std::isfinite(value); })) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <utility>
 
 namespace apvi {
 namespace {
@@ -68,6 +69,21 @@ TEST(Lens, TheShortestListSaysTheSame) {
   EXPECT_THAT(shortest(Distortion::equidistant, {0, 0, 0, 0}), ElementsAre(0, 0, 0, 0));
   EXPECT_THAT(shortest(Distortion::double_sphere, {0.1, 0.5}), ElementsAre(0.1, 0.5));
   EXPECT_TRUE(shortest(Distortion::none, {}).empty());
+}
+
+TEST(Lens, FocalLengthsAreTheScaleNearTheAxis) {
+  for (const auto& [distortion, k] :
+       {std::pair(Distortion::none, std::vector<double>{}),
+        std::pair(Distortion::radtan, std::vector<double>{-0.2, 0.1, 0, 0}),
+        std::pair(Distortion::double_sphere, std::vector<double>{-0.25, 0.6}),
+        std::pair(Distortion::eucm, std::vector<double>{0.6, 1.2})}) {
+    CameraModel::Parameters camera = lens_of(distortion, k);
+    camera.fx = 200.0;
+    camera.fy = 210.0;
+    const Eigen::Vector2d pixel = *CameraModel(camera).project({1e-5, 1e-5, 1.0});
+    EXPECT_NEAR(pixel.x() / 1e-5, focal_lengths(camera).x(), 1e-4);
+    EXPECT_NEAR(pixel.y() / 1e-5, focal_lengths(camera).y(), 1e-4);
+  }
 }
 
 }  // namespace

@@ -19,6 +19,9 @@ const std::vector<std::size_t>& coefficient_counts(Distortion distortion);
 /// The shortest list of coefficients that says the same: radtan without trailing zeros has 4, 5 or
 /// 8 of them.
 std::vector<double> coefficients_of(const CameraModel::Parameters& camera);
+/// Pixels per unit on the plane z = 1 near the optical axis, in x and y: fx and fy, but for
+/// double_sphere fx / (1 + xi) and fy / (1 + xi).
+Eigen::Vector2d focal_lengths(const CameraModel::Parameters& camera);
 /// What is wrong with the coefficients: not finite, alpha outside [0, 1], xi outside (-1, 1), beta
 /// not positive. nullopt if nothing is.
 std::optional<std::string> lens_problem(const CameraModel::Parameters& camera);
