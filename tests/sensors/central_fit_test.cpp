@@ -69,6 +69,17 @@ TEST(CentralCamera, HasItsLeastErrorAtTheWorkingRange) {
   }
 }
 
+TEST(CentralCamera, ATiltedPortIsFittedTheLessCloselyTheMoreItLeans) {
+  double before = 0.0;
+  for (const double tilt_rad : {0.0, 0.008, 0.016, 0.032, 0.064}) {
+    const PortCamera camera(lens_in_air(), flat_port(0.05, tilt_rad));
+    const double error = central_error(camera, fit_central_camera(camera, 2.0), 2.0).rms_px;
+    EXPECT_GT(error, before);
+    EXPECT_LT(error, 0.05 + 25.0 * tilt_rad);
+    before = error;
+  }
+}
+
 // A central camera at the lens center is right at one range only.
 TEST(CentralCamera, ItsCenterKeepsTheErrorSmallAtOtherRanges) {
   const PortCamera camera(lens_in_air(), flat_port());
