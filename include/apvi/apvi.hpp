@@ -10,6 +10,7 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/localization/system.hpp"
+#include "apvi/sensors/port.hpp"
 #include "apvi/slam/map_snapshot.hpp"
 #include "apvi/slam/mapper.hpp"
 #include "apvi/slam/system.hpp"

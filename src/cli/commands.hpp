@@ -14,6 +14,7 @@ void add_config(CLI::App& app);
 void add_sim(CLI::App& app);
 void add_sweep(CLI::App& app);
 void add_calibrate(CLI::App& app);
+void add_camera(CLI::App& app);
 void add_import(CLI::App& app);
 /// Only in builds with mapping.
 void add_render(CLI::App& app);

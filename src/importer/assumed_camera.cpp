@@ -3,7 +3,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -36,7 +35,7 @@ double focal_length(const FieldOfView& view, double half_px) {
 
 // Least squares for r = f (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9), with f fixed: the angles in the
 // water of radii up to the corner.
-std::array<double, 4> fit_under_water(Lens lens, double f_air, double f, double corner_px) {
+CameraModel::Coefficients fit_under_water(Lens lens, double f_air, double f, double corner_px) {
   Eigen::Matrix<double, kFitSamples, 4> powers;
   Eigen::Matrix<double, kFitSamples, 1> rest;
   for (int i = 0; i < kFitSamples; ++i) {

@@ -6,6 +6,7 @@
 #include <iterator>
 
 #include "apvi/core/error.hpp"
+#include "apvi/sensors/lens.hpp"
 #include "importer/colmap_numbers.hpp"
 
 namespace apvi::importer {
@@ -109,10 +110,7 @@ CameraModel::Parameters to_camera(const ColmapCamera& camera, const std::string&
   for (std::size_t i = 0; next < layout.count && i < p.coefficients.size(); ++i) {
     p.coefficients[i] = camera.parameters[next++];
   }
-  // The higher terms of FULL_OPENCV. COLMAP leaves them at zero unless it refines them.
-  for (; next < layout.count; ++next) {
-    if (camera.parameters[next] != 0.0) fail_unsupported(camera, name);
-  }
+  if (const auto problem = lens_problem(p)) fail_input("{}: {}", name, *problem);
   return p;
 }
 

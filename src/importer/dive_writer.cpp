@@ -12,6 +12,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/sensors/lens.hpp"
 
 namespace apvi::importer {
 namespace {
@@ -150,8 +151,7 @@ std::string camera_yaml(const CameraModel::Parameters& camera, double rate_hz,
       rate_hz, camera.fx, camera.fy, camera.cx, camera.cy);
   if (camera.distortion != Distortion::none) {
     yaml += fmt::format("  distortion: {}\n  coefficients: [{:.9g}]\n",
-                        camera.distortion == Distortion::radtan ? "radtan" : "equidistant",
-                        fmt::join(camera.coefficients, ", "));
+                        lens_name(camera.distortion), fmt::join(coefficients_of(camera), ", "));
   }
   return yaml + fmt::format("  resolution: [{}, {}]\n  {}\n", camera.width, camera.height,
                             identity_pose());

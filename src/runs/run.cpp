@@ -8,6 +8,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
+#include "apvi/sensors/central_fit.hpp"
 #include "apvi/version.hpp"
 #include "core/memory.hpp"
 #include "core/status_line.hpp"
@@ -334,6 +335,12 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+void log_ports(const Rig& rig) {
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    if (rig.cameras[i].port) log::info("cam{}: {}", i, port_summary(rig.cameras[i]));
+  }
+}
+
 }  // namespace
 
 RunResult run(const RunConfig& config, const RunOptions& options) {
@@ -359,6 +366,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   log::info("{} -> {}", config.dataset.path, folder.path().string());
   const ScaleSource scale = scale_of(rig, sensors);
   warn_about_scale(scale);
+  log_ports(rig);
   options.folder_ready();
 
   const Stopwatch watch;

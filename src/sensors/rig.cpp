@@ -8,7 +8,8 @@
 
 #include "apvi/config/fields.hpp"
 #include "apvi/core/constants.hpp"
-#include "apvi/geometry/so3.hpp"
+#include "sensors/camera_section.hpp"
+#include "sensors/pose_node.hpp"
 #include "sensors/sound_speed.hpp"
 
 namespace apvi {
@@ -34,32 +35,6 @@ struct ImuSection {
       "white noise [m/s²/sqrt(Hz)]");
     v("accel_random_walk", imu.accel_random_walk, Range{0.0, 10.0},
       "bias random walk [m/s³/sqrt(Hz)]");
-  }
-};
-
-struct CameraSection {
-  std::string model = "pinhole";
-  std::array<double, 4> intrinsics{};
-  Distortion distortion = Distortion::none;
-  std::vector<double> coefficients;
-  std::array<int, 2> resolution{};
-  double rate_hz = 20.0;
-  Node T_body_sensor;
-  double time_offset_s = 0.0;
-  template <typename V>
-  void visit(V& v) {
-    v("model", model, "camera model; only pinhole");
-    v("intrinsics", intrinsics, "fx, fy, cx, cy [px]; the center of the first pixel is (0, 0)");
-    v("distortion", distortion,
-      Choices<Distortion>{{"none", Distortion::none},
-                          {"radtan", Distortion::radtan},
-                          {"equidistant", Distortion::equidistant}},
-      "lens model");
-    v("coefficients", coefficients, "radtan: k1, k2, p1, p2; equidistant: k1, k2, k3, k4");
-    v("resolution", resolution, Range{1, 100000}, "width, height [px]");
-    v("rate_hz", rate_hz, Range{0.01, 10000.0}, "nominal frame rate [Hz]");
-    v("T_body_sensor", T_body_sensor, "camera to body: 4x4 matrix, row-major");
-    v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "delay of the stamps [s]");
   }
 };
 
@@ -164,54 +139,6 @@ struct RigFile {
 
 Eigen::Vector3d to_vector(const Triple& t) {
   return {t[0], t[1], t[2]};
-}
-
-SE3 to_pose(const Node& node, const std::string& key) {
-  if (node.is_null()) return SE3::identity();
-  std::vector<double> m;
-  config::internal::read_value(node, key, m, config::internal::NoLimit{});
-  if (m.size() != 16) fail_at(node, key, fmt::format("expected 16 numbers, got {}", m.size()));
-  const auto matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(m.data());
-  if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
-    fail_at(node, key, "the last row must be 0, 0, 0, 1; the matrix must be row-major");
-  }
-  const Eigen::Matrix3d block = matrix.topLeftCorner<3, 3>();
-  const auto rotation = so3::nearest_rotation(block);
-  if (!rotation) {
-    fail_at(
-        node, key,
-        fmt::format("the upper left 3x3 block is not a rotation (determinant {:.4f}){}",
-                    block.determinant(), block.determinant() < 0.0 ? "; an axis is flipped" : ""));
-  }
-  return {Eigen::Quaterniond(*rotation).normalized(), matrix.topRightCorner<3, 1>()};
-}
-
-CameraCalibration to_camera(const CameraSection& section, const Node& node,
-                            const std::string& key) {
-  if (section.model != "pinhole") fail_at(node, key + ".model", "only pinhole is supported");
-  const std::size_t wanted = section.distortion == Distortion::none ? 0 : 4;
-  if (section.coefficients.size() != wanted && !(wanted == 0 && section.coefficients.size() == 4)) {
-    fail_at(node, key + ".coefficients",
-            fmt::format("this lens model takes {} coefficients, got {}", wanted,
-                        section.coefficients.size()));
-  }
-  if (section.intrinsics[0] <= 0.0 || section.intrinsics[1] <= 0.0) {
-    fail_at(node, key + ".intrinsics", "fx and fy must be positive");
-  }
-  if (section.resolution[0] == 0) fail_at(node, key + ".resolution", "missing: [width, height]");
-  CameraModel::Parameters p;
-  p.fx = section.intrinsics[0];
-  p.fy = section.intrinsics[1];
-  p.cx = section.intrinsics[2];
-  p.cy = section.intrinsics[3];
-  p.distortion = section.distortion;
-  for (std::size_t i = 0; i < wanted; ++i) p.coefficients[i] = section.coefficients[i];
-  p.width = section.resolution[0];
-  p.height = section.resolution[1];
-  return {.model = CameraModel(p),
-          .T_body_camera = to_pose(section.T_body_sensor, key + ".T_body_sensor"),
-          .rate_hz = section.rate_hz,
-          .time_offset_s = section.time_offset_s};
 }
 
 double water_sound_speed(const DvlSection& section) {

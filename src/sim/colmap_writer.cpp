@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <iterator>
+#include <vector>
 
+#include "apvi/core/error.hpp"
+#include "apvi/sensors/lens.hpp"
 #include "sim/formats.hpp"
 
 // COLMAP's text model: world-to-camera poses, quaternion wxyz. COLMAP's center of the first pixel
@@ -14,17 +18,22 @@ std::string camera_line(std::size_t id, const CameraModel::Parameters& p) {
   const std::string size = fmt::format("{} {}", p.width, p.height);
   const std::string pinhole =
       fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}", p.fx, p.fy, p.cx + 0.5, p.cy + 0.5);
-  const auto& k = p.coefficients;
-  const std::string lens = fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}", k[0], k[1], k[2], k[3]);
+  const std::vector<double> k = coefficients_of(p);
+  const std::string lens = fmt::format("{:.9g}", fmt::join(k, " "));
   switch (p.distortion) {
     case Distortion::none:
       return fmt::format("{} PINHOLE {} {}\n", id, size, pinhole);
     case Distortion::radtan:
-      return fmt::format("{} OPENCV {} {} {}\n", id, size, pinhole, lens);
+      if (k.size() == 4) return fmt::format("{} OPENCV {} {} {}\n", id, size, pinhole, lens);
+      return fmt::format("{} FULL_OPENCV {} {} {:.9g}\n", id, size, pinhole,
+                         fmt::join(p.coefficients, " "));
     case Distortion::equidistant:
       return fmt::format("{} OPENCV_FISHEYE {} {} {}\n", id, size, pinhole, lens);
+    case Distortion::double_sphere:
+    case Distortion::eucm:
+      break;
   }
-  return "";
+  fail_input("rig: COLMAP has no camera model for {}; use another format", lens_name(p.distortion));
 }
 
 }  // namespace

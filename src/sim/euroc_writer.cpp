@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include "apvi/core/error.hpp"
+#include "apvi/sensors/lens.hpp"
 #include "sim/csv_text.hpp"
 #include "sim/formats.hpp"
 
@@ -35,12 +37,18 @@ std::string sensor_head(std::string_view type, std::string_view comment, const S
 std::string camera_yaml(const CameraCalibration& camera) {
   const CameraModel::Parameters& p = camera.model.parameters();
   const bool fisheye = p.distortion == Distortion::equidistant;
+  const bool plain = p.distortion == Distortion::none;
+  if (!fisheye && !plain && p.distortion != Distortion::radtan) {
+    fail_input("rig: EuRoC has no name for the lens {}; use another format",
+               lens_name(p.distortion));
+  }
+  const std::vector<double> k = plain ? std::vector<double>(4, 0.0) : coefficients_of(p);
   return sensor_head("camera", "simulated camera", camera.T_body_camera) +
          fmt::format(
              "rate_hz: {}\nresolution: [{}, {}]\ncamera_model: pinhole\n"
              "intrinsics: [{}]\ndistortion_model: {}\ndistortion_coefficients: [{}]\n",
              camera.rate_hz, p.width, p.height, numbers(std::array{p.fx, p.fy, p.cx, p.cy}),
-             fisheye ? "equidistant" : "radial-tangential", numbers(p.coefficients));
+             fisheye ? "equidistant" : "radial-tangential", numbers(k));
 }
 
 std::string imu_yaml(const ImuCalibration& imu) {

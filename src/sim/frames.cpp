@@ -82,7 +82,7 @@ class FrameRenderer {
     for (const CameraCalibration& camera : scene.rig.cameras) {
       renderers_.emplace_back(mesh, world, camera.model,
                               RendererConfig{config.water, config.light, config.camera.effects},
-                              scene.seed(), threads);
+                              scene.seed(), threads, camera.port);
     }
   }
 

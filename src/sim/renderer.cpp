@@ -23,11 +23,12 @@ static_assert(kTile * kTile == kBatch);
 constexpr float kMaxRange = 200.0F;  // [m]; beyond the visibility of any water
 
 /// Rays of all pixels: unit vectors in the camera frame, zero where the distortion cannot be
-/// inverted.
+/// inverted, and where they start in the camera frame [m] (empty: at the camera center).
 struct Lens {
   int width = 0;
   int height = 0;
   std::vector<Vector3f> rays;
+  std::vector<Vector3f> origins;
   std::vector<float> angle;  ///< between a pixel and its neighbor [rad]
 
   std::size_t index(int x, int y) const {
@@ -36,17 +37,30 @@ struct Lens {
   }
 };
 
-Lens make_lens(const CameraModel& camera) {
+// A pixel without a ray gets a direction of zero.
+WaterRay ray_of(const CameraModel& camera, const std::optional<PortCalibration>& port,
+                const Vector2d& pixel) {
+  WaterRay ray{Vector3d::Zero(), Vector3d::Zero()};
+  if (!port) {
+    ray.direction = camera.unproject(pixel).value_or(Vector3d::Zero());
+  } else if (const auto bent = port->camera.ray(pixel)) {
+    ray = {bent->origin + port->p_camera_lens, bent->direction};
+  }
+  return ray;
+}
+
+Lens make_lens(const CameraModel& camera, const std::optional<PortCalibration>& port) {
   const auto& p = camera.parameters();
   if (p.width < 2 || p.height < 2)
     fail_input("camera: an image of {} x {} px cannot be rendered", p.width, p.height);
-  Lens lens{.width = p.width, .height = p.height, .rays = {}, .angle = {}};
+  Lens lens{.width = p.width, .height = p.height, .rays = {}, .origins = {}, .angle = {}};
   const auto count = static_cast<std::size_t>(p.width) * static_cast<std::size_t>(p.height);
   lens.rays.reserve(count);
   for (int y = 0; y < p.height; ++y) {
     for (int x = 0; x < p.width; ++x) {
-      const auto ray = camera.unproject({x, y});
-      lens.rays.emplace_back(ray ? Vector3f(ray->cast<float>()) : Vector3f(Vector3f::Zero()));
+      const WaterRay ray = ray_of(camera, port, {x, y});
+      lens.rays.emplace_back(ray.direction.cast<float>());
+      if (port) lens.origins.emplace_back(ray.origin.cast<float>());
     }
   }
   lens.angle.reserve(count);
@@ -183,7 +197,7 @@ void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& t
   for (int y = tile.y; y < tile.y + tile.height; ++y) {
     const SE3& T_world_camera = poses.at(sample, y);
     const Eigen::Matrix3f R = T_world_camera.rotation.toRotationMatrix().cast<float>();
-    const Vector3f origin = T_world_camera.translation.cast<float>();
+    const Vector3f center = T_world_camera.translation.cast<float>();
     const int y2 = y + 1 < lens.height ? y + 1 : y - 1;
     for (int x = tile.x; x < tile.x + tile.width; ++x, ++i) {
       const Vector3f& ray = lens.rays[lens.index(x, y)];
@@ -196,6 +210,8 @@ void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& t
         d.normalize();
       }
       const Vector3f world = R * d;
+      const Vector3f origin =
+          lens.origins.empty() ? center : Vector3f(center + R * lens.origins[lens.index(x, y)]);
       out.rays.ox[i] = origin.x();
       out.rays.oy[i] = origin.y();
       out.rays.oz[i] = origin.z();
@@ -235,7 +251,8 @@ void Renderer::Impl::render_tile(const LightState& light, const Poses& poses, co
       const float range = rays.rays.range[static_cast<std::size_t>(i)];
       if (range < 0.0F) continue;
       canvas.range.at<float>(y, x) = range;
-      canvas.depth.at<float>(y, x) = range * lens.rays[lens.index(x, y)].z();
+      const float start = lens.origins.empty() ? 0.0F : lens.origins[lens.index(x, y)].z();
+      canvas.depth.at<float>(y, x) = start + range * lens.rays[lens.index(x, y)].z();
     }
   }
 }
@@ -292,14 +309,15 @@ RenderedFrame Renderer::Impl::make_frame(const ImageRequest& request, const Ligh
 }
 
 Renderer::Renderer(const TriangleMesh& mesh, const RayCaster& caster, const CameraModel& camera,
-                   const RendererConfig& config, std::uint64_t seed, int threads)
+                   const RendererConfig& config, std::uint64_t seed, int threads,
+                   const std::optional<PortCalibration>& port)
     : impl_(std::make_unique<Impl>()) {
   impl_->mesh = &mesh;
   impl_->caster = &caster;
   impl_->camera = camera;
   impl_->config = config;
   impl_->seed = seed;
-  impl_->lens = make_lens(camera);
+  impl_->lens = make_lens(camera, port);
   impl_->white_balance =
       scene_white_balance(config.light, make_medium(config.water), config.water.reference_depth_m);
   if (const auto& given = config.camera.white_balance) {

@@ -10,6 +10,7 @@
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
+#include "apvi/sensors/rig.hpp"
 #include "sim/camera_effects.hpp"
 #include "sim/light.hpp"
 #include "sim/mesh.hpp"
@@ -36,7 +37,7 @@ struct ImageRequest {
 struct RenderedFrame {
   cv::Mat image;  ///< CV_8UC3 BGR, the camera image
   cv::Mat depth;  ///< CV_32F, meters along the optical axis at mid-exposure, 0 for no surface
-  cv::Mat range;  ///< CV_32F, meters along the ray, 0 for no surface
+  cv::Mat range;  ///< CV_32F, meters along the ray in the water, 0 for no surface
   cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J with gain and response of this frame
   Medium medium;  ///< of this frame; b_inf in image units (includes gain and white balance)
   double gain = 1.0;
@@ -53,8 +54,11 @@ struct RendererConfig {
 class Renderer {
  public:
   /// `mesh` and `caster` must outlive the renderer. Bakes ambient occlusion with `threads` threads.
+  /// With a port, every pixel has the ray that the port bends; `camera` is then the central model,
+  /// whose frame requests and depth images refer to.
   Renderer(const TriangleMesh& mesh, const RayCaster& caster, const CameraModel& camera,
-           const RendererConfig& config, std::uint64_t seed, int threads = 1);
+           const RendererConfig& config, std::uint64_t seed, int threads = 1,
+           const std::optional<PortCalibration>& port = std::nullopt);
   ~Renderer();
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;

@@ -151,12 +151,12 @@ Node perturbed_rig(const Scene& scene) {
   Node rig = scene.rig_node;
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     Node& camera = rig.member(fmt::format("cam{}", i));
-    const SE3 pose = perturbed(scene.rig.cameras[i].T_body_camera, error, random);
+    const SE3 pose = perturbed(scene.rig.cameras[i].T_body_lens(), error, random);
     const double focal = 1.0 + 0.01 * error.focal_percent * random.normal();
     if (error.rotation_deg + error.translation_m > 0.0)
       camera.member("T_body_sensor") = pose_node(pose);
     if (error.focal_percent == 0.0) continue;
-    const CameraModel::Parameters& p = scene.rig.cameras[i].model.parameters();
+    const CameraModel::Parameters& p = scene.rig.cameras[i].lens().parameters();
     camera.member("intrinsics").items[0] = number_node(p.fx * focal);
     camera.member("intrinsics").items[1] = number_node(p.fy * focal);
   }

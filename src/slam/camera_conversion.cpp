@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apvi/core/error.hpp"
+#include "apvi/sensors/lens.hpp"
 
 namespace apvi::slam {
 namespace {
@@ -49,6 +50,7 @@ std::array<double, 3> lens_spread(const CameraModel& camera,
   constexpr int kRings = 24;
   constexpr int kDirections = 16;
   const CameraModel::Parameters& lens = camera.parameters();
+  const Eigen::Vector2d focal = focal_lengths(lens);
   const double corner =
       std::hypot(0.5 * pinhole.width / pinhole.fx, 0.5 * pinhole.height / pinhole.fy);
   Eigen::MatrixX3d powers(kRings * kDirections, 3);
@@ -59,8 +61,8 @@ std::array<double, 3> lens_spread(const CameraModel& camera,
     const double angle = 2.0 * std::numbers::pi * (i % kDirections) / kDirections;
     const auto pixel = camera.project({radius * std::cos(angle), radius * std::sin(angle), 1.0});
     if (!pixel) continue;  // outside the image the distortion polynomial may not be invertible
-    const double x = (pixel->x() - lens.cx) / lens.fx;
-    const double y = (pixel->y() - lens.cy) / lens.fy;
+    const double x = (pixel->x() - lens.cx) / focal.x();
+    const double y = (pixel->y() - lens.cy) / focal.y();
     const double t = radius * radius;
     powers.row(count) << t, t * t, t * t * t;
     spread[count++] = (x * x + y * y) / t - 1.0;
@@ -137,6 +139,8 @@ cv::Mat to_image(const Tensor& image) {
 Undistorter::Undistorter(const CameraModel& camera, double scale) {
   CameraModel::Parameters pinhole = camera.parameters();
   source_ = {pinhole.width, pinhole.height};
+  pinhole.fx = focal_lengths(camera.parameters()).x();
+  pinhole.fy = focal_lengths(camera.parameters()).y();
   if (pinhole.distortion != Distortion::none) {
     int tries = 0;
     while (!fill_maps(camera, pinhole, map_x_, map_y_)) {

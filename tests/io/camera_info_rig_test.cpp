@@ -50,7 +50,7 @@ TEST(CameraInfoRig, ReadsFiveCoefficientsWhoseLastIsZero) {
   ASSERT_EQ(rig.cameras.size(), 1U);
   const CameraModel::Parameters& p = rig.cameras[0].model.parameters();
   EXPECT_EQ(p.distortion, Distortion::radtan);
-  EXPECT_THAT(p.coefficients, testing::ElementsAre(-0.36, 0.11, 0.002, -0.001));
+  EXPECT_THAT(p.coefficients, testing::ElementsAre(-0.36, 0.11, 0.002, -0.001, 0, 0, 0, 0));
   EXPECT_DOUBLE_EQ(p.fx, 430.15433);
   EXPECT_DOUBLE_EQ(p.fy, 431.2);
   EXPECT_DOUBLE_EQ(p.cx, 320.54);
@@ -65,15 +65,12 @@ TEST(CameraInfoRig, RefusesCoefficientsThatAreNotModeled) {
   const auto error = [&](const char* model, const char* k) {
     return input_error([&] { rig_of(dir.write("ost.yaml", camera_info(model, k))); });
   };
-  EXPECT_THAT(error("plumb_bob", "-0.36, 0.11, 0, 0, 0.2"),
-              HasSubstr("ost.yaml:10: distortion_coefficients: lens plumb_bob with coefficients "
-                        "[-0.36, 0.11, 0, 0, 0.2]: k3 is not 0, and is not modeled; calibrate "
-                        "again with k1, k2, p1, p2 only or, for a wide lens, with equidistant"));
-  EXPECT_THAT(error("rational_polynomial", "1, 2, 0, 0, 0, 0, 0.5, 0"),
-              HasSubstr("lens rational_polynomial with coefficients [1, 2, 0, 0, 0, 0, 0.5, 0]: "
-                        "k5 is not 0"));
+  EXPECT_THAT(error("rational_polynomial", "1, 2, 0, 0, 0, 0, 0.5, 0, 0.1, 0, 0, 0"),
+              HasSubstr("ost.yaml:10: distortion_coefficients: lens rational_polynomial with "
+                        "coefficients [1, 2, 0, 0, 0, 0, 0.5, 0, 0.1, 0, 0, 0]: number 9 is not 0, "
+                        "and is not modeled; calibrate again as radtan"));
   EXPECT_THAT(error("equidistant", "0.1, 0.2, 0.3, 0.4, 0.5"),
-              HasSubstr("expected 4 coefficients"));
+              HasSubstr("equidistant takes 4 coefficients, got 5"));
   EXPECT_THAT(error("mei", "0.1, 0.2, 0, 0"),
               HasSubstr("distortion_model: lens mei with coefficients [0.1, 0.2, 0, 0]"));
 }
@@ -88,6 +85,21 @@ TEST(CameraInfoRig, ReadsOtherLenses) {
   EXPECT_EQ(lens("equidistant", "0.1, 0.2, 0.3, 0.4").distortion, Distortion::equidistant);
   EXPECT_EQ(lens("equidistant", "0.1, 0.2, 0.3, 0.4").coefficients[3], 0.4);
   EXPECT_EQ(lens("plumb_bob", "").distortion, Distortion::none);
+}
+
+TEST(CameraInfoRig, ReadsAllCoefficientsOfOpenCv) {
+  const TmpDir dir;
+  const auto lens = [&](const char* model, const char* k) {
+    return rig_of(dir.write("ost.yaml", camera_info(model, k))).cameras.at(0).model.parameters();
+  };
+  EXPECT_THAT(lens("plumb_bob", "-0.36, 0.11, 0, 0, 0.2").coefficients,
+              testing::ElementsAre(-0.36, 0.11, 0, 0, 0.2, 0, 0, 0));
+  const auto rational = lens("rational_polynomial", "0.5, 0.2, 0, 0, 0.01, 0.8, 0.1, 0.02");
+  EXPECT_EQ(rational.distortion, Distortion::radtan);
+  EXPECT_THAT(rational.coefficients, testing::ElementsAre(0.5, 0.2, 0, 0, 0.01, 0.8, 0.1, 0.02));
+  // Of OpenCV's twelve, thin prism coefficients must be zero.
+  EXPECT_EQ(lens("rational_polynomial", "0.5, 0, 0, 0, 0, 0.8, 0, 0, 0, 0, 0, 0").coefficients[5],
+            0.8);
 }
 
 TEST(CameraInfoRig, TheModelMayBeNamedCameraModelOrMissing) {

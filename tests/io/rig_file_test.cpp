@@ -115,7 +115,7 @@ TEST(EurocRig, ErrorsNameFileLineAndKey) {
   EXPECT_THAT(error("T_BS: [1, 0, 0]"),
               HasSubstr("sensor.yaml:2: T_BS: expected 16 numbers, row by row, got 3"));
   EXPECT_THAT(error("distortion_model: equidistant"),
-              HasSubstr("distortion_coefficients: missing; expected four coefficients"));
+              HasSubstr("distortion_coefficients: missing; expected the coefficients"));
   EXPECT_THAT(error("distortion_coefficients: [0, 0, 0, 0]"),
               HasSubstr("distortion_model: missing; expected radtan or equidistant"));
 }

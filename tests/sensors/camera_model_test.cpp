@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
+#include <utility>
+#include <vector>
 
 #include "core/random.hpp"
 #include "support/matchers.hpp"
@@ -18,7 +20,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using test::MatrixNear;
 
-CameraModel::Parameters base(Distortion distortion, std::array<double, 4> coefficients) {
+CameraModel::Parameters base(Distortion distortion, const CameraModel::Coefficients& coefficients) {
   return {.fx = 458.654,
           .fy = 457.296,
           .cx = 367.215,
@@ -38,6 +40,35 @@ CameraModel radtan() {  // left camera of EuRoC
 }
 CameraModel folding() {  // barrel distortion that folds at tan(angle) = 0.91
   return CameraModel(base(Distortion::radtan, {-0.4, 0.0, 0.001, -0.002}));
+}
+CameraModel radtan5() {
+  return CameraModel(base(Distortion::radtan, {-0.29, 0.11, 0.0004, -0.0003, -0.02}));
+}
+CameraModel rational() {  // a wide lens of a depth camera
+  return CameraModel(base(Distortion::radtan, {0.61, 0.02, 4e-5, -3e-5, 1e-3, 0.95, 0.11, 5e-3}));
+}
+CameraModel strong_rational() {  // Newton's method from the distorted point leaves the lens
+  return CameraModel(base(Distortion::radtan, {0.2, 0.0, 0.0, 0.0, 0.0, 1.1, 0.0, 0.0}));
+}
+CameraModel double_sphere() {  // as of a lens of 195 degrees in Usenko 2018
+  return CameraModel({.fx = 190.2,
+                      .fy = 190.1,
+                      .cx = 375.5,
+                      .cy = 239.5,
+                      .distortion = Distortion::double_sphere,
+                      .coefficients = {-0.237, 0.578},
+                      .width = 752,
+                      .height = 480});
+}
+CameraModel eucm() {
+  return CameraModel({.fx = 250.0,
+                      .fy = 251.0,
+                      .cx = 375.5,
+                      .cy = 239.5,
+                      .distortion = Distortion::eucm,
+                      .coefficients = {0.63, 1.04},
+                      .width = 752,
+                      .height = 480});
 }
 CameraModel fisheye() {
   return CameraModel(base(Distortion::equidistant, {-0.013, 0.02, -0.012, 0.003}));
@@ -60,9 +91,9 @@ cv::Matx33d intrinsics(const CameraModel& camera) {
   return {p.fx, 0, p.cx, 0, p.fy, p.cy, 0, 0, 1};
 }
 
-cv::Vec4d coefficients(const CameraModel& camera) {
+std::vector<double> coefficients(const CameraModel& camera) {
   const auto& k = camera.parameters().coefficients;
-  return {k[0], k[1], k[2], k[3]};
+  return {k.begin(), k.end()};
 }
 
 Vector2d opencv_projection(const CameraModel& camera, const Vector3d& p) {
@@ -70,8 +101,9 @@ Vector2d opencv_projection(const CameraModel& camera, const Vector3d& p) {
   std::vector<cv::Point2d> pixels;
   const cv::Vec3d zero(0, 0, 0);
   if (camera.parameters().distortion == Distortion::equidistant) {
+    const auto k = coefficients(camera);
     cv::fisheye::projectPoints(points, pixels, zero, zero, intrinsics(camera),
-                               coefficients(camera));
+                               cv::Vec4d(k[0], k[1], k[2], k[3]));
   } else {
     cv::projectPoints(points, zero, zero, intrinsics(camera), coefficients(camera), pixels);
   }
@@ -79,7 +111,8 @@ Vector2d opencv_projection(const CameraModel& camera, const Vector3d& p) {
 }
 
 TEST(CameraModel, ProjectionMatchesOpenCv) {
-  for (const CameraModel& camera : {plain(), radtan(), fisheye()}) {
+  for (const CameraModel& camera :
+       {plain(), radtan(), radtan5(), rational(), strong_rational(), fisheye()}) {
     for (const Vector3d& p : points_in_front(0.9)) {
       const auto pixel = camera.project(p);
       ASSERT_TRUE(pixel.has_value()) << p.transpose();
@@ -89,7 +122,8 @@ TEST(CameraModel, ProjectionMatchesOpenCv) {
 }
 
 TEST(CameraModel, JacobianIsDerivativeOfProjection) {
-  for (const CameraModel& camera : {plain(), radtan(), folding(), fisheye()}) {
+  for (const CameraModel& camera : {plain(), radtan(), radtan5(), rational(), strong_rational(),
+                                    folding(), fisheye(), double_sphere(), eucm()}) {
     for (const Vector3d& p : points_in_front(0.5)) {
       CameraModel::Jacobian23 jacobian;
       ASSERT_TRUE(camera.project(p, &jacobian));
@@ -102,7 +136,8 @@ TEST(CameraModel, JacobianIsDerivativeOfProjection) {
 }
 
 TEST(CameraModel, UnprojectInvertsProject) {
-  for (const CameraModel& camera : {plain(), radtan(), folding(), fisheye()}) {
+  for (const CameraModel& camera : {plain(), radtan(), radtan5(), rational(), strong_rational(),
+                                    folding(), fisheye(), double_sphere(), eucm()}) {
     for (const Vector3d& p : points_in_front(0.55)) {
       const auto ray = camera.unproject(*camera.project(p));
       ASSERT_TRUE(ray.has_value()) << p.transpose();
@@ -112,7 +147,8 @@ TEST(CameraModel, UnprojectInvertsProject) {
 }
 
 TEST(CameraModel, ProjectInvertsUnprojectOverImage) {
-  for (const CameraModel& camera : {plain(), radtan(), fisheye()}) {
+  for (const CameraModel& camera :
+       {plain(), radtan(), radtan5(), rational(), fisheye(), double_sphere(), eucm()}) {
     for (double u = 0.0; u < 752.0; u += 37.55) {
       for (double v = 0.0; v < 480.0; v += 23.95) {
         const auto ray = camera.unproject({u, v});
@@ -138,6 +174,83 @@ TEST(CameraModel, FisheyeProjectsBeyondNinetyDegrees) {
   const auto pixel = fisheye().project(Vector3d(1.0, 0.0, -0.1));
   ASSERT_TRUE(pixel.has_value());
   EXPECT_GT(pixel->x(), 367.0 + 458.0 * std::numbers::pi / 2.0);
+}
+
+// The equations as Usenko 2018 writes them.
+Vector2d published_double_sphere(const CameraModel::Parameters& c, const Vector3d& p) {
+  const auto [xi, alpha] = std::pair(c.coefficients[0], c.coefficients[1]);
+  const double d1 = std::sqrt(p.x() * p.x() + p.y() * p.y() + p.z() * p.z());
+  const double d2 = std::sqrt(p.x() * p.x() + p.y() * p.y() + std::pow(xi * d1 + p.z(), 2));
+  const double below = alpha * d2 + (1 - alpha) * (xi * d1 + p.z());
+  return {c.fx * p.x() / below + c.cx, c.fy * p.y() / below + c.cy};
+}
+
+Vector2d published_eucm(const CameraModel::Parameters& c, const Vector3d& p) {
+  const auto [alpha, beta] = std::pair(c.coefficients[0], c.coefficients[1]);
+  const double d = std::sqrt(beta * (p.x() * p.x() + p.y() * p.y()) + p.z() * p.z());
+  const double below = alpha * d + (1 - alpha) * p.z();
+  return {c.fx * p.x() / below + c.cx, c.fy * p.y() / below + c.cy};
+}
+
+// Rays up to an angle from the axis.
+std::vector<Vector3d> rays_within(double degrees) {
+  std::vector<Vector3d> rays;
+  for (double angle = 0.0; angle <= degrees; angle += 2.5) {
+    for (double azimuth = 0.0; azimuth < 6.28; azimuth += 0.7) {
+      const double a = angle * std::numbers::pi / 180.0;
+      rays.emplace_back(std::sin(a) * std::cos(azimuth), std::sin(a) * std::sin(azimuth),
+                        std::cos(a));
+    }
+  }
+  return rays;
+}
+
+TEST(CameraModel, SphereModelsMatchTheirPapersBeyondNinetyDegrees) {
+  for (const Vector3d& ray : rays_within(105.0)) {
+    const auto ds = double_sphere();
+    ASSERT_TRUE(ds.project(3.0 * ray)) << ray.transpose();
+    EXPECT_THAT(*ds.project(3.0 * ray),
+                MatrixNear(published_double_sphere(ds.parameters(), ray), 1e-9));
+    EXPECT_THAT(*eucm().project(3.0 * ray),
+                MatrixNear(published_eucm(eucm().parameters(), ray), 1e-9));
+  }
+}
+
+TEST(CameraModel, SphereModelsInvertBeyondNinetyDegrees) {
+  for (const CameraModel& camera : {double_sphere(), eucm()}) {
+    for (const Vector3d& ray : rays_within(105.0)) {
+      CameraModel::Jacobian23 jacobian;
+      const auto pixel = camera.project(ray, &jacobian);
+      ASSERT_TRUE(pixel) << ray.transpose();
+      const auto back = camera.unproject(*pixel);
+      ASSERT_TRUE(back) << ray.transpose();
+      EXPECT_THAT(*back, MatrixNear(ray, 1e-10));
+      const auto numeric = test::numeric_jacobian(
+          [&](const Vector3d& d) { return *camera.project(ray + d); }, 3, 1e-6);
+      EXPECT_THAT(jacobian, MatrixNear(numeric, 1e-6 * (1.0 + numeric.norm())));
+    }
+  }
+}
+
+TEST(CameraModel, SphereModelsEndWhereTheirImageFolds) {
+  for (const CameraModel& camera : {double_sphere(), eucm()}) {
+    double radius = 0.0;
+    for (double angle = 0.0; angle < 3.1; angle += 0.01) {
+      const auto pixel = camera.project({std::sin(angle), 0.0, std::cos(angle)});
+      if (!pixel) break;
+      EXPECT_GT(pixel->x() - 375.5, radius - 1e-9) << angle;
+      radius = pixel->x() - 375.5;
+    }
+    EXPECT_FALSE(camera.project({0.0, 0.0, -1.0}));
+    EXPECT_FALSE(camera.project({0.0, 0.0, 0.0}));
+    EXPECT_FALSE(camera.unproject({375.5 + 1.5 * radius, 239.5}));
+  }
+}
+
+TEST(CameraModel, RejectsCoefficientsOutsideTheModel) {
+  EXPECT_THROW(CameraModel(base(Distortion::double_sphere, {1.2, 0.5})), std::logic_error);
+  EXPECT_THROW(CameraModel(base(Distortion::eucm, {0.5, -1.0})), std::logic_error);
+  EXPECT_THROW(CameraModel(base(Distortion::radtan, {std::nan("")})), std::logic_error);
 }
 
 TEST(CameraModel, RejectsRaysBeyondRadtanFold) {

@@ -114,8 +114,15 @@ TEST(Rig, RejectsInvalidValues) {
               HasSubstr("fx and fy must be positive"));
   EXPECT_THAT(error_of("cam0: {intrinsics: [1, 1, 1, 1]}"), HasSubstr("resolution"));
   EXPECT_THAT(error_of("cam0: {intrinsics: [1, 1, 1, 1], resolution: [2, 2], distortion: radtan, "
-                       "coefficients: [1, 2, 3, 4, 5]}"),
-              HasSubstr("this lens model takes 4 coefficients, got 5"));
+                       "coefficients: [1, 2, 3, 4, 5, 6]}"),
+              HasSubstr("cam0.coefficients: radtan takes 4 or 5 or 8 coefficients, got 6"));
+  EXPECT_THAT(error_of("cam0:\n  intrinsics: [1, 1, 1, 1]\n  resolution: [2, 2]\n"
+                       "  coefficients: [1, 2, 3, 4]"),
+              HasSubstr("rig.yaml:4: cam0.coefficients: 4 coefficients fit radtan and equidistant: "
+                        "say which"));
+  EXPECT_THAT(error_of("cam0: {intrinsics: [1, 1, 1, 1], resolution: [2, 2], distortion: none, "
+                       "coefficients: [1, 2, 3, 4]}"),
+              HasSubstr("none takes 0 coefficients, got 4"));
   EXPECT_THAT(error_of("cam0: {model: omni, intrinsics: [1, 1, 1, 1], resolution: [2, 2]}"),
               HasSubstr("only pinhole"));
   EXPECT_THAT(error_of("- 1"), HasSubstr("rig.yaml:1"));

@@ -12,6 +12,7 @@
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
+#include "apvi/sensors/port.hpp"
 #include "apvi/sensors/samples.hpp"
 
 namespace apvi {
@@ -28,11 +29,27 @@ struct ImuCalibration {
   double accel_random_walk = 1e-4;    ///< [m/s³/sqrt(Hz)]
 };
 
+/// The port of a camera.
+struct PortCalibration {
+  PortCamera camera;
+  Eigen::Vector3d p_camera_lens;  ///< lens center in the frame of `CameraCalibration::model` [m]
+  double working_range_m;         ///< the range for which that model was made
+};
+
 struct CameraCalibration {
+  /// The camera as it sees. Behind a port it is the nearest central camera, and so is its pose.
   CameraModel model;
   SE3 T_body_camera;
   double rate_hz = 20.0;
   double time_offset_s = 0.0;  ///< true time = stamp - offset
+  std::optional<PortCalibration> port{};
+
+  /// The camera in air and its pose; without a port, `model` and `T_body_camera`.
+  const CameraModel& lens() const { return port ? port->camera.lens() : model; }
+  SE3 T_body_lens() const {
+    if (!port) return T_body_camera;
+    return {T_body_camera.rotation, T_body_camera * port->p_camera_lens};
+  }
 };
 
 struct DvlCalibration {

@@ -13,6 +13,7 @@
 #include "io/calibration/assumptions.hpp"
 #include "io/calibration/entry.hpp"
 #include "io/calibration/lens.hpp"
+#include "io/calibration/sphere_camera.hpp"
 
 namespace apvi::io {
 namespace {
@@ -60,18 +61,21 @@ void set_poses(const Node& camera, const std::string& path, Node& section) {
 
 Node camera_section(const Node& camera, const std::string& path) {
   Node section = section_at(camera);
-  copy_own(camera, path,
-           {"model", "distortion", "coefficients", "rate_hz", "T_body_sensor", "time_offset_s"},
-           {{"T_cam_imu", "T_body_sensor"},
-            {"T_imu_cam", "T_body_sensor"},
-            {"timeshift_cam_imu", "time_offset_s"},
-            {"distortion_model", "distortion"},
-            {"distortion_coeffs", "coefficients"}},
-           section);
-  if (const auto model = find_entry(camera, path, "camera_model")) check_pinhole(*model);
-  copy_list(camera, path, "intrinsics", 4, "fx, fy, cx, cy", section);
+  copy_own(
+      camera, path,
+      {"model", "distortion", "coefficients", "rate_hz", "T_body_sensor", "time_offset_s", "port"},
+      {{"T_cam_imu", "T_body_sensor"},
+       {"T_imu_cam", "T_body_sensor"},
+       {"timeshift_cam_imu", "time_offset_s"},
+       {"distortion_model", "distortion"},
+       {"distortion_coeffs", "coefficients"}},
+      section);
+  if (!set_sphere_camera(camera, path, section)) {
+    if (const auto model = find_entry(camera, path, "camera_model")) check_pinhole(*model);
+    copy_list(camera, path, "intrinsics", 4, "fx, fy, cx, cy", section);
+    set_lens_of(camera, path, "distortion_coeffs", section);
+  }
   copy_list(camera, path, "resolution", 2, "width, height", section);
-  set_lens_of(camera, path, "distortion_coeffs", section);
   set_poses(camera, path, section);
   if (const auto shift = find_entry(camera, path, "timeshift_cam_imu")) {
     section.member("time_offset_s") = number_at(0.0 - number_of(*shift), *shift->node);

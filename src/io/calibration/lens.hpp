@@ -8,13 +8,13 @@
 
 namespace apvi::io {
 
-/// Throws InputError when the camera model is not a pinhole, such as Kalibr's omni, ds and eucm.
+/// Throws InputError when the camera model is not a pinhole.
 void check_pinhole(const Entry& model);
 
 /// Sets `distortion` and `coefficients` of a camera section. Names of the models are those of
-/// Kalibr, EuRoC, OpenVINS, ROS and OpenCV. A radial-tangential or rational lens is read when all
-/// coefficients after k1, k2, p1, p2 are zero. Throws InputError for any other lens, and for too
-/// few coefficients.
+/// Kalibr, EuRoC, OpenVINS, ROS and OpenCV. Coefficients of a radial-tangential or rational lens
+/// after the eighth (thin prism, tilt) must be zero. Throws InputError for any other lens, and for
+/// a wrong number of coefficients.
 void set_lens(const Entry& model, const Entry& coefficients, config::Node& camera);
 /// As above, with coefficients that the file has as single keys.
 void set_lens(const Entry& model, const Entry& place, const std::vector<double>& coefficients,

@@ -68,8 +68,9 @@ void set_orb_lens(const Node& file, const CameraKeys& keys, Node& section) {
   const Entry type = given.value_or(Entry{&pinhole, "Camera.type"});
   Entry place = type;
   const bool fisheye = text::to_lower(word_of(type)) == "kannalabrandt8";
-  const std::vector<double> k = fisheye ? keys.coefficients({"k1", "k2", "k3", "k4"}, place)
-                                        : keys.coefficients({"k1", "k2", "p1", "p2", "k3"}, place);
+  const std::vector<double> k =
+      fisheye ? keys.coefficients({"k1", "k2", "k3", "k4"}, place)
+              : keys.coefficients({"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}, place);
   // A pinhole camera without coefficients has no distortion.
   if (k.empty() && text::to_lower(word_of(type)) == "pinhole") return;
   set_lens(type, place, k, section);
