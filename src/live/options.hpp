@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apvi/config/fields.hpp"
+
+namespace apvi::live {
+
+/// The `live` section of a run's configuration.
+struct Options {
+  std::vector<std::string> sources;
+  std::vector<std::string> outputs;
+  double output_rate_hz = 0.0;
+  bool record = true;
+  double max_wait_s = 0.5;
+  double duration_s = 0.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("sources", sources,
+      "addresses of vehicles, sensors and cameras, as arguments of `apvi live`");
+    v("outputs", outputs, "where poses go: tum:PATH, udp://HOST:PORT");
+    v("output_rate_hz", output_rate_hz, Range{0.0, 1000.0},
+      "highest rate of poses to an output; 0: every pose [Hz]");
+    v("record", record, "record what is received into the run folder");
+    v("max_wait_s", max_wait_s, Range{0.0, 10.0},
+      "longest time that a sample is held back for older ones of other sensors [s]");
+    v("duration_s", duration_s, Range{0.0, 1e9}, "length of the run; 0: until Ctrl-C [s]");
+  }
+};
+
+}  // namespace apvi::live
