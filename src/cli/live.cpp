@@ -98,8 +98,8 @@ void add_options(CLI::App& command, Arguments& a) {
   command.add_option("--rig", a.rig, "calibration of the vehicle (rig.yaml)")->type_name("FILE");
   command
       .add_option("--out", a.outputs,
-                  "where poses go: tum:PATH (file or named pipe), udp://HOST:PORT (JSON); "
-                  "repeatable")
+                  "where poses go: tum:PATH (file or named pipe), udp://HOST:PORT (JSON), "
+                  "mavlink://udp:HOST:PORT; repeatable")
       ->type_name("OUTPUT")
       ->take_all()
       ->expected(1)

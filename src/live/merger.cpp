@@ -43,7 +43,7 @@ void Merger::add(SensorEvent event, Stamp arrival) {
   stream.last_arrival = arrival;
   if (stamp < delivered_) {
     if (++late_[name] == 1) {
-      log::warning("{}: a sample came {:.0f} ms too late and is dropped, as later ones will be",
+      log::warning("{}: a sample came {:.0f} ms too late and is dropped; others are only counted",
                    name, 1e3 * seconds_between(stamp, delivered_));
     }
     return;

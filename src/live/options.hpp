@@ -22,7 +22,7 @@ struct Options {
     using config::Range;
     v("sources", sources,
       "addresses of vehicles, sensors and cameras, as arguments of `apvi live`");
-    v("outputs", outputs, "where poses go: tum:PATH, udp://HOST:PORT");
+    v("outputs", outputs, "where poses go: tum:PATH, udp://HOST:PORT, mavlink://udp:HOST:PORT");
     v("output_rate_hz", output_rate_hz, Range{0.0, 1000.0},
       "highest rate of poses to an output; 0: every pose [Hz]");
     v("record", record, "record what is received into the run folder");

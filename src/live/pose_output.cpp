@@ -16,6 +16,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
+#include "live/mavlink_poses.hpp"
 #include "live/socket.hpp"
 
 namespace apvi::live {
@@ -69,15 +70,38 @@ class UdpSink : public PoseSink {
   Socket socket_;
 };
 
+class MavlinkSink : public PoseSink {
+ public:
+  MavlinkSink(const Address& address, bool world_is_up)
+      : socket_(Socket::connect_udp(address)), world_is_up_(world_is_up) {}
+
+  void write(const PoseOutput& pose) override {
+    send(mavlink::odometry(pose, world_is_up_));
+    if (last_) {
+      if (const auto delta = mavlink::position_delta(*last_, pose)) send(*delta);
+    }
+    last_ = pose;
+  }
+
+ private:
+  void send(const mavlink::Frame& frame) { socket_.send(mavlink::encode(frame, sequence_++)); }
+
+  Socket socket_;
+  bool world_is_up_;
+  std::uint8_t sequence_ = 0;
+  std::optional<PoseOutput> last_;
+};
+
 std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
 
 }  // namespace
 
-std::unique_ptr<PoseSink> make_pose_sink(const std::string& text) {
+std::unique_ptr<PoseSink> make_pose_sink(const std::string& text, bool world_is_up) {
   constexpr std::string_view kTum = "tum:";
   constexpr std::string_view kUdp = "udp://";
+  constexpr std::string_view kMavlink = "mavlink://udp:";
   if (text.starts_with(kTum) && text.size() > kTum.size()) {
     return std::make_unique<TumSink>(text.substr(kTum.size()));
   }
@@ -85,12 +109,20 @@ std::unique_ptr<PoseSink> make_pose_sink(const std::string& text) {
     const auto address = parse_address(text.substr(kUdp.size()));
     if (address && !address->host.empty()) return std::make_unique<UdpSink>(*address);
   }
-  fail_input("{}: not an output; expected tum:PATH or udp://HOST:PORT", text);
+  if (text.starts_with(kMavlink)) {
+    const auto address = parse_address(text.substr(kMavlink.size()));
+    if (address && !address->host.empty()) {
+      return std::make_unique<MavlinkSink>(*address, world_is_up);
+    }
+  }
+  fail_input("{}: not an output; expected tum:PATH, udp://HOST:PORT or mavlink://udp:HOST:PORT",
+             text);
 }
 
-PoseOutputs::PoseOutputs(const std::vector<std::string>& outputs, double max_rate_hz)
+PoseOutputs::PoseOutputs(const std::vector<std::string>& outputs, double max_rate_hz,
+                         bool world_is_up)
     : period_s_(max_rate_hz > 0.0 ? 1.0 / max_rate_hz : 0.0) {
-  for (const std::string& output : outputs) sinks_.push_back(make_pose_sink(output));
+  for (const std::string& output : outputs) sinks_.push_back(make_pose_sink(output, world_is_up));
 }
 
 void PoseOutputs::write(const PoseOutput& pose) {

@@ -17,7 +17,7 @@ struct PoseOutput {
   Stamp stamp;
   SE3 T_world_body;
   std::optional<Eigen::Vector3d> v_body;  ///< over ground [m/s]
-  /// Of the error in the body frame: rotation, then position [rad², rad m, m²].
+  /// Of the errors of rotation (in the body frame), then position (in the world) [rad², rad m, m²].
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
   unsigned resets = 0;   ///< how often the pose has jumped
   bool trusted = false;  ///< by the failure detection; nothing is sent without
@@ -31,14 +31,15 @@ class PoseSink {
 };
 
 /// "tum:PATH": lines of a TUM trajectory, into a file or a named pipe. "udp://HOST:PORT": JSON
-/// lines. Throws InputError for another text, RunError when it cannot be opened.
-std::unique_ptr<PoseSink> make_pose_sink(const std::string& text);
+/// lines. "mavlink://udp:HOST:PORT": ODOMETRY and VISION_POSITION_DELTA. `world_is_up`: z of the
+/// world is up, not down. Throws InputError for another text, RunError when it cannot be opened.
+std::unique_ptr<PoseSink> make_pose_sink(const std::string& text, bool world_is_up);
 
 /// The outputs of a run: drops poses that are not trusted, and those above the highest rate.
 class PoseOutputs {
  public:
   /// `max_rate_hz` 0: no limit. Throws as make_pose_sink.
-  PoseOutputs(const std::vector<std::string>& outputs, double max_rate_hz);
+  PoseOutputs(const std::vector<std::string>& outputs, double max_rate_hz, bool world_is_up);
 
   void write(const PoseOutput& pose);
 

@@ -64,10 +64,12 @@ eval::Json latency_json(const live::Percentiles& p) {
 }  // namespace
 
 LiveRun::LiveRun(const RunConfig& config, fs::path folder, std::function<bool()> interrupted)
-    : folder_(std::move(folder)), outputs_(config.live.outputs, config.live.output_rate_hz) {
+    : folder_(std::move(folder)) {
   OpenedSources opened = open_sources(config.live.sources);
   config_ = live_config(config, folder_, opened.kinds);
   const config::Node rig = resolve_rig(config_, opened.rig);
+  const bool world_is_up = make_rig(rig).world == WorldFrame::up;
+  outputs_.emplace(config_.live.outputs, config_.live.output_rate_hz, world_is_up);
   if (config_.live.record) recorder_.emplace(config_.dataset.path, rig);
   const bool camera = config_.sensors.includes("camera");
   session_ = std::make_unique<live::Session>(
@@ -86,7 +88,7 @@ LiveRun::LiveRun(const RunConfig& config, fs::path folder, std::function<bool()>
 }
 
 void LiveRun::publish(const live::PoseOutput& pose) {
-  outputs_.write(pose);
+  outputs_->write(pose);
   latency_.done(pose.stamp, live::host_now());
 }
 

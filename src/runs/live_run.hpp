@@ -45,7 +45,7 @@ class LiveRun {
   std::filesystem::path folder_;
   std::optional<live::Recorder> recorder_;
   live::LatencyMonitor latency_;
-  live::PoseOutputs outputs_;
+  std::optional<live::PoseOutputs> outputs_;
   LivePoses poses_;
   LiveHooks hooks_;
   std::unique_ptr<live::Session> session_;  // last: its threads use the others

@@ -138,7 +138,7 @@ TEST(Recorder, AFailureStopsTheRecordingOnly) {
 
 TEST(PoseOutputs, SendTrustedPosesOnlyAndAtTheGivenRate) {
   Socket receiver = Socket::bind_udp({"127.0.0.1", 0});
-  PoseOutputs outputs({fmt::format("udp://127.0.0.1:{}", receiver.port())}, 10.0);
+  PoseOutputs outputs({fmt::format("udp://127.0.0.1:{}", receiver.port())}, 10.0, true);
   for (std::int64_t i = 0; i < 20; ++i) {
     outputs.write({.stamp = Stamp{i * 20'000'000}, .T_world_body = {}, .trusted = i != 0});
   }
@@ -157,15 +157,15 @@ TEST(PoseOutputs, WriteTumLinesIntoAFile) {
   const TmpDir dir;
   const std::filesystem::path file = dir.path() / "poses.tum";
   {
-    PoseOutputs outputs({"tum:" + file.string()}, 0.0);
+    PoseOutputs outputs({"tum:" + file.string()}, 0.0, true);
     outputs.write({.stamp = Stamp{1'500'000'000}, .T_world_body = {}, .trusted = true});
   }
   std::ifstream in(file);
   std::string line;
   std::getline(in, line);
   EXPECT_EQ(line.substr(0, 11), "1.500000000");
-  EXPECT_THROW(PoseOutputs({"tum:"}, 0.0), InputError);
-  EXPECT_THROW(PoseOutputs({"udp://here"}, 0.0), InputError);
+  EXPECT_THROW(PoseOutputs({"tum:"}, 0.0, true), InputError);
+  EXPECT_THROW(PoseOutputs({"udp://here"}, 0.0, true), InputError);
 }
 
 }  // namespace

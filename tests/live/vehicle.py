@@ -69,11 +69,16 @@ def dvl_report(t_ns, row, delay_s):
     return (json.dumps(report) + "\r\n").encode()
 
 
+def stream(root, kind, begin_ns, delay_ns):
+    """(time to send [ns], kind, stamp [ns], row) of a sensor; times count from the beginning."""
+    for stamp, row in rows_of(root / "mav0" / f"{kind}0" / "data.csv"):
+        yield stamp - begin_ns + delay_ns, kind, stamp - begin_ns, row
+
+
 def schedule(root, begin_ns, delay_s):
-    """(time to send [ns], kind, stamp [ns], row) in order; times count from the first sample."""
-    late = {"imu": 0, "pressure": 0, "dvl": round(1e9 * delay_s)}
-    streams = [((stamp - begin_ns + late[kind], kind, stamp - begin_ns, row)
-                for stamp, row in rows_of(root / "mav0" / f"{kind}0" / "data.csv")) for kind in late]
+    """What `stream` gives, of all sensors in order."""
+    delays = {"imu": 0, "pressure": 0, "dvl": round(1e9 * delay_s)}
+    streams = [stream(root, kind, begin_ns, delay) for kind, delay in delays.items()]
     return heapq.merge(*streams, key=lambda event: event[0])
 
 
