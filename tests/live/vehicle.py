@@ -100,6 +100,7 @@ def main():
     begin_ns = min(next(rows_of(arguments.dataset / "mav0" / k / "data.csv"))[0]
                    for k in ("imu0", "pressure0", "dvl0"))
     start = time.monotonic()
+    print(f"{begin_ns} {time.time_ns()}", flush=True)  # the first stamp, and when it is sent
     for sequence, (due_ns, kind, stamp, row) in enumerate(
             schedule(arguments.dataset, begin_ns, arguments.dvl_delay)):
         if due_ns > 1e9 * arguments.duration:
