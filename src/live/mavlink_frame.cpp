@@ -135,18 +135,14 @@ std::vector<std::uint8_t> encode(const Frame& frame, std::uint8_t sequence) {
   std::size_t size = definition == nullptr ? frame.payload.size() : definition->size;
   while (size > 1 && frame.payload[size - 1] == 0) --size;  // version 2 cuts zeros at the end
   const auto id = static_cast<std::uint32_t>(frame.id);
-  std::vector<std::uint8_t> bytes = {kMagic2,
-                                     static_cast<std::uint8_t>(size),
-                                     0,
-                                     0,
-                                     sequence,
-                                     frame.system,
-                                     frame.component,
-                                     static_cast<std::uint8_t>(id),
-                                     static_cast<std::uint8_t>(id >> 8),
-                                     static_cast<std::uint8_t>(id >> 16)};
-  bytes.insert(bytes.end(), frame.payload.begin(),
-               frame.payload.begin() + static_cast<std::ptrdiff_t>(size));
+  std::vector<std::uint8_t> bytes(kHeader2 + size);
+  bytes[0] = kMagic2;
+  bytes[1] = static_cast<std::uint8_t>(size);
+  bytes[4] = sequence;
+  bytes[5] = frame.system;
+  bytes[6] = frame.component;
+  for (unsigned i = 0; i < 3; ++i) bytes[7 + i] = static_cast<std::uint8_t>(id >> (8 * i));
+  std::copy_n(frame.payload.begin(), size, bytes.begin() + kHeader2);
   const std::uint16_t crc =
       checksum(Bytes(bytes).subspan(1), definition == nullptr ? 0 : definition->crc_extra);
   bytes.push_back(static_cast<std::uint8_t>(crc));

@@ -32,6 +32,11 @@ std::string sensor_of(const SensorEvent& event) {
   return fmt::format("{}0", kind_of(event));
 }
 
+std::string extension_of(ImageFormat format, const cv::Mat& pixels) {
+  if (format == ImageFormat::png) return ".png";
+  return pixels.channels() == 1 ? ".pgm" : ".ppm";
+}
+
 std::ofstream open_to_write(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
@@ -42,8 +47,9 @@ std::ofstream open_to_write(const fs::path& path) {
 
 }  // namespace
 
-Recorder::Recorder(fs::path folder, const config::Node& rig)
+Recorder::Recorder(fs::path folder, const config::Node& rig, ImageFormat images)
     : folder_(std::move(folder)),
+      images_(images),
       worker_(kMaxWaiting, Overflow::drop_oldest, [this](const SensorEvent& e) { process(e); }) {
   for (const auto& [sensor, header] : kHeaders) {
     if (rig.find(sensor) != nullptr) open(sensor, header);
@@ -63,7 +69,8 @@ void Recorder::push(const SensorEvent& event) {
   if (std::holds_alternative<ImageFrame>(event)) {
     if (waiting_images_ >= kMaxWaitingImages) {
       if (++dropped_images_ == 1) {
-        log::warning("{}: the disk is too slow; the recording leaves images out", folder_.string());
+        log::warning("{}: disk or encoder are too slow; the recording leaves images out",
+                     folder_.string());
       }
       return;
     }
@@ -104,9 +111,11 @@ void Recorder::write(const SensorEvent& event) {
 void Recorder::write(const ImageFrame& image) {
   constexpr int kFastest = 1;
   const std::string sensor = fmt::format("cam{}", image.camera);
-  const std::string name = fmt::format("{}.png", image.stamp.ns);
+  const cv::Mat pixels = image.decode();
+  const std::string extension = extension_of(images_, pixels);
+  const std::string name = fmt::format("{}{}", image.stamp.ns, extension);
   std::vector<unsigned char> bytes;
-  cv::imencode(".png", image.decode(), bytes, {cv::IMWRITE_PNG_COMPRESSION, kFastest});
+  cv::imencode(extension, pixels, bytes, {cv::IMWRITE_PNG_COMPRESSION, kFastest});
   std::ofstream out = open_to_write(folder_ / "mav0" / sensor / "data" / name);
   out.write(reinterpret_cast<const char*>(bytes.data()),
             static_cast<std::streamsize>(bytes.size()));

@@ -12,17 +12,19 @@
 #include "apvi/config/node.hpp"
 #include "apvi/sensors/samples.hpp"
 #include "core/worker.hpp"
+#include "live/options.hpp"
 
 namespace apvi::live {
 
-/// Writes samples into a dataset folder, without loss: numbers read back exactly, images as PNG. On
-/// its own thread; when the disk is slow, images are left out and counted; when it fails, recording
+/// Writes samples into a dataset folder, without loss: numbers and images read back exactly. On its
+/// own thread; when the disk is slow, images are left out and counted; when it fails, recording
 /// stops with one message. The caller goes on in both cases.
 class Recorder {
  public:
   /// Creates the folder with `rig` as its calibration; samples of sensors that the rig does not
   /// describe are ignored. Throws RunError when it cannot be created.
-  Recorder(std::filesystem::path folder, const config::Node& rig);
+  Recorder(std::filesystem::path folder, const config::Node& rig,
+           ImageFormat images = ImageFormat::png);
 
   /// Thread-safe; never waits for the disk.
   void push(const SensorEvent& event);
@@ -41,6 +43,7 @@ class Recorder {
   void flush();
 
   std::filesystem::path folder_;
+  ImageFormat images_;
   std::map<std::string, std::ofstream> files_;  // by sensor: "imu0", …
   std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
   std::atomic<std::size_t> waiting_images_ = 0;

@@ -70,7 +70,7 @@ LiveRun::LiveRun(const RunConfig& config, fs::path folder, std::function<bool()>
   const config::Node rig = resolve_rig(config_, opened.rig);
   const bool world_is_up = make_rig(rig).world == WorldFrame::up;
   outputs_.emplace(config_.live.outputs, config_.live.output_rate_hz, world_is_up);
-  if (config_.live.record) recorder_.emplace(config_.dataset.path, rig);
+  if (config_.live.record) recorder_.emplace(config_.dataset.path, rig, config_.live.image_format);
   const bool camera = config_.sensors.includes("camera");
   session_ = std::make_unique<live::Session>(
       std::move(opened.sources), rig,

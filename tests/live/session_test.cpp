@@ -114,17 +114,27 @@ TEST(Session, EndsAtOnceWhenInterrupted) {
   EXPECT_LT(watch.seconds(), 1.5);  // of two seconds
 }
 
-TEST(Recorder, ImagesAreReadBackExactly) {
+void expect_read_back(const cv::Mat& image, ImageFormat format) {
   const TmpDir out;
-  cv::Mat image(6, 8, CV_8UC3);
-  for (int i = 0; i < 6 * 8 * 3; ++i) image.data[i] = static_cast<unsigned char>(7 * i);
-  Recorder recorder(out.path(), config::parse_yaml(kRig, "rig"));
+  Recorder recorder(out.path(), config::parse_yaml(kRig, "rig"), format);
   recorder.push(ImageFrame{Stamp{5}, 0, [&] { return image; }});
   recorder.finish();
   const auto events = read_recording(out.path());
   ASSERT_EQ(events.size(), 1U);
   const cv::Mat read = std::get<ImageFrame>(events[0]).decode();
+  ASSERT_EQ(read.type(), image.type());
   EXPECT_EQ(cv::norm(read, image, cv::NORM_INF), 0.0);
+}
+
+TEST(Recorder, ImagesAreReadBackExactly) {
+  cv::Mat image(6, 8, CV_8UC3);
+  for (int i = 0; i < 6 * 8 * 3; ++i) image.data[i] = static_cast<unsigned char>(7 * i);
+  cv::Mat gray;
+  cv::extractChannel(image, gray, 1);
+  for (const ImageFormat format : {ImageFormat::png, ImageFormat::pnm}) {
+    expect_read_back(image, format);
+    expect_read_back(gray, format);
+  }
 }
 
 TEST(Recorder, AFailureStopsTheRecordingOnly) {
@@ -136,11 +146,18 @@ TEST(Recorder, AFailureStopsTheRecordingOnly) {
   recorder.finish();
 }
 
+PoseOutput pose_at(std::int64_t ns, bool trusted) {
+  PoseOutput pose;
+  pose.stamp = Stamp{ns};
+  pose.trusted = trusted;
+  return pose;
+}
+
 TEST(PoseOutputs, SendTrustedPosesOnlyAndAtTheGivenRate) {
   Socket receiver = Socket::bind_udp({"127.0.0.1", 0});
   PoseOutputs outputs({fmt::format("udp://127.0.0.1:{}", receiver.port())}, 10.0, true);
   for (std::int64_t i = 0; i < 20; ++i) {
-    outputs.write({.stamp = Stamp{i * 20'000'000}, .T_world_body = {}, .trusted = i != 0});
+    outputs.write(pose_at(i * 20'000'000, i != 0));
   }
   std::vector<std::string> lines;
   std::array<std::uint8_t, 2048> buffer;
@@ -158,7 +175,7 @@ TEST(PoseOutputs, WriteTumLinesIntoAFile) {
   const std::filesystem::path file = dir.path() / "poses.tum";
   {
     PoseOutputs outputs({"tum:" + file.string()}, 0.0, true);
-    outputs.write({.stamp = Stamp{1'500'000'000}, .T_world_body = {}, .trusted = true});
+    outputs.write(pose_at(1'500'000'000, true));
   }
   std::ifstream in(file);
   std::string line;
