@@ -31,6 +31,7 @@ BELOW = {
     "loop_closure": ["config", "geometry"],
     "io": ["sensors"],
     "eval": ["io"],
+    "live": ["io"],
     "doctor": ["io"],
     "importer": ["io"],
     "sim": ["io"],  # independent of the estimators that are tested with its data
@@ -41,7 +42,7 @@ BELOW = {
     "map_io": ["medium"],
     "mapping": ["depth"],
     "slam": ["localization", "loop_closure", "mapping"],
-    "runs": ["slam", "map_io", "io", "eval"],
+    "runs": ["slam", "map_io", "io", "live", "eval"],
     "cli": ["runs", "doctor", "importer", "sim"],
 }
 # The mapping half, which is built without the module `config` as well (preset `island`), but may

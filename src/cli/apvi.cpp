@@ -63,6 +63,7 @@ int report(const CLI::App& app, const CLI::ParseError& error) {
 
 void add_commands(CLI::App& app) {
   apvi::cli::add_run(app);
+  apvi::cli::add_live(app);
   apvi::cli::add_eval(app);
   apvi::cli::add_doctor(app);
   apvi::cli::add_import(app);

@@ -8,6 +8,7 @@
 namespace apvi::cli {
 
 void add_run(CLI::App& app);
+void add_live(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_doctor(CLI::App& app);
 void add_config(CLI::App& app);

@@ -14,7 +14,8 @@ runs::MappingRunOptions options_of(const MappingRequest& request) {
   return {.folder = request.folder,
           .overwrite = request.overwrite,
           .resume = request.resume,
-          .interrupted = request.interrupted};
+          .interrupted = request.interrupted,
+          .live = request.live};
 }
 
 void report(const runs::MappingRunResult& result) {

@@ -16,6 +16,7 @@ struct MappingRequest {
   bool overwrite = false;
   bool resume = false;
   std::function<bool()> interrupted;
+  const runs::LiveHooks* live = nullptr;
 };
 
 /// Runs localization and mapping together and logs the map's result. Returns nothing when a map was

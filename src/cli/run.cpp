@@ -14,9 +14,9 @@
 #include "cli/import_support.hpp"
 #include "cli/mapping_support.hpp"
 #include "cli/report.hpp"
+#include "cli/run_support.hpp"
 #include "core/interrupt.hpp"
 #include "core/text.hpp"
-#include "eval/metrics_file.hpp"
 #include "runs/run.hpp"
 #include "runs/run_folder.hpp"
 
@@ -82,15 +82,6 @@ std::string name_of(const fs::path& path) {
   return (normal.has_filename() ? normal.stem() : normal.parent_path().stem()).string();
 }
 
-// runs/<base>, with a numeric suffix when that folder exists.
-fs::path vacant_folder(const std::string& base) {
-  fs::path folder = fs::path("runs") / base;
-  for (int i = 2; fs::exists(folder); ++i) {
-    folder = fs::path("runs") / fmt::format("{}-{}", base, i);
-  }
-  return folder;
-}
-
 // runs/<dataset>, or runs/<configuration>-<dataset>.
 fs::path default_folder(const Arguments& a, const runs::RunConfig& config) {
   const std::string data = name_of(config.dataset.path);
@@ -108,13 +99,6 @@ Source import_source(const Arguments& a, const fs::path& folder) {
     import_into(a.target, input, options);
   }
   return recording_source(input, a.overrides);
-}
-
-void report(const runs::RunResult& result) {
-  if (result.interrupted) log::warning("interrupted; results so far are saved");
-  log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
-            result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
-  std::fputs(eval::to_table(result.metrics).c_str(), stdout);
 }
 
 // A resumed run reads the calibration only.

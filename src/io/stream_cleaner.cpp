@@ -48,6 +48,7 @@ void StreamCleaner::log_counts() const {
 // The first sample has no previous neighbor, so up to two samples that are far apart are held until
 // a third one is close to one of them.
 void StreamCleaner::push_first(SensorEvent event) {
+  if (trust_first_) return accept(std::move(event));
   const Stamp stamp = stamp_of(event);
   for (std::size_t i = pending_.size(); i-- > 0;) {
     if (!within_max_jump(stamp_of(pending_[i].event), stamp)) continue;

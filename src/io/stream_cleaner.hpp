@@ -32,6 +32,8 @@ class StreamCleaner {
   /// The same for a malformed sample: the kind of problem, and the text at fault. Logs the first of
   /// each kind.
   void drop_malformed(const std::pair<std::string, std::string>& problem);
+  /// The first sample is known to have a right stamp: it is not held.
+  void trust_first() { trust_first_ = true; }
   /// The sensor has no more samples.
   void finish();
 
@@ -60,6 +62,7 @@ class StreamCleaner {
   std::deque<PendingSample> pending_;     // held until a later sample confirms their stamps
   std::optional<std::string> jump_back_;  // location of a sample far in the past, single or not
   bool jump_back_persists_ = false;
+  bool trust_first_ = false;
   std::map<std::string, std::size_t> malformed_;  // counts by kind of problem
 };
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "runs/live_hooks.hpp"
 #include "runs/run_config.hpp"
 
 namespace apvi::runs {
@@ -14,6 +15,7 @@ struct MappingRunOptions {
   bool overwrite = false;
   bool resume = false;  ///< from the folder's checkpoint.pt, if it exists
   std::function<bool()> interrupted = [] { return false; };  ///< polled after every iteration
+  const LiveHooks* live = nullptr;                           ///< see RunOptions
 };
 
 struct MappingRunResult {

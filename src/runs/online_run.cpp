@@ -34,7 +34,8 @@ std::optional<RunResult> localize(const RunConfig& config, io::SequenceReader& r
                        .overwrite = options.overwrite,
                        .interrupted = options.interrupted,
                        .folder_ready = [&] { map.open_files(); },
-                       .map = &map.mapper()};
+                       .map = &map.mapper(),
+                       .live = options.live};
   std::optional<RunResult> result;
   try {
     result = runs::run(config, recording, run);

@@ -120,9 +120,10 @@ void add_pose(Pass& pass, const StampedPose& pose) {
 class Runner {
  public:
   Runner(const RunConfig& config, const Rig& rig, const localization::ActiveSensors& sensors,
-         RunFolder& folder, localization::MapSink* map)
+         RunFolder& folder, const RunOptions& options)
       : config_(config),
-        map_(sensors.cameras > 0 ? map : nullptr),
+        map_(sensors.cameras > 0 ? options.map : nullptr),
+        live_(options.live),
         folder_(folder),
         pipeline_(localization_options(config), rig, sensors,
                   {.pose = {},
@@ -130,25 +131,27 @@ class Runner {
                    .frame = [this](const localization::FrameOutput& o) { record(o); },
                    .map = map_}) {
     pass_.samples = SampleStatistics(config.dipo.inertial.segment_gap_s);
-    if (config.run.mode != localization::RunMode::realtime) return;
+    if (config.run.mode != localization::RunMode::realtime || live_ != nullptr) return;
     playback_.emplace(config.run.playback_rate, config.dipo.inertial.segment_gap_s);
   }
 
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
     StatusLine status("localizing");
     std::size_t count = 0;
+    if (live_ != nullptr) live_->begin();
     while (const auto event = reader.next()) {
       pass_.last = stamp_of(*event);
       if (!pass_.first) pass_.first = pass_.last;
       pass_.samples.add(*event);
       if (playback_) playback_->wait(pass_.last, interrupted);
       pipeline_.process(*event);
-      if (++count % 256 == 0) status.update(reader.fraction(), detail());
+      if (++count % 256 == 0) status.update(live_ == nullptr ? reader.fraction() : -1.0, detail());
       if (interrupted()) {
         pass_.interrupted = true;
         break;
       }
     }
+    if (live_ != nullptr && interrupted()) pass_.interrupted = true;  // ended the sequence
     pipeline_.finish();
     if (map_ != nullptr) map_->finish();
     return std::move(pass_);
@@ -161,12 +164,16 @@ class Runner {
     folder_.write(output);
     const StampedPose pose = stamped(output.estimate.stamp, output.estimate.state.nav);
     pass_.dipo.poses.push_back(pose);
-    if (pipeline_.visual() == nullptr) add_pose(pass_, pose);
+    if (pipeline_.visual() == nullptr) {
+      add_pose(pass_, pose);
+      if (live_ != nullptr) live_->ping(output);
+    }
     pass_.accel_factor = output.ping.accel_factor;
   }
 
   // Called from the last stage's thread; the status line reads the guarded members.
   void record(const localization::FrameOutput& output) {
+    if (live_ != nullptr) live_->frame(output);
     folder_.write(output);
     const std::scoped_lock lock(mutex_);
     if (output.scale_found) apply(*output.scale_found);
@@ -201,6 +208,10 @@ class Runner {
   }
 
   std::string detail() {
+    return live_ == nullptr ? progress() : progress() + ", " + live_->status();
+  }
+
+  std::string progress() {
     const std::scoped_lock lock(mutex_);
     if (!pass_.fused.empty()) {
       const std::string map = map_ == nullptr ? "" : ", " + map_->status();
@@ -216,6 +227,7 @@ class Runner {
 
   const RunConfig& config_;
   localization::MapSink* map_;
+  const LiveHooks* live_;
   RunFolder& folder_;
   std::optional<PlaybackClock> playback_;
   std::mutex mutex_;
@@ -370,7 +382,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   options.folder_ready();
 
   const Stopwatch watch;
-  Runner runner(config, rig, sensors, folder, options.map);
+  Runner runner(config, rig, sensors, folder, options);
   const Pass pass = runner.run(reader, options.interrupted);
   const localization::Pipeline& pipeline = runner.pipeline();
   folder.close();

@@ -9,6 +9,7 @@
 
 #include "eval/metrics_file.hpp"
 #include "localization/map_sink.hpp"
+#include "runs/live_hooks.hpp"
 #include "runs/run_config.hpp"
 
 namespace apvi::runs {
@@ -20,6 +21,7 @@ struct RunOptions {
   /// Called once the folder exists, before the first sample.
   std::function<void()> folder_ready = [] {};
   localization::MapSink* map = nullptr;  ///< receives map frames when the run has a camera
+  const LiveHooks* live = nullptr;       ///< set for a live sequence
 };
 
 struct RunResult {

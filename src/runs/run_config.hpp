@@ -10,6 +10,7 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/slam/options.hpp"
 #include "eval/trajectory_metrics.hpp"
+#include "live/options.hpp"
 
 namespace apvi::runs {
 
@@ -41,6 +42,7 @@ struct RunConfig {
   fusion::FreezeConfig freeze;
   eval::EvalOptions eval;
   slam::MappingOptions mapping;
+  live::Options live;
 
   template <typename V>
   void visit(V& v) {
@@ -55,6 +57,7 @@ struct RunConfig {
     v("freeze", freeze, "VIO window during a vision failure");
     v("eval", eval, "evaluation against the reference");
     v("mapping", mapping, "3-D Gaussian map");
+    v("live", live, "sources and outputs of `apvi live`");
   }
 };
 

@@ -5,6 +5,8 @@
 
 #include <iterator>
 
+#include "io/folder/csv_rows.hpp"
+
 namespace apvi::sim {
 namespace {
 
@@ -23,54 +25,30 @@ void append_vector(std::string& csv, const Vector3d& v) {
   append(csv, ",{:.9g},{:.9g},{:.9g}", v.x(), v.y(), v.z());
 }
 
-std::string cell(const std::optional<double>& value) {
-  return value ? fmt::format("{:.9g}", *value) : "";
+template <typename Sample>
+std::string rows(std::string_view header, const std::vector<Sample>& samples) {
+  constexpr int kDigits = 9;
+  std::string csv = begin(header);
+  for (const Sample& sample : samples) csv += io::csv_row(sample, kDigits) + "\n";
+  return csv;
 }
 
 }  // namespace
 
 std::string imu_csv(const std::vector<ImuSample>& samples, std::string_view header) {
-  std::string csv = begin(header);
-  for (const ImuSample& sample : samples) {
-    append(csv, "{}", sample.stamp.ns);
-    append_vector(csv, sample.gyro);
-    append_vector(csv, sample.accel);
-    csv += '\n';
-  }
-  return csv;
+  return rows(header, samples);
 }
 
 std::string dvl_csv(const std::vector<DvlSample>& samples) {
-  std::string csv =
-      "#timestamp [ns],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1],figure_of_merit [m s^-1],altitude "
-      "[m],"
-      "valid [0|1],beam0_v [m s^-1],beam1_v [m s^-1],beam2_v [m s^-1],beam3_v [m s^-1],"
-      "beam0_range [m],beam1_range [m],beam2_range [m],beam3_range [m],beam0_valid,beam1_valid,"
-      "beam2_valid,beam3_valid\n";
-  for (const DvlSample& sample : samples) {
-    append(csv, "{}", sample.stamp.ns);
-    append_vector(csv, sample.velocity);
-    append(csv, ",{},{},{}", cell(sample.figure_of_merit), cell(sample.altitude),
-           sample.valid ? 1 : 0);
-    for (const auto& beam : sample.beams) append(csv, ",{:.9g}", beam->velocity);
-    for (const auto& beam : sample.beams) append(csv, ",{}", cell(beam->range));
-    for (const auto& beam : sample.beams) append(csv, ",{}", beam->valid ? 1 : 0);
-    csv += '\n';
-  }
-  return csv;
+  return rows(io::kDvlCsvHeader, samples);
 }
 
 std::string pressure_csv(const std::vector<PressureSample>& samples) {
-  std::string csv = "#timestamp [ns],pressure [Pa]\n";
-  for (const auto& sample : samples)
-    append(csv, "{},{:.9g}\n", sample.stamp.ns, sample.pressure_pa);
-  return csv;
+  return rows(io::kPressureCsvHeader, samples);
 }
 
 std::string depth_csv(const std::vector<PressureDepthSample>& samples) {
-  std::string csv = "#timestamp [ns],depth [m]\n";
-  for (const auto& sample : samples) append(csv, "{},{:.9g}\n", sample.stamp.ns, sample.depth_m);
-  return csv;
+  return rows(io::kDepthCsvHeader, samples);
 }
 
 std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header) {

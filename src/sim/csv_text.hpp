@@ -17,9 +17,6 @@ std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view he
 /// Stamp, position, quaternion wxyz, velocity, gyro bias, accelerometer bias.
 std::string truth_csv(const ImuRecord& record, std::string_view header);
 
-inline constexpr std::string_view kImuHeader =
-    "#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],a_x [m s^-2],a_y [m s^-2],"
-    "a_z [m s^-2]";
 inline constexpr std::string_view kTruthHeader =
     "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z,v_x [m s^-1],v_y [m s^-1],"
     "v_z [m s^-1],b_w_x [rad s^-1],b_w_y [rad s^-1],b_w_z [rad s^-1],b_a_x [m s^-2],b_a_y [m s^-2],"

@@ -8,6 +8,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
+#include "io/folder/csv_rows.hpp"
 #include "sim/csv_text.hpp"
 #include "sim/formats.hpp"
 
@@ -116,7 +117,7 @@ void write_folder(const fs::path& root, const Scene& scene, const Recording& rec
   const fs::path mav = root / "mav0";
   write_file(root / "rig.yaml", config::to_yaml(perturbed_rig(scene)) + "\n");
   if (scene.rig.imu) {
-    write_file(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, kImuHeader));
+    write_file(mav / "imu0" / "data.csv", imu_csv(recording.imu.samples, io::kImuCsvHeader));
   }
   if (scene.rig.dvl) write_file(mav / "dvl0" / "data.csv", dvl_csv(recording.dvl));
   if (scene.rig.pressure) {
@@ -126,7 +127,7 @@ void write_folder(const fs::path& root, const Scene& scene, const Recording& rec
   }
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     write_file(mav / fmt::format("cam{}", i) / "data.csv",
-               camera_csv(recording.frames, "#timestamp [ns],filename"));
+               camera_csv(recording.frames, io::kImageCsvHeader));
   }
   write_file(mav / "state_groundtruth_estimate0" / "data.csv",
              truth_csv(recording.imu, kTruthHeader));

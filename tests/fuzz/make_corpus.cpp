@@ -142,6 +142,13 @@ std::string with_dvl_log(const std::string& imu) {
          "\n{\"type\":\"position_local\",\"ts\":1.5}\n";
 }
 
+// A SCALED_IMU2 and a SCALED_PRESSURE of version 1, as pymavlink writes them.
+std::string mavlink_seed() {
+  return "\xfd\x15\0\0\0\x01\x01\x74\0\0\xe1\x10\0\0\x01\0\x02\0\x03\0\x04\0\x05\0\x06\0\x07\0\x08"
+         "\0\x09"
+         "\x66\xa0\xfe\x0e\0\x01\x01\x1d\xdc\x05\0\0\0\x50\x7d\x44\0\0\0\0\xd2\x04\xd3\x46"s;
+}
+
 Seeds all_seeds() {
   const std::string imu =
       "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1000000000,0,0,0,0,0,9.8\n1010000000,0,0,0,0,0,9\n"
@@ -169,6 +176,7 @@ Seeds all_seeds() {
        {"# t\n1.5 1 2 3 0 0 0 1\n1.6 1 2 3 0 0 1 0\n",
         "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z\n1,1,2,3,1,0,0,0\n",
         "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n", "1,1,2,3,1,0,0,0\n"}},
+      {"fuzz_mavlink", {mavlink_seed()}},
       {"fuzz_mcap", mcap_seeds()},
       {"fuzz_ply", ply_seeds()},
       {"fuzz_ros_message", ros_seeds()},
@@ -177,7 +185,8 @@ Seeds all_seeds() {
         "camera_model: pinhole\nintrinsics: [1, 1, 1, 1]\n"
         "resolution: [2, 2]\ndistortion_model: radial-tangential\n"
         "distortion_coefficients: [0, 0, 0, 0]\n"}},
-      {"fuzz_spz", spz_seeds()}};
+      {"fuzz_spz", spz_seeds()},
+      {"fuzz_waterlinked", {with_dvl_log("")}}};
 }
 
 }  // namespace

@@ -55,6 +55,15 @@ TEST(LiveSequence, DeliversSamplesChronologically) {
   EXPECT_EQ(live.report().at("camera").delivered, 1U);
 }
 
+TEST(LiveSequence, HoldsNothingBackWhenStampsAreTrusted) {
+  LiveSequence live({}, {.reorder_s = 0.0, .confirm_first = false});
+  live.push(imu(0));
+  live.push(dvl(1));
+  live.push(imu(2));
+  live.finish();
+  EXPECT_EQ(read_all(live), (std::vector<std::int64_t>{0, 1, 2}));
+}
+
 TEST(LiveSequence, DeliversLateSampleOnArrival) {
   LiveSequence live({}, {.reorder_s = 0.02});
   live.push(dvl(-10));

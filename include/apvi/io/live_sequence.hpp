@@ -17,6 +17,8 @@ struct LiveOptions {
   std::size_t capacity = 4096;    ///< queued samples; `push` blocks when the queue is full
   double reorder_s = 0.1;         ///< hold-back time for older samples of other sensors [s]
   double max_time_jump_s = 60.0;  ///< as DatasetConfig::max_time_jump_s
+  /// Hold the first sample of a sensor until the second one confirms its stamp.
+  bool confirm_first = true;
 };
 
 /// A live sequence: driver threads push samples while one thread reads them.

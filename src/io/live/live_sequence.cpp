@@ -59,6 +59,7 @@ void LiveSequence::clean(SensorEvent event) {
     };
     StreamCleaner cleaner(name, Duration::from_seconds(options_.max_time_jump_s),
                           report_[std::string(kind_of(event))], where);
+    if (!options_.confirm_first) cleaner.trust_first();
     found = cleaners_->of.emplace(name, std::move(cleaner)).first;
   }
   found->second.push(std::move(event));

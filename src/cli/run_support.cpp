@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cli/run_support.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "apvi/core/log.hpp"
+#include "eval/metrics_file.hpp"
+
+namespace apvi::cli {
+
+namespace fs = std::filesystem;
+
+fs::path vacant_folder(const std::string& base) {
+  fs::path folder = fs::path("runs") / base;
+  for (int i = 2; fs::exists(folder); ++i) {
+    folder = fs::path("runs") / fmt::format("{}-{}", base, i);
+  }
+  return folder;
+}
+
+void report(const runs::RunResult& result) {
+  if (result.interrupted) log::warning("interrupted; results so far are saved");
+  log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
+            result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
+  std::fputs(eval::to_table(result.metrics).c_str(), stdout);
+}
+
+}  // namespace apvi::cli
