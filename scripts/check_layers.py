@@ -31,7 +31,7 @@ BELOW = {
     "loop_closure": ["config", "geometry"],
     "io": ["sensors"],
     "eval": ["io"],
-    "doctor": ["io"],
+    "doctor": ["io", "vio"],
     "importer": ["io"],
     "sim": ["io"],  # independent of the estimators that are tested with its data
     "localization": ["fusion"],
