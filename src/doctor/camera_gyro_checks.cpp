@@ -223,9 +223,18 @@ void report_distortion(const Checked& c, Report& report) {
         {"shift_px", shift}}});
 }
 
+// A wrong focal length also shows in the gyro scale: with the rig's lens it is off, with a free
+// lens it is not.
+bool lens_explains_scale(const CameraGyroFit& fit) {
+  const double off = fit.model.gyro_scale - 1.0;
+  return differs(off, fit.sigma(kGyroScale), kFocalTolerance) &&
+         std::abs(fit.lens_model.gyro_scale - 1.0) < 0.5 * std::abs(off);
+}
+
 bool lens_is_wrong(const CameraGyroFit& fit, const CameraModel& camera) {
   const CameraGyroModel& m = fit.lens_model;
-  if (fit.lens_gain < kMinSigmas || fit.lens_sigma(kFocal) > kMaxFocalSigma) return false;
+  if (fit.lens_sigma(kFocal) > kMaxFocalSigma) return false;
+  if (fit.lens_gain < kMinSigmas && !lens_explains_scale(fit)) return false;
   return differs(m.focal - 1.0, fit.lens_sigma(kFocal), kFocalTolerance) ||
          (lens_shift_px(camera, m.radial) > kDistortionTolerance_px &&
           std::abs(m.radial) > kMinSigmas * fit.lens_sigma(kRadial));
@@ -252,6 +261,7 @@ void report_measured(const Checked& c, Report& report) {
         {"gyro_scale_sigma", c.sigma()(kGyroScale)},
         {"focal_ratio", c.fit.lens_model.focal},
         {"focal_ratio_sigma", c.fit.lens_sigma(kFocal)},
+        {"lens_gain_sigmas", c.fit.lens_gain},
         {"rms_px", c.fit.rms_px},
         {"rms_as_rig_px", c.fit.rms_with_rig_px}}});
 }

@@ -34,7 +34,7 @@ std::string rig_yaml(const RigFaults& faults) {
   const Vector3d axis = angle > 0.0 ? Vector3d(faults.turn_deg.normalized()) : Vector3d::UnitX();
   R = R * Eigen::AngleAxisd(angle, axis).toRotationMatrix();
   return fmt::format(
-      "body: imu0\nworld: up\n"
+      "body: imu0\nworld: up\nimu0: {{rate_hz: 200}}\n"
       "cam0:\n  model: pinhole\n  intrinsics: [{0}, {0}, 159.5, 119.5]\n  distortion: radtan\n"
       "  coefficients: [{1}, 0.035, 0, 0]\n  resolution: [320, 240]\n  rate_hz: 10\n"
       "  time_offset_s: {2}\n"
@@ -113,7 +113,7 @@ TEST_F(CameraFindings, ACameraTurnedByFiveDegreesIsAWarning) {
 
 TEST_F(CameraFindings, ACameraTurnedByAQuarterIsAnError) {
   const Report report = examine_with({.turn_deg = {0.0, 0.0, 90.0}});
-  EXPECT_FINDING(report, "cam0", "mounting", error, "by 9");
+  EXPECT_FINDING(report, "cam0", "mounting", error, "set cam0.T_body_sensor: [");
   EXPECT_NEAR(value_of(report, "cam0", "mounting", "turn_deg"), 90.0, 2.0);
 }
 
