@@ -32,7 +32,7 @@ BELOW = {
     "io": ["sensors"],
     "eval": ["io"],
     "live": ["io"],
-    "doctor": ["io"],
+    "doctor": ["io", "vio"],
     "importer": ["io"],
     "sim": ["io"],  # independent of the estimators that are tested with its data
     "localization": ["fusion"],

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "doctor/image_pairs.hpp"
 #include "doctor/observations.hpp"
 #include "doctor/report.hpp"
 
@@ -10,7 +11,8 @@ namespace apvi::doctor {
 struct CheckInput {
   Observations observed;
   Rig rig;
-  bool has_rig = false;  ///< false: checks against the rig are skipped
+  bool has_rig = false;                             ///< false: checks against the rig are skipped
+  std::vector<std::vector<ImagePair>> image_pairs;  ///< of each camera of the rig
 };
 
 /// Missing sensors, rates, gaps, jitter, dropped and repeated samples, time overlap.
@@ -27,5 +29,8 @@ void check_depth(const CheckInput& c, Report& report);
 void check_cameras(const CheckInput& c, Report& report);
 /// Consistency between sensors: gyro, accelerometer, DVL, depth, reference.
 void check_motion(const CheckInput& c, Report& report);
+/// Time offset, rotation and lens of the cameras, and the scale of the gyro: rotation of the images
+/// against that of the gyro.
+void check_camera_motion(const CheckInput& c, Report& report);
 
 }  // namespace apvi::doctor

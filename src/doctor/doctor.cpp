@@ -130,6 +130,22 @@ std::optional<Trajectory> reference_of(const io::SequenceReader& reader, Report&
   }
 }
 
+// Reads images a second time, as only now it is known where the vehicle turned.
+void match_images_of(const io::DatasetConfig& config, const Options& options, CheckInput& c,
+                     Report& report) {
+  constexpr std::size_t kSpans = 13;
+  const CameraObservations& camera = c.observed.cameras[0];
+  if (!c.has_rig || c.rig.cameras.empty() || camera.timing.count < 2) return;
+  const InertialPath path(c.observed.imu.buffer);
+  const auto spans = turning_spans(path, {camera.timing.first, camera.timing.last}, kSpans);
+  if (spans.empty()) return;
+  try {
+    c.image_pairs = match_images(config, spans, options.interrupted);
+  } catch (const std::exception& e) {
+    add_problem(report, "cam0", "images", fmt::format("cannot be read again: {}", e.what()));
+  }
+}
+
 // Groups findings by sensor, in a fixed order.
 void sort_by_sensor(Report& report) {
   const std::vector<std::string> order = {"rig",    "recording", "imu0", "dvl0",  "pressure0",
@@ -162,6 +178,8 @@ Report examine(const io::DatasetConfig& config, const Options& options) {
   check_depth(c, report);
   check_cameras(c, report);
   check_motion(c, report);
+  match_images_of(config, options, c, report);
+  check_camera_motion(c, report);
   sort_by_sensor(report);
   return report;
 }

@@ -15,10 +15,10 @@ struct Options {
   std::function<bool()> interrupted;  ///< stops reading; the data read so far are checked
 };
 
-/// Reads the recording once and checks it. Statistics cover all of it; fits between sensors use ten
-/// minutes from the first DVL ping with motion, so memory does not grow with the length of the
-/// recording. Throws InputError when no sensor can be opened; all other problems, including an
-/// invalid rig, are findings.
+/// Reads the recording once, and some of its images again, and checks it. Statistics cover all of
+/// it; fits between sensors use ten minutes from the first DVL ping with motion, so memory does not
+/// grow with the length of the recording. Throws InputError when no sensor can be opened; all other
+/// problems, including an invalid rig, are findings.
 Report examine(const io::DatasetConfig& config, const Options& options = {});
 
 }  // namespace apvi::doctor

@@ -243,6 +243,13 @@ std::size_t pairs_in(const std::vector<ChangeBlock>& blocks) {
 
 }  // namespace
 
+DvlMounting mounting_of(const Rig& rig) {
+  if (!rig.dvl) return {};
+  const Eigen::Matrix3d signs = rig.dvl->axis_signs.asDiagonal();
+  return {rig.dvl->scale * rig.dvl->T_body_dvl.rotation.toRotationMatrix() * signs,
+          rig.dvl->T_body_dvl.translation, rig.dvl->time_offset_s};
+}
+
 std::optional<DvlImuFit> fit_dvl_against_imu(const InertialPath& path,
                                              const std::vector<DvlPing>& pings,
                                              const DvlMounting& rig) {

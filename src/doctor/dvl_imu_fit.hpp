@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "apvi/sensors/rig.hpp"
 #include "doctor/inertial_path.hpp"
 #include "doctor/observations.hpp"
 
@@ -42,6 +43,8 @@ struct DvlMounting {
   Eigen::Vector3d lever_arm = Eigen::Vector3d::Zero();
   double time_offset_s = 0.0;
 };
+/// Identity for a rig without a DVL.
+DvlMounting mounting_of(const Rig& rig);
 
 /// Empty when there is too little data or motion.
 std::optional<DvlImuFit> fit_dvl_against_imu(const InertialPath& path,

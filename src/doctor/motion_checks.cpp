@@ -13,6 +13,7 @@
 #include "doctor/dvl_reference_fit.hpp"
 #include "doctor/gyro_fit.hpp"
 #include "doctor/inertial_path.hpp"
+#include "doctor/wording.hpp"
 
 namespace apvi::doctor {
 namespace {
@@ -26,23 +27,6 @@ constexpr double kRotationTolerance = 5.0 * kRadiansPerDegree;
 constexpr double kRotationError = 45.0 * kRadiansPerDegree;
 constexpr double kScaleTolerance = 0.04;
 constexpr double kMinCorrelation = 0.5;
-
-std::string describe_offset(double seconds) {
-  if (std::abs(seconds) < 0.005) return "on time (within 0.01 s)";
-  return fmt::format("{} by {:.2f} s", seconds < 0.0 ? "early" : "late", std::abs(seconds));
-}
-
-std::string list(const Vector3d& v, const char* format) {
-  const auto number = [&](double x) { return fmt::format(fmt::runtime(format), x + 0.0); };
-  return fmt::format("({}, {}, {})", number(v.x()), number(v.y()), number(v.z()));
-}
-
-DvlMounting mounting_of(const Rig& rig) {
-  if (!rig.dvl) return {};
-  const Matrix3d signs = rig.dvl->axis_signs.asDiagonal();
-  return {rig.dvl->scale * rig.dvl->T_body_dvl.rotation.toRotationMatrix() * signs,
-          rig.dvl->T_body_dvl.translation, rig.dvl->time_offset_s};
-}
 
 // A mounting in the rig's convention: signs of the reported components, then a rotation.
 struct RigMounting {
@@ -78,14 +62,6 @@ RigMounting to_rig_mounting(const Matrix3d& mounting, const Rig& rig) {
   if (all.rotation_angle < kRotationError && all.rotation_angle < 0.5 * best.rotation_angle)
     return all;
   return best;
-}
-
-std::string rotation_yaml(const Matrix3d& r) {
-  std::string text;
-  for (Eigen::Index i = 0; i < 3; ++i) {
-    text += fmt::format("{}{:.3f},{:.3f},{:.3f}", i > 0 ? "; " : "", r(i, 0), r(i, 1), r(i, 2));
-  }
-  return "[" + text + "]";
 }
 
 void report_time(const DvlImuFit& fit, const DvlMounting& rig, Report& report) {
@@ -303,12 +279,6 @@ void report_imu_fit(const DvlImuFit& fit, const CheckInput& c, const DvlMounting
   report_scale(fit, report);
 }
 
-bool has_error(const Report& report, std::string_view sensor) {
-  return std::any_of(report.findings.begin(), report.findings.end(), [sensor](const Finding& f) {
-    return f.sensor == sensor && f.severity == Severity::error;
-  });
-}
-
 void check_dvl_motion(const CheckInput& c, const InertialPath& path, Report& report) {
   const DvlMounting rig = mounting_of(c.rig);
   const auto fit = fit_dvl_against_imu(path, c.observed.dvl.buffer, rig);
@@ -341,7 +311,7 @@ void check_motion(const CheckInput& c, Report& report) {
   check_gyro(c.observed.imu.buffer, report);
   const bool dvl_there = c.observed.dvl.buffer.size() > 1;
   if (!dvl_there) return;
-  if (has_error(report, "imu0")) {
+  if (report.has_error("imu0")) {
     report.add({Severity::note,
                 "dvl0",
                 "time, imu",

@@ -76,6 +76,12 @@ std::size_t Report::count(Severity severity) const {
                     [severity](const Finding& f) { return f.severity == severity; }));
 }
 
+bool Report::has_error(std::string_view sensor) const {
+  return std::any_of(findings.begin(), findings.end(), [sensor](const Finding& f) {
+    return f.sensor == sensor && f.severity == Severity::error;
+  });
+}
+
 const Finding* Report::find(std::string_view sensor, std::string_view check) const {
   for (const Finding& f : findings) {
     if (f.sensor == sensor && f.check == check) return &f;

@@ -30,6 +30,7 @@ struct Report {
 
   void add(Finding finding) { findings.push_back(std::move(finding)); }
   std::size_t count(Severity severity) const;
+  bool has_error(std::string_view sensor) const;
   /// First finding of this sensor and check; null when there is none.
   const Finding* find(std::string_view sensor, std::string_view check) const;
 };

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "doctor/dive.hpp"
+#include "support/run_program.hpp"
 #include "support/test_data.hpp"
 
 namespace apvi::doctor {
@@ -68,6 +69,52 @@ TEST(Euroc, FindsWhatWasPutIntoTheSynthesizedDvl) {
   EXPECT_NEAR(value_of(report, "dvl0", "time, imu", "time_offset_s"), 0.1, 0.02);
   EXPECT_EQ(report.find("dvl0", "lever arm")->severity, Severity::ok);
   EXPECT_EQ(report.find("dvl0", "mounting")->severity, Severity::ok);
+}
+
+TEST(Euroc, CameraAgreesWithTheGyro) {
+  APVI_NEEDS_DATA(path, "euroc_mh01_apvi");
+  const Report report = examine_folder(path);
+  EXPECT_NEAR(value_of(report, "cam0", "gyro", "time_offset_s"), 0.0, 0.002);
+  EXPECT_LT(value_of(report, "cam0", "gyro", "turn_deg"), 1.0);
+  EXPECT_NEAR(value_of(report, "cam0", "gyro", "gyro_scale"), 1.0, 0.01);
+  for (const char* check : {"time, gyro", "mounting", "mirrored", "focal length", "distortion"}) {
+    EXPECT_EQ(report.find("cam0", check), nullptr) << to_text(report);
+  }
+  EXPECT_EQ(report.find("imu0", "gyro scale, cam0"), nullptr) << to_text(report);
+}
+
+// The text of a rig with `from` replaced by `to`.
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+Report examine_with_rig(const std::filesystem::path& path, const std::string& from,
+                        const std::string& to) {
+  const test::TmpDir dir;
+  io::DatasetConfig config;
+  config.path = path.string();
+  config.rig =
+      dir.write("rig.yaml", replaced(test::read_file(path / "rig.yaml"), from, to)).string();
+  return examine(config);
+}
+
+TEST(Euroc, WrongFocalLengthsAreFound) {
+  APVI_NEEDS_DATA(path, "euroc_mh01_apvi");
+  const std::string own = "intrinsics: [458.654, 457.296,";
+  EXPECT_FINDING(examine_with_rig(path, own, "intrinsics: [435.721, 434.431,"), "cam0",
+                 "focal length", warning, "longer than in the rig");
+  EXPECT_FINDING(examine_with_rig(path, own, "intrinsics: [481.587, 480.161,"), "cam0",
+                 "focal length", warning, "shorter than in the rig");
+}
+
+TEST(Reef, TimeOffsetOfTheImagesIsFound) {
+  APVI_NEEDS_DATA(path, "reef_gopro");
+  const Report report = examine_with_rig(path, "time_offset_s: 0.105", "time_offset_s: 0.0");
+  EXPECT_FINDING(report, "cam0", "time, gyro", warning, "set cam0.time_offset_s: 0.10");
+  EXPECT_NEAR(value_of(report, "cam0", "time, gyro", "time_offset_s"), 0.105, 0.005);
+  EXPECT_EQ(report.find("imu0", "gyro scale, cam0"), nullptr) << to_text(report);
 }
 
 }  // namespace
