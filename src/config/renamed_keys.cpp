@@ -33,6 +33,8 @@ constexpr auto kRunKeys = std::to_array<RenamedKey>({
     {"vio.window.square_root", "vio.window.square_root_marginalization"},
     {"vio.window.first_estimates", "vio.window.first_estimate_jacobians"},
     {"vio.vision.min_sightings", "vio.vision.min_observations"},
+    {"vio.vision.estimate_extrinsics", "vio.calibration.camera_mounting.estimate"},
+    {"vio.vision.estimate_time_offset", "vio.calibration.camera_time_offset.estimate"},
     {"vio.vision.information_short", "vio.vision.short_track_weight"},
     {"vio.vision.information_long", "vio.vision.long_track_weight"},
     {"vio.vision.track_short", "vio.vision.short_track_frames"},

@@ -62,6 +62,7 @@ class FusionStage {
     return images_alone_ && images_alone_->started() ? images_alone_->window()
                                                      : estimator_.window();
   }
+  const vio::Estimator& estimator() const { return estimator_; }
   const fusion::FreezePolicy& freeze_policy() const { return fuser_.freeze_policy(); }
   /// Time from the first frame to the first VIO pose [s]; empty before.
   std::optional<double> vio_init_time_s() const { return vio_init_time_s_; }

@@ -20,6 +20,14 @@ bool is_stable(const FrameOutput& output) {
   return !output.dropped && trusted && sees && output.vio.landmarks > 0;
 }
 
+// The pose when the image was taken: its stamp may be late.
+SE3 pose_of_image(Stamp stamp, const vio::Window& window, const FrameOutput& output) {
+  if (window.frames.empty() || window.newest().image_stamp != stamp) {
+    return output.vio.state.pose();
+  }
+  return vio::to_se3(window.newest().state.pose.data());
+}
+
 // Depth error of a point triangulated from two rays, by the law of sines.
 double depth_sigma(const vio::Landmark& landmark, const vio::Window& window, double ray_sigma) {
   const auto& first = landmark.observations.front();
@@ -60,9 +68,9 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   frame.stamp = job.stamp;
   frame.vio_failing = failing_;
   for (const auto& kept : window.frames) {
-    if (kept->stamp == job.stamp) continue;
-    frame.window.push_back({kept->stamp, vio::to_se3(kept->state.pose.data())});
-    frame.newest_keyframe = kept->stamp;
+    if (kept->image_stamp == job.stamp) continue;
+    frame.window.push_back({kept->image_stamp, vio::to_se3(kept->state.pose.data())});
+    frame.newest_keyframe = kept->image_stamp;
   }
   for (const StampedPose& earlier : output.vio.earlier) frame.window.push_back(earlier);
   if (!needed) return frame;
@@ -70,7 +78,8 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   frame.image = image;
   frame.held_out = held_out;
   if (held_out) frame.heldout_index = static_cast<std::int64_t>((images_ - 1) / heldout_every_);
-  frame.T_world_body = output.vio.state.pose();
+  frame.T_world_body = pose_of_image(job.stamp, window, output);
+  frame.T_body_camera = vio::to_se3(window.calibration.T_body_camera.front().data());
   if (held_out) return frame;
   frame.points = points(window);
   frame.range_points = std::exchange(range_points_, {});

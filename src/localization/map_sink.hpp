@@ -25,13 +25,14 @@ struct MapPoint {
 /// Data that localization passes to the map at a camera frame. Poses are of the body, in the output
 /// frame.
 struct MapFrame {
-  Stamp stamp;                     ///< of the frame, on the IMU clock
-  Stamp image_stamp;               ///< as recorded
-  cv::Mat image;                   ///< raw image of camera 0; empty: no image for the map
-  bool held_out = false;           ///< for evaluation, never used for mapping
-  std::int64_t heldout_index = 0;  ///< index among the recording's held-out images
-  SE3 T_world_body;
-  std::vector<MapPoint> points;               ///< landmarks observed in the frame
+  Stamp stamp;                       ///< of the frame, on the IMU clock
+  Stamp image_stamp;                 ///< as recorded
+  cv::Mat image;                     ///< raw image of camera 0; empty: no image for the map
+  bool held_out = false;             ///< for evaluation, never used for mapping
+  std::int64_t heldout_index = 0;    ///< index among the recording's held-out images
+  SE3 T_world_body;                  ///< when the image was taken
+  std::optional<SE3> T_body_camera;  ///< as calibrated so far; empty: as in the rig
+  std::vector<MapPoint> points;      ///< landmarks observed in the frame
   std::vector<Eigen::Vector3d> range_points;  ///< DVL beam end points since the previous frame [m]
   std::vector<StampedPose> window;            ///< current poses of the keyframes in the window
   std::optional<Stamp> newest_keyframe;       ///< in the window, before this frame

@@ -22,6 +22,7 @@
 #include "runs/playback_clock.hpp"
 #include "runs/run_folder.hpp"
 #include "runs/scale.hpp"
+#include "runs/self_calibration.hpp"
 #include "runs/warnings.hpp"
 
 namespace apvi::runs {
@@ -93,7 +94,8 @@ struct Pass {
   Trajectory dipo;
   Trajectory vio;
   double length_m = 0.0;
-  double accel_factor = 1.0;    // final value of the adaptive noise
+  double accel_factor = 1.0;  // final value of the adaptive noise
+  std::optional<double> dvl_time_offset_s;
   std::vector<double> frame_s;  // tracking and estimation time per frame
   SampleStatistics samples;
   VioService vio_service;
@@ -169,6 +171,7 @@ class Runner {
       if (live_ != nullptr) live_->ping(output);
     }
     pass_.accel_factor = output.ping.accel_factor;
+    pass_.dvl_time_offset_s = output.estimate.state.dvl_time_offset_s;
   }
 
   // Called from the last stage's thread; the status line reads the guarded members.
@@ -289,6 +292,19 @@ std::vector<std::string> collect_warnings(const Evidence& evidence, const Rig& r
   return warnings;
 }
 
+// Nothing when the recording told no parameter.
+eval::Json self_calibration(const RunFolder& folder, const config::Node& rig,
+                            const localization::VisualPipeline& visual, const Pass& pass) {
+  const vio::Estimator& estimator = visual.fusion_stage().estimator();
+  const std::vector<vio::CalibrationParameter> parameters = estimator.calibration();
+  const auto told = [](const vio::CalibrationParameter& p) { return p.observable(); };
+  if (std::ranges::none_of(parameters, told)) return eval::Json::object();
+  Rig estimate = estimator.calibrated_rig();
+  if (estimate.dvl && pass.dvl_time_offset_s) estimate.dvl->time_offset_s = *pass.dvl_time_offset_s;
+  report_self_calibration(folder.file("rig_estimated.yaml"), rig, estimate, parameters);
+  return self_calibration_json(parameters);
+}
+
 // Images that were skipped, if any.
 eval::Json image_counts_json(const Evidence& evidence) {
   eval::Json json = eval::Json::object();
@@ -406,6 +422,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
+    sections["self_calibration"] = self_calibration(folder, rig_node, *visual, pass);
     sections["dropped"]["images"] = visual->dropped_images();
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "apvi/core/constants.hpp"
+#include "apvi/geometry/so3.hpp"
 #include "core/stopwatch.hpp"
 #include "vio/window/graph.hpp"
 #include "vio/window/window_solution.hpp"
@@ -22,6 +23,11 @@ constexpr double kSampleHistory_s = 30.0;
 // A preintegration is repeated when its biases have changed by more than this.
 constexpr double kStaleGyroBias = 0.005;  // [rad/s]
 constexpr double kStaleAccelBias = 0.05;  // [m/s²]
+
+// Frames are dated by the estimated time offset of the camera when it differs by more than this,
+// and by at most this fraction of the time since the last frame.
+constexpr double kMinOffsetStep_s = 0.002;
+constexpr double kMaxOffsetStep = 0.25;
 
 // Gaps in the inertial data: a step longer than this many sample periods gets inflated noise.
 constexpr double kMissingSamples = 4.0;
@@ -46,7 +52,12 @@ bool is_finite(const FrameState& state) {
 }  // namespace
 
 Estimator::Estimator(const Config& config, const Rig& rig)
-    : config_(config), rig_(rig), imu_(Duration::from_seconds(kSampleHistory_s)) {
+    : config_(config),
+      rig_(rig),
+      imu_(Duration::from_seconds(kSampleHistory_s)),
+      window_(empty_window(rig)),
+      calibration_blocks_(blocks(window_.calibration, config.calibration)),
+      calibration_memory_(window_.calibration, config.calibration) {
   const ImuCalibration imu = rig.imu.value_or(ImuCalibration{});
   noise_ = {.gyro = imu.gyro_noise_density * config.gyro_noise_factor,
             .accel = imu.accel_noise_density * config.accel_noise_factor,
@@ -55,11 +66,20 @@ Estimator::Estimator(const Config& config, const Rig& rig)
   if (imu.rate_hz > 0.0) {
     max_step_s_ = std::max(kMinMaxStep_s, kMissingSamples / imu.rate_hz);
   }
-  reset();
+}
+
+// The calibration blocks stay where they are, since priors refer to them.
+void Estimator::clear_window() {
+  calibration_memory_.restore(window_.calibration);
+  window_.frames.clear();
+  window_.landmarks.clear();
+  window_.rejected_tracks.clear();
+  window_.prior.reset();
+  window_.depth_zero_m.reset();
 }
 
 void Estimator::reset() {
-  window_ = empty_window(rig_);
+  clear_window();
   waiting_.clear();
   newest_is_keyframe_ = false;
   bad_frames_ = 0;
@@ -89,11 +109,12 @@ void Estimator::add(const PressureDepthMeasurement& measurement) {
 Result Estimator::process(const TrackedFrame& tracked, const std::optional<StatePrior>& prior,
                           const std::optional<SE3>& start_pose) {
   const auto newest = imu_.newest();
+  follow_time_offset(tracked.stamp);
   if (prior && should_restart(tracked)) reset();
   Result result;
   if (!newest || *newest < tracked.stamp) {
     result = {.stamp = tracked.stamp, .detail = "inertial data"};
-  } else if (started() && tracked.stamp <= window_.newest().stamp) {
+  } else if (started() && tracked.stamp <= window_.newest().image_stamp) {
     result = {.stamp = tracked.stamp,
               .status = Status::blind,
               .detail = "stamp is not newer than the last frame"};
@@ -112,7 +133,7 @@ Result Estimator::track(const TrackedFrame& tracked, const std::optional<StatePr
   if (!append(tracked)) {
     return {.stamp = tracked.stamp, .status = Status::lost, .detail = "gap in the inertial data"};
   }
-  if (frozen_ && prior) use_prior(*prior);
+  if (frozen_ && prior) use_prior(at_state_stamp(*prior, tracked.stamp));
   estimate(result, config_.window.max_iterations);
   if (frozen_) {
     result.status = Status::frozen;
@@ -137,7 +158,14 @@ void Estimator::estimate(Result& result, int iterations) {
   newest_is_keyframe_ = result.keyframe;
   Stopwatch watch;
   if (newest_is_keyframe_) limit_window(graph);
+  if (!frozen_) {
+    calibration_memory_.update(result.stamp, window_.prior, window_.calibration,
+                               calibration_blocks_);
+  }
   result.marginalize_s = watch.seconds();
+  if (window_.newest().motion.compensated_s != 0.0) {
+    result.state = at_image_stamp(window_.newest().state, result.stamp);
+  }
   remove_rejected(window_);
   refresh_preintegrations();
 }
@@ -210,9 +238,57 @@ void Estimator::release() {
       std::ranges::find_if(window_.frames, [](const auto& f) { return f->state_prior != nullptr; });
   if (first_with_prior == window_.frames.end()) return reset();
   while (window_.frames.front() != *first_with_prior) remove_frame(window_, 0);
-  window_.prior = window_.frames.front()->state_prior;
+  window_.prior = with_calibration(window_.frames.front()->state_prior);
   for (const auto& frame : window_.frames) frame->state_prior.reset();
   if (window_.frames.size() == 1) newest_is_keyframe_ = true;  // the only frame must not be dropped
+}
+
+std::shared_ptr<const Prior> Estimator::with_calibration(
+    const std::shared_ptr<const Prior>& prior) {
+  calibration_memory_.restore(window_.calibration);
+  return std::make_shared<Prior>(joined(*prior, calibration_memory_.knowledge()));
+}
+
+std::vector<CalibrationParameter> Estimator::calibration() const {
+  const Prior known = calibration_part(window_.prior, calibration_blocks_);
+  return parameters(window_.calibration, rig_, config_.calibration,
+                    known.kept.empty() ? calibration_memory_.knowledge() : known);
+}
+
+// In small steps, so that frames stay in order. An image before its stamp is left to the window, as
+// inertial data have not reached it.
+void Estimator::follow_time_offset(Stamp image_stamp) {
+  if (!started() || !config_.calibration.camera_time_offset.estimate) return;
+  const double missing = window_.calibration.camera_time_offset_s - compensated_s_;
+  if (std::abs(missing) < kMinOffsetStep_s) return;
+  const double interval = seconds_between(window_.newest().image_stamp, image_stamp);
+  const double limit = kMaxOffsetStep * std::max(0.0, interval);
+  compensated_s_ = std::max(0.0, compensated_s_ + std::clamp(missing, -limit, limit));
+}
+
+Stamp Estimator::state_stamp(Stamp image_stamp) const {
+  return image_stamp - Duration::from_seconds(compensated_s_);
+}
+
+// At constant velocity and rate, backward over a fraction of a second.
+StatePrior Estimator::at_state_stamp(StatePrior prior, Stamp image_stamp) const {
+  const std::vector<ImuSample> samples = imu_.between(state_stamp(image_stamp), image_stamp);
+  if (compensated_s_ == 0.0 || samples.empty()) return prior;
+  Eigen::Vector3d rate = -prior.state.gyro_bias;
+  for (const ImuSample& s : samples) rate += s.gyro / static_cast<double>(samples.size());
+  imu::NavState& state = prior.state;
+  state.p_world -= compensated_s_ * (state.R_world_body * state.v_body);
+  const Eigen::Quaterniond back = so3::exp(-compensated_s_ * rate);
+  state.R_world_body = (state.R_world_body * back).normalized();
+  state.v_body = back.conjugate() * state.v_body;
+  return prior;
+}
+
+imu::NavState Estimator::at_image_stamp(const FrameState& state, Stamp image_stamp) const {
+  if (compensated_s_ == 0.0) return to_nav_state(state);
+  const auto motion = preintegrate(state_stamp(image_stamp), image_stamp, state);
+  if (!motion) return to_nav_state(state);
+  return to_nav_state(predict(state, *motion, rig_.gravity(config_.gravity)));
 }
 
 std::string Estimator::divergence_reason(const Result& result) {
@@ -232,25 +308,33 @@ std::string Estimator::divergence_reason(const Result& result) {
                      bad_frames_);
 }
 
-Frame& Estimator::push_frame(Stamp stamp, const FrameState& state,
+Frame& Estimator::push_frame(Stamp image_stamp, const FrameState& state,
                              std::shared_ptr<imu::Preintegration> from_previous) {
   auto frame = std::make_unique<Frame>();
-  frame->stamp = stamp;
+  frame->stamp = state_stamp(image_stamp);
+  frame->image_stamp = image_stamp;
   frame->state = state;
+  frame->motion.compensated_s = compensated_s_;
+  if (const auto sample = imu_.at(frame->stamp)) {
+    const imu::NavState nav = to_nav_state(state);
+    frame->motion.rate = sample->gyro - nav.gyro_bias;
+    frame->motion.velocity = nav.v_body;
+  }
   frame->from_previous = std::move(from_previous);
-  frame->uses_pings = uses_pings(stamp);
+  frame->uses_pings = uses_pings(frame->stamp);
   window_.frames.push_back(std::move(frame));
   return window_.newest();
 }
 
 bool Estimator::append(const TrackedFrame& tracked) {
-  auto motion = preintegrate_from_newest(tracked.stamp);
+  const Stamp stamp = state_stamp(tracked.stamp);
+  auto motion = preintegrate_from_newest(stamp);
   if (!motion) return false;
   const FrameState predicted =
       predict(window_.newest().state, *motion, rig_.gravity(config_.gravity));
   if (!newest_is_keyframe_) {
     drop_newest();
-    motion = preintegrate_from_newest(tracked.stamp);
+    motion = preintegrate_from_newest(stamp);
     if (!motion) return false;
   }
   Frame& frame = push_frame(tracked.stamp, predicted, std::move(motion));
@@ -319,7 +403,7 @@ void Estimator::attach_measurements() {
   // Not sorted: the time offset estimate changes over time.
   std::erase_if(pings_, [&](const DvlMeasurement& ping) { return ping.stamp < oldest; });
   while (depths_.size() > 1 && depths_[1].stamp < oldest) depths_.pop_front();
-  for (const DvlMeasurement& ping : pings_) {
+  for (DvlMeasurement& ping : pings_) {
     const auto after =
         std::upper_bound(window_.frames.begin(), window_.frames.end(), ping.stamp,
                          [](Stamp stamp, const auto& frame) { return stamp < frame->stamp; });
@@ -342,13 +426,22 @@ void Estimator::attach_pressure_depth(Frame& frame) {
   frame.depth = measured;
 }
 
-void Estimator::attach(Frame& frame, const DvlMeasurement& measured) {
+Eigen::Vector3d Estimator::predicted_ping(const Frame& frame, const imu::Preintegration& motion,
+                                          const Eigen::Vector3d& gyro) const {
+  const imu::NavState at =
+      to_nav_state(predict(frame.state, motion, rig_.gravity(config_.gravity)));
+  const SE3 dvl = to_se3(window_.calibration.T_body_dvl.data());
+  return dvl.rotation.conjugate() * (at.v_body + (gyro - at.gyro_bias).cross(dvl.translation));
+}
+
+void Estimator::attach(Frame& frame, DvlMeasurement& measured) {
   if (!frame.uses_pings) return;
   const auto same = [&](const Frame::Ping& p) { return p.measured.stamp == measured.stamp; };
   if (std::any_of(frame.pings.begin(), frame.pings.end(), same)) return;
   const auto motion = preintegrate(frame.stamp, measured.stamp, frame.state);
   const auto sample = imu_.at(measured.stamp);
   if (!motion || !sample) return;
+  if (!measured.predicted) measured.predicted = predicted_ping(frame, *motion, sample->gyro);
   frame.pings.push_back({measured, ping_factor(measured, motion, sample->gyro, rig_)});
   if (!first_ping_ && !frozen_) first_ping_ = measured.stamp;
 }

@@ -57,11 +57,18 @@ class Estimator {
   bool frozen() const { return frozen_; }
 
   bool started() const { return !window_.frames.empty(); }
+  /// What self-calibration knows now.
+  std::vector<CalibrationParameter> calibration() const;
+  /// The rig with the calibration of the window.
+  Rig calibrated_rig() const { return calibrated(rig_, window_.calibration); }
   const Window& window() const { return window_; }
 
  private:
-  Result start_with_prior(const TrackedFrame& tracked, const StatePrior& prior);
+  Result start_with_prior(const TrackedFrame& tracked, const StatePrior& at_image);
   Result start_alone(const TrackedFrame& tracked, const std::optional<SE3>& start_pose);
+  void clear_window();
+  /// Joins the prior of a new window's first frame with what is remembered of the calibration.
+  std::shared_ptr<const Prior> with_calibration(const std::shared_ptr<const Prior>& prior);
   bool should_restart(const TrackedFrame& tracked) const;
   void insert_start_frames(const std::vector<TrackedFrame>& frames,
                            const std::vector<imu::NavState>& states);
@@ -75,15 +82,23 @@ class Estimator {
   void estimate(Result& result, int iterations);
   bool append(const TrackedFrame& tracked);
   void drop_newest();
-  Frame& push_frame(Stamp stamp, const FrameState& state,
+  Frame& push_frame(Stamp image_stamp, const FrameState& state,
                     std::shared_ptr<imu::Preintegration> from_previous);
+  void follow_time_offset(Stamp image_stamp);
+  /// When the image was taken, as far as known.
+  Stamp state_stamp(Stamp image_stamp) const;
+  StatePrior at_state_stamp(StatePrior prior, Stamp image_stamp) const;
+  imu::NavState at_image_stamp(const FrameState& state, Stamp image_stamp) const;
   std::shared_ptr<imu::Preintegration> preintegrate_from_newest(Stamp to) const;
   std::shared_ptr<imu::Preintegration> preintegrate(Stamp from, Stamp to,
                                                     const FrameState& state) const;
   void refresh_preintegrations();
   bool uses_pings(Stamp stamp) const;
   void attach_measurements();
-  void attach(Frame& frame, const DvlMeasurement& measured);
+  void attach(Frame& frame, DvlMeasurement& measured);
+  /// Velocity in the DVL frame after a motion from the frame [m/s].
+  Eigen::Vector3d predicted_ping(const Frame& frame, const imu::Preintegration& motion,
+                                 const Eigen::Vector3d& gyro) const;
   void attach_pressure_depth(Frame& frame);
   std::string divergence_reason(const Result& result);
 
@@ -99,6 +114,9 @@ class Estimator {
   int start_attempts_ = 0;
   std::string last_init_failure_;
   Window window_;
+  std::vector<CalibrationBlock> calibration_blocks_;  // of the window
+  CalibrationMemory calibration_memory_;
+  double compensated_s_ = 0.0;  // part of the camera's time offset by which frames are dated back
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;
   std::shared_ptr<const Prior> prior_before_freeze_;

@@ -30,10 +30,12 @@ void align_to(const SE3& start_pose, std::vector<imu::NavState>& states) {
 
 // The state prior gives attitude, velocity and biases with a covariance: the window starts with one
 // frame, and landmarks are added as their parallax grows.
-Result Estimator::start_with_prior(const TrackedFrame& tracked, const StatePrior& prior) {
+Result Estimator::start_with_prior(const TrackedFrame& tracked, const StatePrior& at_image) {
+  const StatePrior prior = at_state_stamp(at_image, tracked.stamp);
   started_with_prior_ = true;
   Frame& frame = push_frame(tracked.stamp, to_frame_state(prior.state), nullptr);
-  window_.prior = make_state_prior(frame, prior, config_.initialization.gauge_sigma);
+  window_.prior =
+      with_calibration(make_state_prior(frame, prior, config_.initialization.gauge_sigma));
   add_observations(window_, frame, tracked);
   Result result{.stamp = tracked.stamp, .status = Status::started, .detail = "DVL-aided"};
   estimate(result, kStartIterations);
@@ -49,8 +51,9 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
   std::vector<InitFrame> frames;
   for (std::size_t k = 0; k < waiting_.size(); ++k) {
     frames.push_back({.tracked = waiting_[k], .imu = {}});
+    frames.back().tracked.stamp = state_stamp(waiting_[k].stamp);
     if (k == 0) continue;
-    frames.back().imu = imu_.between(waiting_[k - 1].stamp, waiting_[k].stamp);
+    frames.back().imu = imu_.between(frames[k - 1].tracked.stamp, frames[k].tracked.stamp);
     if (!frames.back().imu.empty()) continue;
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(k));
     result.detail = "inertial data without gaps";
@@ -60,8 +63,8 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
     result.detail = last_init_failure_;
     return result;
   }
-  InitResult found = initialize(frames, rig_.cameras.front().T_body_camera, noise_, config_.gravity,
-                                config_.initialization_without_dvl);
+  InitResult found = initialize(frames, to_se3(window_.calibration.T_body_camera.front().data()),
+                                noise_, config_.gravity, config_.initialization_without_dvl);
   if (found.status != InitStatus::success) {
     last_init_failure_ = fmt::format("{} ({})", to_string(found.status), found.detail);
     result.detail = last_init_failure_;
@@ -69,12 +72,13 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
   }
   if (start_pose) align_to(*start_pose, found.states);
   for (std::size_t k = 0; k + 1 < waiting_.size(); ++k) {
-    result.earlier.push_back({waiting_[k].stamp, found.states[k].pose()});
+    const FrameState state = to_frame_state(found.states[k]);
+    result.earlier.push_back({waiting_[k].stamp, at_image_stamp(state, waiting_[k].stamp).pose()});
   }
   insert_start_frames(waiting_, found.states);
   estimate(result, kStartIterations);
   if (const std::string reason = divergence_reason(result); !reason.empty()) {
-    window_ = empty_window(rig_);
+    clear_window();
     return {.stamp = tracked.stamp, .detail = "a valid initialization (" + reason + ")"};
   }
   waiting_.clear();
@@ -117,7 +121,7 @@ void Estimator::insert_start_frames(const std::vector<TrackedFrame>& frames,
   const std::size_t count = std::min(frames.size(), room);
   for (std::size_t n = 0; n < count; ++n) {
     const std::size_t k = count == 1 ? 0 : n * (frames.size() - 1) / (count - 1);
-    auto motion = n == 0 ? nullptr : preintegrate_from_newest(frames[k].stamp);
+    auto motion = n == 0 ? nullptr : preintegrate_from_newest(state_stamp(frames[k].stamp));
     Frame& frame = push_frame(frames[k].stamp, to_frame_state(states[k]), std::move(motion));
     add_observations(window_, frame, frames[k]);
   }
@@ -134,7 +138,7 @@ void Estimator::insert_start_frames(const std::vector<TrackedFrame>& frames,
   // The accelerometer bias prior has zero mean, not the initial estimate.
   const Eigen::Map<const Eigen::Vector3d> accel_bias(first.state.motion.data() + 6);
   prior->r.segment<3>(7) = accel_bias / c.accel_bias_sigma;
-  window_.prior = std::move(prior);
+  window_.prior = with_calibration(prior);
 }
 
 }  // namespace apvi::vio

@@ -29,7 +29,7 @@ TEST(Arguments, UnknownCommandHasASuggestion) {
   EXPECT_EQ(error_of({"runs", "--help"}), "error: unknown command runs; did you mean run?\n");
   EXPECT_EQ(error_of({"-v", "evl"}), "error: unknown command evl; did you mean eval?\n");
   EXPECT_THAT(error_of({"xyzzy"}),
-              StartsWith("error: unknown command xyzzy; the commands are run, eval, "));
+              StartsWith("error: unknown command xyzzy; the commands are run, live, eval, "));
 }
 
 TEST(Arguments, ErrorsHaveOneFormAndNameTheHelp) {

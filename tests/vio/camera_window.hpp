@@ -28,6 +28,7 @@ struct CameraWindow {
   PoseBlock camera =
       to_block({so3::exp(Eigen::Vector3d(-1.2, 1.1, -1.3)), Eigen::Vector3d(0.1, -0.05, 0.2)});
   double offset_s = 0.0;
+  LensBlock lens{};
 
   CameraWindow(std::size_t count, std::size_t points, double period_s, std::size_t anchors) {
     const Se3Spline spline = apvi::test::wavy_spline(21, period_s * static_cast<double>(count));
@@ -65,10 +66,9 @@ struct CameraWindow {
   /// The observation of a landmark by `frame`, as a term at the current values.
   std::unique_ptr<ReprojectionFactor> view_of(const Landmark& landmark, std::size_t frame,
                                               bool use_first) const {
-    const Eigen::Vector2d none = Eigen::Vector2d::Zero();
     return std::make_unique<ReprojectionFactor>(
-        ReprojectionFactor::View{landmark.ray.head<2>(), none},
-        ReprojectionFactor::View{seen(landmark, frame), none}, 300.0, 0.0,
+        ReprojectionFactor::View{landmark.ray.head<2>()},
+        ReprojectionFactor::View{seen(landmark, frame)}, 300.0,
         use_first ? &first[landmark.anchor] : nullptr, use_first ? &first[frame] : nullptr);
   }
   std::vector<Block> view_blocks(Landmark& landmark, std::size_t frame) {
@@ -76,7 +76,8 @@ struct CameraWindow {
             {frames[frame].pose.data(), 7},
             {camera.data(), 7},
             {&landmark.inverse_depth, 1},
-            {&offset_s, 1}};
+            {&offset_s, 1},
+            {lens.data(), kLensSize}};
   }
   std::unique_ptr<ImuFactor> inertial(std::size_t from, bool use_first) const {
     return std::make_unique<ImuFactor>(between[from], gravity, use_first ? &first[from] : nullptr,
@@ -94,6 +95,7 @@ struct CameraWindow {
   std::vector<double*> add_oldest(std::size_t frame, bool use_first, Linearizer& to) {
     to.hold_constant(camera.data());
     to.hold_constant(&offset_s);
+    to.hold_constant(lens.data());
     std::vector<double*> drop{frames[frame].pose.data(), frames[frame].motion.data()};
     to.add(*inertial(frame, use_first), nullptr, inertial_blocks(frame));
     for (Landmark& landmark : landmarks) {

@@ -45,19 +45,21 @@ struct Scene {
     const Vector3d world = pose_i * (kBodyCamera * (depth * point_i.homogeneous()));
     return (T_body_camera.inverse() * (pose_j.inverse() * world)).hnormalized();
   }
-  Vector2d velocity() { return {random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)}; }
+  ImageMotion motion() {
+    return {random_vector(random, 0.5), random_vector(random, 0.8), random.uniform(-0.02, 0.02)};
+  }
 };
 
 TEST(ReprojectionFactor, IsZeroForAnExactObservation) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Scene s(seed);
-    const ReprojectionFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyCamera), {3.0, 4.0}},
-                                    400.0, 0.02, nullptr, nullptr);
+    const ReprojectionFactor factor({s.point_i}, {s.seen(kBodyCamera)}, 400.0, nullptr, nullptr);
     const Values x{as_vector(to_block(s.pose_i)),
                    as_vector(to_block(s.pose_j)),
                    as_vector(to_block(kBodyCamera)),
                    {1.0 / s.depth},
-                   {0.02}};
+                   {0.0},
+                   {0.0, 0.0, 0.0}};
     EXPECT_LT(residual(factor, x).norm(), 1e-9);
   }
 }
@@ -69,6 +71,8 @@ Values visual_values(Scene& s, bool two_cameras) {
   if (two_cameras) x.push_back(as_vector(to_block(kBodyOther)));
   x.push_back({1.1 / s.depth});
   x.push_back({0.013});
+  x.push_back({0.03, -0.02, 0.01});
+  if (two_cameras) x.push_back({-0.02, 0.015, 0.03});
   x[1] = nudged(x[1], s.random, 0.02);
   return x;
 }
@@ -76,51 +80,71 @@ Values visual_values(Scene& s, bool two_cameras) {
 TEST(ReprojectionFactor, JacobiansMatchNumericDifferences) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Scene s(seed);
-    const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
-                                    300.0, -0.004, nullptr, nullptr);
+    const ReprojectionFactor factor({s.point_i, s.motion()}, {s.seen(kBodyCamera), s.motion()},
+                                    300.0, nullptr, nullptr);
     expect_jacobians(factor, visual_values(s, false));
   }
 }
 
 TEST(ReprojectionFactor, EvaluatesJacobiansAtFirstEstimatesAndResidualsAtTheState) {
   Scene s(31);
-  const View i{s.point_i, s.velocity()};
-  const View j{s.seen(kBodyCamera), s.velocity()};
+  const View i{s.point_i, s.motion()};
+  const View j{s.seen(kBodyCamera), s.motion()};
   const Values x = visual_values(s, false);
   Values first_values = x;
   first_values[0] = nudged(x[0], s.random, 0.05);
   first_values[1] = nudged(x[1], s.random, 0.05);
   const FirstEstimate first_i{.pose = as_pose(first_values[0]), .motion = {}};
   const FirstEstimate first_j{.pose = as_pose(first_values[1]), .motion = {}};
-  const ReprojectionFactor plain(i, j, 300.0, 0.0, nullptr, nullptr);
-  const ReprojectionFactor both(i, j, 300.0, 0.0, &first_i, &first_j);
+  const ReprojectionFactor plain(i, j, 300.0, nullptr, nullptr);
+  const ReprojectionFactor both(i, j, 300.0, &first_i, &first_j);
   expect_jacobians(both, x, plain, first_values);
   EXPECT_EQ(residual(both, x), residual(plain, x));
-  const ReprojectionFactor one(i, j, 300.0, 0.0, nullptr, &first_j);
+  const ReprojectionFactor one(i, j, 300.0, nullptr, &first_j);
   first_values[0] = x[0];
   expect_jacobians(one, x, plain, first_values);
 }
 
 TEST(ReprojectionFactor, AppliesTheUncompensatedTimeOffset) {
-  // A camera stamp 0.03 s late with 0.01 s compensated: the image is 0.02 s older than the frame
-  // pose.
+  // A camera stamp 0.03 s late with 0.01 s compensated: the image is 0.02 s older than the pose of
+  // the frame, and the body moved in between.
   Scene s(5);
-  const Vector2d flow(0.4, -0.2);
-  const double late = 0.02;
-  const View i{s.point_i, Vector2d::Zero()};
-  const View j{s.seen(kBodyCamera) - late * flow, flow};
-  const ReprojectionFactor factor(i, j, 300.0, 0.01, nullptr, nullptr);
+  const ImageMotion motion{{0.3, -0.2, 0.5}, {0.4, -0.1, 0.2}, 0.01};
+  const SE3 at_image = s.pose_j * SE3{so3::exp(-0.02 * motion.rate), -0.02 * motion.velocity};
+  const Vector3d world = s.pose_i * (kBodyCamera * (s.depth * s.point_i.homogeneous()));
+  const View i{s.point_i, {.compensated_s = 0.03}};
+  const View j{((at_image * kBodyCamera).inverse() * world).hnormalized(), motion};
+  const ReprojectionFactor factor(i, j, 300.0, nullptr, nullptr);
   Values x = visual_values(s, false);
   x[1] = as_vector(to_block(s.pose_j));
   x[3] = {1.0 / s.depth};
   x[4] = {0.03};
+  x[5] = {0.0, 0.0, 0.0};
+  EXPECT_LT(residual(factor, x).norm(), 1e-9);
+}
+
+TEST(ReprojectionFactor, AppliesTheLensCorrection) {
+  // The true focal length is 3 % longer than the rig's, the principal point elsewhere.
+  const Scene s(7);
+  const LensBlock lens{std::log(1.03), 0.02, -0.01};
+  const auto by_rig = [](const Vector2d& p) -> Vector2d {
+    return 1.03 * p + Vector2d(0.02, -0.01);
+  };
+  const ReprojectionFactor factor({by_rig(s.point_i)}, {by_rig(s.seen(kBodyCamera))}, 400.0,
+                                  nullptr, nullptr);
+  const Values x{as_vector(to_block(s.pose_i)),
+                 as_vector(to_block(s.pose_j)),
+                 as_vector(to_block(kBodyCamera)),
+                 {1.0 / s.depth},
+                 {0.0},
+                 {lens.begin(), lens.end()}};
   EXPECT_LT(residual(factor, x).norm(), 1e-9);
 }
 
 TEST(ReprojectionFactor, IsFiniteAtInfinityAndBehindTheCamera) {
   Scene s(8);
-  const ReprojectionFactor factor({s.point_i, s.velocity()}, {s.seen(kBodyCamera), s.velocity()},
-                                  300.0, 0.0, nullptr, nullptr);
+  const ReprojectionFactor factor({s.point_i, s.motion()}, {s.seen(kBodyCamera), s.motion()}, 300.0,
+                                  nullptr, nullptr);
   Values x = visual_values(s, false);
   for (const double lambda : {0.0, -0.3, 1e-12, 50.0}) {
     SCOPED_TRACE(lambda);
@@ -138,29 +162,30 @@ TEST(ReprojectionFactor, IsFiniteAtInfinityAndBehindTheCamera) {
 
 TEST(CrossCameraFactor, IsZeroForAnExactObservation) {
   const Scene s(3);
-  const CrossCameraFactor factor({s.point_i, {1.0, 2.0}}, {s.seen(kBodyOther), {3.0, 4.0}}, 400.0,
-                                 0.0, nullptr, nullptr);
+  const CrossCameraFactor factor({s.point_i}, {s.seen(kBodyOther)}, 400.0, nullptr, nullptr);
   const Values x{as_vector(to_block(s.pose_i)),
                  as_vector(to_block(s.pose_j)),
                  as_vector(to_block(kBodyCamera)),
                  as_vector(to_block(kBodyOther)),
                  {1.0 / s.depth},
-                 {0.0}};
+                 {0.0},
+                 {0.0, 0.0, 0.0},
+                 {0.0, 0.0, 0.0}};
   EXPECT_LT(residual(factor, x).norm(), 1e-9);
 }
 
 TEST(CrossCameraFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
   for (std::uint64_t seed = 40; seed < 50; ++seed) {
     Scene s(seed);
-    const View i{s.point_i, s.velocity()};
-    const View j{s.seen(kBodyOther), s.velocity()};
-    const CrossCameraFactor plain(i, j, 300.0, 0.0, nullptr, nullptr);
+    const View i{s.point_i, s.motion()};
+    const View j{s.seen(kBodyOther), s.motion()};
+    const CrossCameraFactor plain(i, j, 300.0, nullptr, nullptr);
     const Values x = visual_values(s, true);
     expect_jacobians(plain, x);
     Values first_values = x;
     first_values[0] = nudged(x[0], s.random, 0.05);
     const FirstEstimate first{.pose = as_pose(first_values[0]), .motion = {}};
-    const CrossCameraFactor fixed(i, j, 300.0, 0.0, &first, nullptr);
+    const CrossCameraFactor fixed(i, j, 300.0, &first, nullptr);
     expect_jacobians(fixed, x, plain, first_values);
     EXPECT_EQ(residual(fixed, x), residual(plain, x));
   }
@@ -174,9 +199,15 @@ TEST(StereoFactor, IsZeroForExactObservationsAndJacobiansMatch) {
     const Vector2d b =
         (kBodyOther.inverse() * (kBodyCamera * (depth * a.homogeneous()))).hnormalized();
     const StereoFactor factor(a, b, 250.0);
-    Values x{as_vector(to_block(kBodyCamera)), as_vector(to_block(kBodyOther)), {1.0 / depth}};
+    Values x{as_vector(to_block(kBodyCamera)),
+             as_vector(to_block(kBodyOther)),
+             {1.0 / depth},
+             {0.0, 0.0, 0.0},
+             {0.0, 0.0, 0.0}};
     EXPECT_LT(residual(factor, x).norm(), 1e-9);
     x[2] = {1.2 / depth};
+    x[3] = {0.03, -0.02, 0.01};
+    x[4] = {-0.02, 0.015, 0.03};
     expect_jacobians(factor, x);
   }
 }
@@ -306,12 +337,28 @@ DvlPing ping_at(const Inertial& inertial, std::size_t frame, std::size_t at,
 
 const SE3 kBodyDvl{so3::exp({0.4, -0.6, 2.0}), {0.3, -0.2, 0.5}};
 
+Values ping_values(const FrameState& state) {
+  return {as_vector(state.pose), as_vector(state.motion), as_vector(to_block(kBodyDvl)), {0.0}};
+}
+
 TEST(DvlVelocityFactor, IsSmallAlongTheTrueMotion) {
   const Inertial inertial;
   const DvlPing ping = ping_at(inertial, 50, 73, kBodyDvl);
-  const DvlVelocityFactor factor(ping, kBodyDvl, kGravity, nullptr);
+  const DvlVelocityFactor factor(ping, kGravity, nullptr);
   const FrameState state = inertial.state(50);
-  EXPECT_LT(residual(factor, {as_vector(state.pose), as_vector(state.motion)}).norm(), 0.02);
+  EXPECT_LT(residual(factor, ping_values(state)).norm(), 0.02);
+}
+
+TEST(DvlVelocityFactor, AppliesTheScaleCorrection) {
+  const Inertial inertial;
+  DvlPing ping = ping_at(inertial, 50, 73, kBodyDvl);
+  const Values right = ping_values(inertial.state(50));
+  const Eigen::VectorXd expected = residual(DvlVelocityFactor(ping, kGravity, nullptr), right);
+  ping.velocity /= 1.02;  // 2 % too short
+  Values x = right;
+  x[3] = {std::log(1.02)};
+  const DvlVelocityFactor factor(ping, kGravity, nullptr);
+  EXPECT_LT((1.02 * residual(factor, x) - expected).norm(), 1e-9);
 }
 
 TEST(DvlVelocityFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
@@ -319,14 +366,15 @@ TEST(DvlVelocityFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
   Random random(12);
   for (const std::size_t at : {50U, 52U, 90U}) {
     const DvlPing ping = ping_at(inertial, 50, at, kBodyDvl);
-    const DvlVelocityFactor plain(ping, kBodyDvl, kGravity, nullptr);
+    const DvlVelocityFactor plain(ping, kGravity, nullptr);
     const FrameState state = inertial.state(50);
-    const Values x = all_nudged({as_vector(state.pose), as_vector(state.motion)}, random, 0.05);
+    const Values x = all_nudged(ping_values(state), random, 0.05);
     expect_jacobians(plain, x);
-    const Values first_values = all_nudged(x, random, 0.05);
+    Values first_values = all_nudged(x, random, 0.05);
+    std::copy(x.begin() + 2, x.end(), first_values.begin() + 2);  // calibration has none
     const FirstEstimate first{.pose = as_pose(first_values[0]),
                               .motion = as_motion(first_values[1])};
-    const DvlVelocityFactor fixed(ping, kBodyDvl, kGravity, &first);
+    const DvlVelocityFactor fixed(ping, kGravity, &first);
     expect_jacobians(fixed, x, plain, first_values);
     EXPECT_EQ(residual(fixed, x), residual(plain, x));
   }
@@ -334,9 +382,9 @@ TEST(DvlVelocityFactor, JacobiansMatchNumericDifferencesAlsoAtFirstEstimates) {
 
 TEST(DvlVelocityFactor, IsInvariantToYawAndPosition) {
   const Inertial inertial;
-  const DvlVelocityFactor factor(ping_at(inertial, 50, 73, kBodyDvl), kBodyDvl, kGravity, nullptr);
+  const DvlVelocityFactor factor(ping_at(inertial, 50, 73, kBodyDvl), kGravity, nullptr);
   const FrameState state = inertial.state(50);
-  const Values x{as_vector(state.pose), as_vector(state.motion)};
+  const Values x = ping_values(state);
   const Eigen::MatrixXd by_pose = test::analytic_jacobian(factor, x, 0);
   const Eigen::MatrixXd by_motion = test::analytic_jacobian(factor, x, 1);
   // Rotates the vehicle and its velocity about the vertical.

@@ -147,7 +147,7 @@ TEST(TrackerFaults, IgnoresNonFiniteGyroRotations) {
   const TrackedFrame frame =
       dive.tracker.process({dive.image(3)}, frame_stamp(3), Eigen::Quaterniond(nan, 0.0, 0.0, 0.0));
   EXPECT_GT(frame.statistics.tracked, 100);
-  for (const FeatureObservation& o : frame.observations) EXPECT_TRUE(o.velocity.allFinite());
+  for (const FeatureObservation& o : frame.observations) EXPECT_TRUE(o.point.allFinite());
 }
 
 TEST(TrackerFaults, DoesNotKeepReferencesToTheImage) {

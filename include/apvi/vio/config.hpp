@@ -132,8 +132,6 @@ struct VisionConfig {
   double long_track_weight = 1.0;
   int short_track_frames = 4;
   int long_track_frames = 10;
-  bool estimate_extrinsics = false;
-  bool estimate_time_offset = false;
 
   template <typename V>
   void visit(V& v) {
@@ -157,8 +155,54 @@ struct VisionConfig {
       "length of a short track: the paper's n_min [frames]");
     v("long_track_frames", long_track_frames, Range{2, 1000},
       "length of a long track: the paper's n_max [frames]");
-    v("estimate_extrinsics", estimate_extrinsics, "estimate the camera extrinsics online");
-    v("estimate_time_offset", estimate_time_offset, "estimate the camera time offset online");
+  }
+};
+
+/// A calibration parameter: estimated in the window, or fixed at the value of the rig.
+struct CalibrationPrior {
+  bool estimate = true;
+  double sigma = 0.0;
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("estimate", estimate, "estimate in the window, starting from the rig's value");
+    v("sigma", sigma, Range{1e-9, 100.0}, "uncertainty of the rig's value, one sigma");
+  }
+};
+
+/// Self-calibration. The uncertainties are those of a careful calibration by hand.
+struct CalibrationConfig {
+  CalibrationPrior camera_mounting{.estimate = true, .sigma = 0.02};
+  CalibrationPrior camera_lever_arm{.estimate = true, .sigma = 0.03};
+  CalibrationPrior camera_time_offset{.estimate = true, .sigma = 0.05};
+  CalibrationPrior focal_length{.estimate = true, .sigma = 0.01};
+  CalibrationPrior principal_point{.estimate = true, .sigma = 0.005};
+  CalibrationPrior dvl_mounting{.estimate = true, .sigma = 0.02};
+  CalibrationPrior dvl_lever_arm{.estimate = true, .sigma = 0.03};
+  CalibrationPrior dvl_scale{.estimate = true, .sigma = 0.01};
+
+  template <typename V>
+  void visit(V& v) {
+    v("camera_mounting", camera_mounting, "rotation of the cameras in the body frame [rad]");
+    v("camera_lever_arm", camera_lever_arm, "position of the cameras in the body frame [m]");
+    v("camera_time_offset", camera_time_offset, "delay of the image stamps [s]");
+    v("focal_length", focal_length, "relative error of the focal lengths");
+    v("principal_point", principal_point, "principal points [focal lengths]");
+    v("dvl_mounting", dvl_mounting, "rotation of the DVL in the body frame [rad]");
+    v("dvl_lever_arm", dvl_lever_arm, "position of the DVL in the body frame [m]");
+    v("dvl_scale", dvl_scale, "relative error of the DVL's velocity, as of the speed of sound");
+  }
+  /// Nothing is estimated.
+  static CalibrationConfig fixed() {
+    CalibrationConfig none;
+    for (CalibrationPrior* prior :
+         {&none.camera_mounting, &none.camera_lever_arm, &none.camera_time_offset,
+          &none.focal_length, &none.principal_point, &none.dvl_mounting, &none.dvl_lever_arm,
+          &none.dvl_scale}) {
+      prior->estimate = false;
+    }
+    return none;
   }
 };
 
@@ -266,6 +310,7 @@ struct Config {
   WindowConfig window;
   VisionConfig vision;
   TightConfig tight;
+  CalibrationConfig calibration;
   StartConfig initialization;
   InitConfig initialization_without_dvl;
   VisualConfig visual;
@@ -285,6 +330,7 @@ struct Config {
     v("window", window, "sliding window");
     v("vision", vision, "visual measurements");
     v("tight", tight, "additional factors with graph: tight");
+    v("calibration", calibration, "self-calibration in the window");
     v("initialization", initialization, "window initialization");
     v("initialization_without_dvl", initialization_without_dvl,
       "visual-inertial initialization without a DVL");

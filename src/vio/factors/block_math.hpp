@@ -24,6 +24,8 @@ struct Rigid {
   Eigen::Matrix3d R;
   Eigen::Vector3d p;
 
+  Rigid(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position)
+      : R(rotation), p(position) {}
   explicit Rigid(const double* pose)
       : R(Eigen::Map<const Eigen::Quaterniond>(pose + 3).toRotationMatrix()), p(pose) {}
 };

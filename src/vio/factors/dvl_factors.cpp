@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
 #include "vio/factors/block_math.hpp"
 #include "vio/factors/corrected_delta.hpp"
 #include "vio/factors/factors.hpp"
@@ -42,17 +44,18 @@ void write_ping_motion(double* out, const PingMotion& at, const Matrix3d& by_bod
 
 }  // namespace
 
-DvlVelocityFactor::DvlVelocityFactor(const DvlPing& ping, const SE3& T_body_dvl,
-                                     const Vector3d& gravity, const FirstEstimate* first)
-    : ping_(ping), T_body_dvl_(T_body_dvl), gravity_(gravity), first_(first) {}
+DvlVelocityFactor::DvlVelocityFactor(const DvlPing& ping, const Vector3d& gravity,
+                                     const FirstEstimate* first)
+    : ping_(ping), gravity_(gravity), first_(first) {}
 
 bool DvlVelocityFactor::Evaluate(double const* const* parameters, double* residuals,
                                  double** jacobians) const {
-  const Vector3d& lever = T_body_dvl_.translation;
-  const Matrix3d S_dvl_body =
-      ping_.sqrt_information * T_body_dvl_.rotation.toRotationMatrix().transpose();
+  const Rigid dvl(parameters[2]);
+  // The prediction is scaled, not the measurement: else a smaller scale would reduce its noise.
+  const Matrix3d S = std::exp(-*parameters[3]) * ping_.sqrt_information;
+  const Matrix3d S_dvl_body = S * dvl.R.transpose();
   const PingMotion now(ping_, gravity_, parameters[0], MotionView(parameters[1]));
-  Eigen::Map<Vector3d>{residuals} = S_dvl_body * (now.velocity + now.angular_rate.cross(lever)) -
+  Eigen::Map<Vector3d>{residuals} = S_dvl_body * (now.velocity + now.angular_rate.cross(dvl.p)) -
                                     ping_.sqrt_information * ping_.velocity;
   if (jacobians == nullptr) return true;
   const PingMotion at(ping_, gravity_, pose_point(first_, parameters[0]),
@@ -63,7 +66,17 @@ bool DvlVelocityFactor::Evaluate(double const* const* parameters, double* residu
     J.rightCols<4>().setZero();
   }
   if (jacobians[1] != nullptr) {
-    write_ping_motion(jacobians[1], at, S_dvl_body, ping_.since_frame->bias_jacobian(), lever);
+    write_ping_motion(jacobians[1], at, S_dvl_body, ping_.since_frame->bias_jacobian(), dvl.p);
+  }
+  const Vector3d velocity = dvl.R.transpose() * (at.velocity + at.angular_rate.cross(dvl.p));
+  if (jacobians[2] != nullptr) {
+    PoseJacobian<3> J(jacobians[2]);
+    J.leftCols<3>() = S * so3::hat(velocity);
+    J.middleCols<3>(3) = S_dvl_body * so3::hat(at.angular_rate);
+    J.col(6).setZero();
+  }
+  if (jacobians[3] != nullptr) {
+    Eigen::Map<Vector3d>{jacobians[3]} = -S * ping_.predicted.value_or(velocity);
   }
   return true;
 }

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 
 #include "imu/preintegration.hpp"
 #include "vio/window/frame_state.hpp"
@@ -30,47 +31,48 @@ class PoseManifold final : public ceres::Manifold {
 /// Reprojection of a landmark between two frames of one camera (the visual term of the paper):
 /// anchored in frame i at `point_i` with inverse depth λ = 1/z, observed at `point_j` in frame j.
 /// Blocks: pose i, pose j, T_body_camera (a pose), λ [1/m], time offset of the camera [s] (true
-/// time = stamp - offset; the points move with their velocities).
-class ReprojectionFactor final : public ceres::SizedCostFunction<2, 7, 7, 7, 1, 1> {
+/// time = stamp - offset; between image and frame the body moves as `motion` says), lens
+/// correction.
+class ReprojectionFactor final : public ceres::SizedCostFunction<2, 7, 7, 7, 1, 1, 3> {
  public:
   struct View {
-    Eigen::Vector2d point;     ///< on the plane z = 1
-    Eigen::Vector2d velocity;  ///< of `point` [1/s]
+    Eigen::Vector2d point;  ///< on the plane z = 1, by the rig's lens
+    ImageMotion motion = {};
   };
-  /// `weight`: 1 / sigma on the plane z = 1. `offset_s`: the time offset that is already
-  /// compensated.
-  ReprojectionFactor(const View& i, const View& j, double weight, double offset_s,
-                     const FirstEstimate* first_i, const FirstEstimate* first_j);
+  /// `weight`: 1 / sigma on the plane z = 1.
+  ReprojectionFactor(const View& i, const View& j, double weight, const FirstEstimate* first_i,
+                     const FirstEstimate* first_j);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
   View i_, j_;
-  double weight_, offset_s_;
+  double weight_;
   const FirstEstimate* first_i_;
   const FirstEstimate* first_j_;
 };
 
 /// As ReprojectionFactor, but frame j is observed by another camera. Blocks: pose i, pose j,
-/// T_body_camera of the anchor camera, T_body_camera of the other camera, λ, time offset.
-class CrossCameraFactor final : public ceres::SizedCostFunction<2, 7, 7, 7, 7, 1, 1> {
+/// T_body_camera of the anchor camera, T_body_camera of the other camera, λ, time offset, lens
+/// corrections of the two.
+class CrossCameraFactor final : public ceres::SizedCostFunction<2, 7, 7, 7, 7, 1, 1, 3, 3> {
  public:
   using View = ReprojectionFactor::View;
-  CrossCameraFactor(const View& i, const View& j, double weight, double offset_s,
-                    const FirstEstimate* first_i, const FirstEstimate* first_j);
+  CrossCameraFactor(const View& i, const View& j, double weight, const FirstEstimate* first_i,
+                    const FirstEstimate* first_j);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
   View i_, j_;
-  double weight_, offset_s_;
+  double weight_;
   const FirstEstimate* first_i_;
   const FirstEstimate* first_j_;
 };
 
 /// As CrossCameraFactor, within one frame. Blocks: T_body_camera of the anchor camera, of the other
-/// camera, λ.
-class StereoFactor final : public ceres::SizedCostFunction<2, 7, 7, 1> {
+/// camera, λ, lens corrections of the two.
+class StereoFactor final : public ceres::SizedCostFunction<2, 7, 7, 1, 3, 3> {
  public:
   StereoFactor(const Eigen::Vector2d& point_a, const Eigen::Vector2d& point_b, double weight);
   bool Evaluate(double const* const* parameters, double* residuals,
@@ -101,24 +103,27 @@ class ImuFactor final : public ceres::SizedCostFunction<15, 7, 9, 7, 9> {
 };
 
 /// A DVL ping between frames: the velocity predicted from frame i by inertial propagation, in the
-/// DVL frame. Blocks: pose i, motion i. Independent of yaw and position.
+/// DVL frame. Blocks: pose i, motion i, T_body_dvl, scale correction: logarithm of the true over
+/// the given velocity. Independent of yaw and position.
 struct DvlPing {
   std::shared_ptr<const imu::Preintegration> since_frame;  ///< from frame i to the ping
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero();  ///< at the ping, not bias-corrected [rad/s]
   Eigen::Vector3d velocity =
       Eigen::Vector3d::Zero();  ///< velocity of the DVL, in the DVL frame [m/s]
   Eigen::Matrix3d sqrt_information = Eigen::Matrix3d::Identity();  ///< [s/m]
+  /// Velocity as predicted before the ping, in the DVL frame [m/s]: where the Jacobian by the scale
+  /// is evaluated. At an estimate that contains the ping's noise, noise would look like scale.
+  std::optional<Eigen::Vector3d> predicted = std::nullopt;
 };
-class DvlVelocityFactor final : public ceres::SizedCostFunction<3, 7, 9> {
+class DvlVelocityFactor final : public ceres::SizedCostFunction<3, 7, 9, 7, 1> {
  public:
-  DvlVelocityFactor(const DvlPing& ping, const SE3& T_body_dvl, const Eigen::Vector3d& gravity,
+  DvlVelocityFactor(const DvlPing& ping, const Eigen::Vector3d& gravity,
                     const FirstEstimate* first);
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
 
  private:
   DvlPing ping_;
-  SE3 T_body_dvl_;
   Eigen::Vector3d gravity_;
   const FirstEstimate* first_;
 };

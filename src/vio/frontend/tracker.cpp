@@ -26,7 +26,6 @@ constexpr double kGlitchFraction = 0.1;  // glitch: a smaller fraction of tracks
 
 struct StereoView {
   StereoMatch match;
-  Vector2d velocity = Vector2d::Zero();  // of the point [1/s]
   int length = 1;
   Stamp stamp;
 };
@@ -36,8 +35,7 @@ struct Track {
   int length = 1;
   cv::Point2f pixel;
   Vector2d point = Vector2d::Zero();
-  Vector2d velocity = Vector2d::Zero();  // of the point [1/s]
-  cv::Point2f drift;                     // flow not explained by the rotation [px/s]
+  cv::Point2f drift;  // flow not explained by the rotation [px/s]
   std::optional<StereoView> right;
 };
 
@@ -61,13 +59,13 @@ std::vector<TrackPoint> points_of(const std::vector<Track>& tracks) {
 
 FeatureObservation observe(const Track& track) {
   const Vector2d pixel(track.pixel.x, track.pixel.y);
-  return {track.id, 0, pixel, track.point, track.velocity, track.length};
+  return {track.id, 0, pixel, track.point, track.length};
 }
 
 FeatureObservation observe_right(const Track& track) {
   const StereoMatch& match = track.right->match;
   const Vector2d pixel(match.pixel.x, match.pixel.y);
-  return {track.id, 1, pixel, match.point, track.right->velocity, track.right->length};
+  return {track.id, 1, pixel, match.point, track.right->length};
 }
 
 }  // namespace
@@ -180,7 +178,6 @@ std::vector<Track> Tracker::Impl::track_by_flow(double dt, FrameStatistics& stat
     if (!point) continue;
     Track track = tracks[i];
     ++track.length;
-    track.velocity = (*point - track.point) / dt;
     track.drift = (flow.to[i] - rotated[i]) / dt;
     track.pixel = flow.to[i];
     track.point = *point;
@@ -226,13 +223,8 @@ void Tracker::Impl::match_stereo(const std::vector<cv::Mat>& images, Stamp stamp
   const auto matches = stereo->find(current, right, queries);
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (!matches[i]) continue;
-    StereoView view{*matches[i], Vector2d::Zero(), 1, stamp};
-    if (const auto& before = tracks[i].right) {
-      view.length = before->length + 1;
-      view.velocity =
-          (view.match.point - before->match.point) / seconds_between(before->stamp, stamp);
-    }
-    tracks[i].right = view;
+    const int before = tracks[i].right ? tracks[i].right->length : 0;
+    tracks[i].right = StereoView{*matches[i], before + 1, stamp};
   }
 }
 

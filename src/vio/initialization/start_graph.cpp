@@ -161,19 +161,18 @@ class StartGraph {
   void add_track(const StartProblem::Track& track, std::size_t index) {
     const auto& views = track.views;
     if (views.empty()) return;
-    const auto view = [](const StartProblem::View& v) {
-      return ReprojectionFactor::View{v.point, Eigen::Vector2d::Zero()};
-    };
+    const auto view = [](const StartProblem::View& v) { return ReprojectionFactor::View{v.point}; };
     const auto anchor = static_cast<std::size_t>(views.front().keyframe);
     for (std::size_t v = 1; v < views.size(); ++v) {
       observations_.emplace_back(view(views.front()), view(views[v]),
-                                 sigmas_.focal_px / sigmas_.pixel, 0.0, nullptr, nullptr);
+                                 sigmas_.focal_px / sigmas_.pixel, nullptr, nullptr);
       terms_.push_back({&observations_.back(),
                         {pose(anchor),
                          pose(static_cast<std::size_t>(views[v].keyframe)),
                          {extrinsics_.data(), kPoseSize},
                          {&inverse_depth_[index], 1},
-                         {&time_offset_, 1}},
+                         {&time_offset_, 1},
+                         {lens_.data(), kLensSize}},
                         true});
     }
   }
@@ -200,11 +199,13 @@ class StartGraph {
       ordering->AddElementToGroup(state.motion.data(), 1);
     }
     problem.AddParameterBlock(extrinsics_.data(), kPoseSize, &manifold_);
-    problem.AddParameterBlock(&time_offset_, 1);
-    problem.SetParameterBlockConstant(extrinsics_.data());
-    problem.SetParameterBlockConstant(&time_offset_);
-    ordering->AddElementToGroup(extrinsics_.data(), 1);
-    ordering->AddElementToGroup(&time_offset_, 1);
+    for (double* scalar : {&time_offset_, lens_.data()}) {
+      problem.AddParameterBlock(scalar, scalar == &time_offset_ ? 1 : kLensSize);
+    }
+    for (double* calibration : {extrinsics_.data(), &time_offset_, lens_.data()}) {
+      problem.SetParameterBlockConstant(calibration);
+      ordering->AddElementToGroup(calibration, 1);
+    }
     for (const Term& term : terms_) {
       problem.AddResidualBlock(const_cast<ceres::CostFunction*>(term.cost),
                                term.visual ? &loss_ : nullptr, addresses(term));
@@ -322,6 +323,7 @@ class StartGraph {
     Linearizer linearizer;
     linearizer.hold_constant(extrinsics_.data());
     linearizer.hold_constant(&time_offset_);
+    linearizer.hold_constant(lens_.data());
     for (const Term& term : terms_) {
       linearizer.add(*term.cost, term.visual ? &loss_ : nullptr, term.blocks);
     }
@@ -339,6 +341,7 @@ class StartGraph {
   std::vector<FrameState> states_;
   PoseBlock extrinsics_;
   double time_offset_ = 0.0;
+  LensBlock lens_{};
   std::vector<double> inverse_depth_;
   double refined_fraction_ = 0.0;  // of all observations, inliers after the refinement
   PoseManifold manifold_;

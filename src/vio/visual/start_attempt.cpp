@@ -93,7 +93,7 @@ StartAttempt::StartAttempt(const std::vector<TrackedFrame>& frames, std::size_t 
        choose_keyframes(base, frames.size() - base, config.window.keyframes)) {
     chosen_.push_back(&frames[i]);
   }
-  config_.vision.estimate_extrinsics = config_.vision.estimate_time_offset = false;
+  config_.calibration = CalibrationConfig::fixed();
   config_.window.max_solve_s = kMaxSolve_s;
 }
 
@@ -129,7 +129,7 @@ void StartAttempt::adjust(Window& window) const {
 
 void add_frame(Window& window, const TrackedFrame& tracked, const SE3& T_world_body) {
   auto frame = std::make_unique<Frame>();
-  frame->stamp = tracked.stamp;
+  frame->stamp = frame->image_stamp = tracked.stamp;
   frame->state.pose = to_block(T_world_body);
   window.frames.push_back(std::move(frame));
   add_observations(window, window.newest(), first_camera_of(tracked));

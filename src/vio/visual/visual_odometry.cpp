@@ -67,7 +67,7 @@ std::shared_ptr<Prior> gauge_prior(const Window& window, double distance) {
 }
 
 Config adapted(Config config) {
-  config.vision.estimate_extrinsics = config.vision.estimate_time_offset = false;
+  config.calibration = CalibrationConfig::fixed();
   // Without inertial terms, the newest frame hangs on landmarks with older observations.
   config.window.continuing_tracks = ContinuingTracks::reanchor;
   return config;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vio/window/frame_state.hpp"
 
+#include "apvi/geometry/so3.hpp"
+
 namespace apvi::vio {
 
 PoseBlock to_block(const SE3& pose) {
@@ -8,6 +10,11 @@ PoseBlock to_block(const SE3& pose) {
   Eigen::Map<Eigen::Vector3d>(block.data()) = pose.translation;
   Eigen::Map<Eigen::Quaterniond>(block.data() + 3) = pose.rotation;
   return block;
+}
+
+SE3 ImageMotion::shift(double offset_s) const {
+  const double after_s = compensated_s - offset_s;
+  return {so3::exp(after_s * rate), after_s * velocity};
 }
 
 FrameState to_frame_state(const imu::NavState& state) {

@@ -23,6 +23,22 @@ inline constexpr int kPoseTangent = 6;
 using MotionBlock = std::array<double, 9>;
 inline constexpr int kMotionSize = 9;
 
+/// Parameter block of a lens correction: logarithm of the true over the rig's focal length, and the
+/// shift of the principal point, in focal lengths. A point p on the plane z = 1 by the rig's lens
+/// is truly at (p - shift) / ratio.
+using LensBlock = std::array<double, 3>;
+inline constexpr int kLensSize = 3;
+
+/// How the body moves at a frame, for images that were taken some milliseconds before or after it.
+struct ImageMotion {
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();      ///< in the body frame [rad/s]
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< in the body frame [m/s]
+  double compensated_s = 0.0;  ///< the part of the time offset that the frame's stamp contains
+
+  /// T_frame_image of the body, for the time offset of the camera.
+  SE3 shift(double offset_s) const;
+};
+
 inline SE3 to_se3(const double* pose) {
   return {Eigen::Map<const Eigen::Quaterniond>(pose + 3), Eigen::Map<const Eigen::Vector3d>(pose)};
 }

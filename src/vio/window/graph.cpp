@@ -62,11 +62,13 @@ void Graph::add_inertial() {
 
 void Graph::add_dvl(Frame& frame) {
   for (const Frame::Ping& ping : frame.pings) {
-    velocities_.emplace_back(ping.factor, rig_.dvl->T_body_dvl, rig_.gravity(config_.gravity),
-                             first(frame));
+    velocities_.emplace_back(ping.factor, rig_.gravity(config_.gravity), first(frame));
     terms_.push_back({.cost = &velocities_.back(),
                       .loss = &sensor_loss_,
-                      .blocks = {pose_block(frame), motion_block(frame)},
+                      .blocks = {pose_block(frame),
+                                 motion_block(frame),
+                                 {window_.calibration.T_body_dvl.data(), kPoseSize},
+                                 {&window_.calibration.dvl_log_scale, 1}},
                       .frame = &frame});
   }
 }
@@ -112,25 +114,31 @@ void Graph::add_observation(Landmark& landmark, const Landmark::Observation& see
   const Landmark::Observation& anchor = landmark.observations.front();
   Frame& i = *anchor.frame;
   Frame& j = *seen.frame;
-  const auto camera = [this](int index) -> Block {
-    return {window_.T_body_camera[static_cast<std::size_t>(index)].data(), kPoseSize};
+  Calibration& calibration = window_.calibration;
+  const auto camera = [&](int index) -> Block {
+    return {calibration.T_body_camera[static_cast<std::size_t>(index)].data(), kPoseSize};
+  };
+  const auto lens = [&](int index) -> Block {
+    return {calibration.lenses[static_cast<std::size_t>(index)].data(), kLensSize};
   };
   const Block depth{&landmark.inverse_depth, 1};
-  const Block offset{&window_.time_offset_s, 1};
+  const Block offset{&calibration.camera_time_offset_s, 1};
   Term term{.loss = &vision_loss_, .blocks = {}, .landmark = &landmark};
   if (&i == &j) {
     stereos_.emplace_back(anchor.view.point, seen.view.point, weight(seen));
     term.cost = &stereos_.back();
-    term.blocks = {camera(anchor.camera), camera(seen.camera), depth};
+    term.blocks = {camera(anchor.camera), camera(seen.camera), depth, lens(anchor.camera),
+                   lens(seen.camera)};
   } else if (anchor.camera == seen.camera) {
-    reprojections_.emplace_back(anchor.view, seen.view, weight(seen), 0.0, first(i), first(j));
+    reprojections_.emplace_back(anchor.view, seen.view, weight(seen), first(i), first(j));
     term.cost = &reprojections_.back();
-    term.blocks = {pose_block(i), pose_block(j), camera(seen.camera), depth, offset};
+    term.blocks = {pose_block(i), pose_block(j), camera(seen.camera),
+                   depth,         offset,        lens(seen.camera)};
   } else {
-    cross_camera_.emplace_back(anchor.view, seen.view, weight(seen), 0.0, first(i), first(j));
+    cross_camera_.emplace_back(anchor.view, seen.view, weight(seen), first(i), first(j));
     term.cost = &cross_camera_.back();
-    term.blocks = {pose_block(i),       pose_block(j), camera(anchor.camera),
-                   camera(seen.camera), depth,         offset};
+    term.blocks = {pose_block(i), pose_block(j), camera(anchor.camera), camera(seen.camera),
+                   depth,         offset,        lens(anchor.camera),   lens(seen.camera)};
   }
   terms_.push_back(std::move(term));
 }

@@ -15,9 +15,7 @@ struct FeatureObservation {
   int camera = 0;                                   ///< index in the rig
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  ///< in the recorded image [px]
   Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< x/z, y/z in the camera frame, undistorted
-  Eigen::Vector2d velocity =
-      Eigen::Vector2d::Zero();  ///< of `point` [1/s]; zero in the first frame
-  int track_length = 1;         ///< number of frames up to this one
+  int track_length = 1;                             ///< number of frames up to this one
 };
 
 /// Quality of a frame. A frame that is not good has no observations.

@@ -27,14 +27,15 @@ ceres::Problem::Options problem_options() {
 // address, and the order affects rounding: with heap addresses, runs would not be reproducible.
 class ParameterCopies {
  public:
-  explicit ParameterCopies(Window& window) {
+  ParameterCopies(Window& window, const CalibrationConfig& config) {
     for (const auto& frame : window.frames) {
       add(frame->state.pose.data(), kPoseSize);
       add(frame->state.motion.data(), kMotionSize);
     }
-    for (PoseBlock& extrinsics : window.T_body_camera) add(extrinsics.data(), kPoseSize);
+    for (const CalibrationBlock& part : blocks(window.calibration, config)) {
+      add(part.block.data, part.block.size);
+    }
     if (window.depth_zero_m) add(&*window.depth_zero_m, 1);
-    add(&window.time_offset_s, 1);
     for (auto& [id, landmark] : window.landmarks) add(&landmark.inverse_depth, 1);
   }
 
@@ -71,15 +72,13 @@ void add_states(ceres::Problem& problem, Window& window, const Config& config,
     problem.SetParameterBlockConstant(pose);
     problem.SetParameterBlockConstant(motion);
   }
-  for (const PoseBlock& extrinsics : window.T_body_camera) {
-    double* camera = copies.of(extrinsics.data());
-    problem.AddParameterBlock(camera, kPoseSize, &manifold);
-    if (!config.vision.estimate_extrinsics) problem.SetParameterBlockConstant(camera);
+  for (const CalibrationBlock& part : blocks(window.calibration, config.calibration)) {
+    double* data = copies.of(part.block.data);
+    const bool is_pose = part.block.size == kPoseSize;
+    problem.AddParameterBlock(data, part.block.size, is_pose ? &manifold : nullptr);
+    if (!part.estimate) problem.SetParameterBlockConstant(data);
   }
   if (window.depth_zero_m) problem.AddParameterBlock(copies.of(&*window.depth_zero_m), 1);
-  double* time_offset = copies.of(&window.time_offset_s);
-  problem.AddParameterBlock(time_offset, 1);
-  if (!config.vision.estimate_time_offset) problem.SetParameterBlockConstant(time_offset);
 }
 
 ceres::Solver::Options solver_options(const Config& config) {
@@ -96,7 +95,7 @@ ceres::Solver::Options solver_options(const Config& config) {
 }  // namespace
 
 void solve(const Graph& graph, Window& window, const Config& config, int iterations) {
-  ParameterCopies copies(window);
+  ParameterCopies copies(window, config.calibration);
   PoseManifold manifold;
   ceres::Problem problem(problem_options());
   add_states(problem, window, config, copies, manifold);

@@ -18,22 +18,19 @@ constexpr double kMaxRayMiss = 0.03;
 
 using Observation = Landmark::Observation;
 
-Eigen::Vector3d ray(const Observation& observation) {
-  return observation.view.point.homogeneous();
-}
-
 // Depth in the anchor camera of the point nearest to all rays; nullopt if the parallax is too small
 // or the point is behind a camera.
 std::optional<double> triangulate_depth(const Landmark& landmark, const Window& window,
                                         double min_parallax) {
   const SE3 anchor = camera_pose(landmark.observations.front(), window);
-  const Eigen::Vector3d first = (anchor.rotation * ray(landmark.observations.front())).normalized();
+  const Eigen::Vector3d first =
+      (anchor.rotation * ray(landmark.observations.front(), window)).normalized();
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   double smallest_cosine = 1.0;
   for (const Observation& observation : landmark.observations) {
     const SE3 pose = camera_pose(observation, window);
-    const Eigen::Vector3d direction = (pose.rotation * ray(observation)).normalized();
+    const Eigen::Vector3d direction = (pose.rotation * ray(observation, window)).normalized();
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
     A += across;
     b += across * pose.translation;
@@ -44,7 +41,7 @@ std::optional<double> triangulate_depth(const Landmark& landmark, const Window& 
   for (const Observation& observation : landmark.observations) {
     const Eigen::Vector3d p = camera_pose(observation, window).inverse() * point;
     if (!(p.z() > kMinDepth_m && p.z() < kMaxDepth_m)) return std::nullopt;
-    if ((p.head<2>() / p.z() - observation.view.point).norm() > kMaxRayMiss) return std::nullopt;
+    if ((p / p.z() - ray(observation, window)).norm() > kMaxRayMiss) return std::nullopt;
   }
   return (anchor.inverse() * point).z();
 }
@@ -65,10 +62,16 @@ void drop_observations(Landmark& landmark, const Window& window, const Frame& fr
 
 }  // namespace
 
+Eigen::Vector3d ray(const Landmark::Observation& observation, const Window& window) {
+  const auto camera = static_cast<std::size_t>(observation.camera);
+  return true_point(observation.view.point, window.calibration.lenses.at(camera)).homogeneous();
+}
+
 SE3 camera_pose(const Landmark::Observation& observation, const Window& window) {
   const auto camera = static_cast<std::size_t>(observation.camera);
   return to_se3(observation.frame->state.pose.data()) *
-         to_se3(window.T_body_camera.at(camera).data());
+         observation.view.motion.shift(window.calibration.camera_time_offset_s) *
+         to_se3(window.calibration.T_body_camera.at(camera).data());
 }
 
 bool is_in_graph(const Landmark& landmark, int min_observations) {
@@ -78,7 +81,13 @@ bool is_in_graph(const Landmark& landmark, int min_observations) {
 
 Eigen::Vector3d position(const Landmark& landmark, const Window& window) {
   const Observation& anchor = landmark.observations.front();
-  return camera_pose(anchor, window) * (ray(anchor) / landmark.inverse_depth);
+  return camera_pose(anchor, window) * (ray(anchor, window) / landmark.inverse_depth);
+}
+
+Window empty_window(const Rig& rig) {
+  Window window;
+  window.calibration = calibration_of(rig);
+  return window;
 }
 
 void add_observations(Window& window, Frame& frame, const TrackedFrame& tracked) {
@@ -91,7 +100,7 @@ void add_observations(Window& window, Frame& frame, const TrackedFrame& tracked)
     }
     if (seen.camera == 0) ++tracks;
     window.landmarks[seen.id].observations.push_back(
-        {&frame, seen.camera, {seen.point, seen.velocity}, seen.track_length});
+        {&frame, seen.camera, {seen.point, frame.motion}, seen.track_length});
   }
   window.rejected_tracks = std::move(still_bad);
   frame.tracks = tracks;
@@ -130,7 +139,8 @@ void triangulate(Window& window, double min_parallax) {
 }
 
 void scale_lengths(Window& window, double factor) {
-  const Eigen::Vector3d p_body_camera = to_se3(window.T_body_camera.front().data()).translation;
+  const Eigen::Vector3d p_body_camera =
+      to_se3(window.calibration.T_body_camera.front().data()).translation;
   for (const auto& frame : window.frames) {
     const SE3 pose = to_se3(frame->state.pose.data());
     frame->state.pose = to_block(changed({.scale = factor}, pose, p_body_camera));

@@ -11,6 +11,7 @@
 #include "imu/preintegration.hpp"
 #include "vio/factors/factors.hpp"
 #include "vio/marginalization/marginalization.hpp"
+#include "vio/window/calibration.hpp"
 #include "vio/window/frame_state.hpp"
 #include "vio/window/observation.hpp"
 
@@ -21,6 +22,7 @@ struct DvlMeasurement {
   Stamp stamp;
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< in the DVL frame, scale-corrected [m/s]
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
+  std::optional<Eigen::Vector3d> predicted = std::nullopt;  ///< by the window, before the ping
 };
 
 /// A pressure-depth measurement.
@@ -32,7 +34,9 @@ struct PressureDepthMeasurement {
 
 /// A frame of the window. The addresses of its state do not change during its lifetime.
 struct Frame {
-  Stamp stamp;
+  Stamp stamp;        ///< of the state: `image_stamp` less `motion.compensated_s`
+  Stamp image_stamp;  ///< by the rig's time offset of the camera
+  ImageMotion motion;
   FrameState state;
   FirstEstimate first;
   bool frozen = false;
@@ -71,20 +75,24 @@ struct Window {
   std::map<std::int64_t, Landmark> landmarks;
   std::set<std::int64_t> rejected_tracks;  ///< rejected as outliers
   std::shared_ptr<const Prior> prior;
-  std::vector<PoseBlock> T_body_camera;
+  Calibration calibration;
   std::optional<double> depth_zero_m;  ///< measured depth at z = 0; nullopt: not measured
-  double time_offset_s = 0.0;          ///< of the cameras, in addition to the rig's value
 
   Frame& newest() { return *frames.back(); }
   const Frame& newest() const { return *frames.back(); }
 };
 
+/// Ray of an observation in its camera, z = 1.
+Eigen::Vector3d ray(const Landmark::Observation& observation, const Window& window);
 /// T_world_camera of an observation.
 SE3 camera_pose(const Landmark::Observation& observation, const Window& window);
 /// True if the landmark is part of the graph.
 bool is_in_graph(const Landmark& landmark, int min_observations);
 /// Position of a landmark in the world [m]; it must be triangulated.
 Eigen::Vector3d position(const Landmark& landmark, const Window& window);
+
+/// Without frames, with the rig's calibration.
+Window empty_window(const Rig& rig);
 
 /// Adds the observations of a frame, which must be in the window, to the landmarks.
 void add_observations(Window& window, Frame& frame, const TrackedFrame& tracked);

@@ -21,11 +21,10 @@ double focal(const Rig& rig, int camera) {
   return rig.cameras[static_cast<std::size_t>(camera)].model.parameters().fx;
 }
 
-void hold_fixed_blocks(Linearizer& linearizer, const Window& window, const Config& config) {
-  if (!config.vision.estimate_extrinsics) {
-    for (const PoseBlock& block : window.T_body_camera) linearizer.hold_constant(block.data());
+void hold_fixed_blocks(Linearizer& linearizer, Window& window, const Config& config) {
+  for (const CalibrationBlock& part : blocks(window.calibration, config.calibration)) {
+    if (!part.estimate) linearizer.hold_constant(part.block.data);
   }
-  if (!config.vision.estimate_time_offset) linearizer.hold_constant(&window.time_offset_s);
   for (const auto& frame : window.frames) {
     if (frame->frozen) linearizer.hold_constant(frame->state.pose.data());
     if (frame->frozen) linearizer.hold_constant(frame->state.motion.data());
@@ -76,14 +75,6 @@ void fix_first_estimates(Window& window) {
 
 }  // namespace
 
-Window empty_window(const Rig& rig) {
-  Window window;
-  for (const CameraCalibration& camera : rig.cameras) {
-    window.T_body_camera.push_back(to_block(camera.T_body_camera));
-  }
-  return window;
-}
-
 FrameState predict(const FrameState& from, const imu::Preintegration& motion,
                    const Eigen::Vector3d& gravity) {
   const SE3 pose = to_se3(from.pose.data());
@@ -113,7 +104,8 @@ DvlPing ping_factor(const DvlMeasurement& measured,
   return {.since_frame = std::move(since_frame),
           .gyro = gyro,
           .velocity = measured.velocity,
-          .sqrt_information = Eigen::LLT<Eigen::Matrix3d>(information).matrixU()};
+          .sqrt_information = Eigen::LLT<Eigen::Matrix3d>(information).matrixU(),
+          .predicted = measured.predicted};
 }
 
 Eigen::Vector3d pressure_sensor_position(const Rig& rig) {
@@ -168,7 +160,7 @@ double reprojection_error_px(const Landmark& landmark, const Landmark::Observati
   const SE3 T_world_camera = camera_pose(observation, window);
   const Eigen::Vector3d p = T_world_camera.inverse() * position(landmark, window);
   if (p.z() < 0.01) return std::numeric_limits<double>::infinity();
-  return (p.head<2>() / p.z() - observation.view.point).norm() * focal(rig, observation.camera);
+  return (p / p.z() - ray(observation, window)).norm() * focal(rig, observation.camera);
 }
 
 void reject_outliers(Window& window, const Rig& rig, double max_error_px) {
@@ -229,8 +221,7 @@ bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
   return parallax / common * focal(rig, 0) >= c.keyframe_parallax_px;
 }
 
-PoseInformation newest_pose_information(const Graph& graph, const Window& window,
-                                        const Config& config) {
+PoseInformation newest_pose_information(const Graph& graph, Window& window, const Config& config) {
   Linearizer linearizer;
   hold_fixed_blocks(linearizer, window, config);
   for (const Term& term : graph.terms()) {

@@ -13,8 +13,6 @@
 /// Updates of the window: how frames and measurements enter and leave.
 namespace apvi::vio {
 
-Window empty_window(const Rig& rig);
-
 /// The state after an inertial motion.
 FrameState predict(const FrameState& from, const imu::Preintegration& motion,
                    const Eigen::Vector3d& gravity);
@@ -54,8 +52,7 @@ struct PoseInformation {
   Eigen::Matrix<double, 6, 6> absolute = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 6> over_window = Eigen::Matrix<double, 6, 6>::Zero();
 };
-PoseInformation newest_pose_information(const Graph& graph, const Window& window,
-                                        const Config& config);
+PoseInformation newest_pose_information(const Graph& graph, Window& window, const Config& config);
 /// Marginalizes the oldest frame into the prior.
 void marginalize_oldest(const Graph& graph, Window& window, const Config& config);
 

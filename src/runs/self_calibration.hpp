@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "apvi/config/node.hpp"
+#include "apvi/sensors/rig.hpp"
+#include "eval/metrics_file.hpp"
+#include "vio/window/calibration.hpp"
+
+namespace apvi::runs {
+
+/// The nodes of a rig.yaml with the intrinsics, extrinsics, time offsets and DVL scale of
+/// `estimate`; all else as in `rig`.
+config::Node estimated_rig(const config::Node& rig, const Rig& estimate);
+
+/// Section `self_calibration` of metrics.json: for each parameter `change` from the rig's value,
+/// its `sigma` (lists for vectors) and whether the recording told it (`observable`).
+eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& parameters);
+
+/// Writes rig_estimated.yaml, for `dataset.rig` of a later run. Logs what differs from the rig by
+/// more than three standard deviations of either. Throws RunError when the file cannot be written.
+void report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
+                             const Rig& estimate,
+                             const std::vector<vio::CalibrationParameter>& parameters);
+
+}  // namespace apvi::runs
