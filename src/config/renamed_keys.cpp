@@ -225,7 +225,8 @@ void insert(Node& root, const std::string& new_key, const std::string& old_key, 
             std::set<std::string>& inserted) {
   if (value.kind == Node::Kind::map) {
     for (auto& [name, member] : value.members) {
-      insert(root, new_key + "." + name, old_key + "." + name, std::move(member), inserted);
+      insert(root, fmt::format("{}.{}", new_key, name), fmt::format("{}.{}", old_key, name),
+             std::move(member), inserted);
     }
     return;
   }
@@ -243,13 +244,13 @@ void insert(Node& root, const std::string& new_key, const std::string& old_key, 
 }  // namespace
 
 const Renames& run_renames() {
-  static constexpr Renames renames{kRunKeys, kRunValues};
-  return renames;
+  static constexpr Renames kRenames{kRunKeys, kRunValues};
+  return kRenames;
 }
 
 const Renames& scene_renames() {
-  static constexpr Renames renames{kSceneKeys, kSceneValues};
-  return renames;
+  static constexpr Renames kRenames{kSceneKeys, kSceneValues};
+  return kRenames;
 }
 
 KeyRenamer::KeyRenamer(const Renames& renames, Warnings warnings)
