@@ -228,7 +228,7 @@ CameraGyroVector jackknife(const CameraGyroProblem& problem, const CameraGyroMod
   for (const CameraGyroNormal& normal : normals) {
     CameraGyroMatrix H = sum.H - normal.H;
     H.diagonal() += prior();
-    left_out.push_back(-H.ldlt().solve(sum.b - normal.b));
+    left_out.emplace_back(-H.ldlt().solve(sum.b - normal.b));
   }
   CameraGyroMatrix H = sum.H;
   H.diagonal() += prior();
