@@ -109,7 +109,9 @@ bool is_magic(std::uint8_t byte) {
 
 }  // namespace
 
-std::size_t decode(Bytes bytes, const std::function<void(const Frame&)>& take) {
+std::size_t decode(std::span<const std::uint8_t> datagram,
+                   const std::function<void(const Frame&)>& take) {
+  Bytes bytes = datagram;
   std::size_t damaged = 0;
   while (!bytes.empty()) {
     const auto header = header_of(bytes);

@@ -51,7 +51,7 @@ MavlinkLink::MavlinkLink(MavlinkOptions options)
 bool MavlinkLink::receive(Receiver& receiver) {
   ask(host_now());
   if (!socket_.wait(kPollPeriod)) return true;
-  std::array<std::uint8_t, 65536> bytes;
+  std::array<std::uint8_t, 65536> bytes{};
   const std::size_t size = socket_.read(bytes);
   const Stamp arrival = host_now();
   const std::size_t damaged =

@@ -118,8 +118,8 @@ std::optional<WaterLinkedSettings> settings_in(const Json& report) {
 
 }  // namespace
 
-WaterLinkedReport parse_waterlinked(std::string_view text) {
-  const std::string_view line = text::trim(text);
+WaterLinkedReport parse_waterlinked(std::string_view line) {
+  line = text::trim(line);
   if (line.empty() || line == "[" || line == "]") return {};  // an array has brackets
   const Json json = report_in(line);
   if (!json.is_object()) return malformed("no report in JSON");
