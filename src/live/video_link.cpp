@@ -4,12 +4,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
+#include <string_view>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
@@ -75,7 +76,7 @@ cv::VideoCapture open(const VideoOptions& options) {
 }  // namespace
 
 bool is_video_scheme(const std::string& scheme) {
-  static const std::vector<std::string> kSchemes = {"rtsp", "rtp+h264", "v4l2", "video"};
+  constexpr std::array<std::string_view, 4> kSchemes = {"rtsp", "rtp+h264", "v4l2", "video"};
   return std::ranges::find(kSchemes, scheme) != kSchemes.end();
 }
 

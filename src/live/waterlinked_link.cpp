@@ -26,7 +26,7 @@ WaterLinkedLink::WaterLinkedLink(std::string name, const Address& address,
 
 bool WaterLinkedLink::receive(Receiver& receiver) {
   if (!socket_.wait(kPollPeriod)) return true;
-  std::array<std::uint8_t, 8192> bytes;
+  std::array<std::uint8_t, 8192> bytes{};
   const std::size_t size = socket_.read(bytes);
   const Stamp arrival = host_now();
   if (!lines_.append({reinterpret_cast<const char*>(bytes.data()), size})) {
