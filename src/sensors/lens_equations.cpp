@@ -89,9 +89,9 @@ std::optional<Denominator> sphere_denominator(const CameraModel::Parameters& cam
                                               const Vector3d& p) {
   const Coefficients& k = camera.coefficients;
   if (p.squaredNorm() < kMinDenominator * kMinDenominator) return std::nullopt;
-  const auto denominator = camera.distortion == Distortion::double_sphere
-                               ? double_sphere_denominator(k[0], k[1], p)
-                               : eucm_denominator(k[0], k[1], p);
+  auto denominator = camera.distortion == Distortion::double_sphere
+                         ? double_sphere_denominator(k[0], k[1], p)
+                         : eucm_denominator(k[0], k[1], p);
   // Not so for NaN either.
   if (!denominator || !(denominator->value > kMinDenominator * p.norm())) return std::nullopt;
   return denominator;
