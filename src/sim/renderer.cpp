@@ -99,11 +99,11 @@ Canvas make_canvas(const Lens& lens) {
 }  // namespace
 
 struct Renderer::Impl {
-  const TriangleMesh* mesh;
-  const RayCaster* caster;
+  const TriangleMesh* mesh = nullptr;
+  const RayCaster* caster = nullptr;
   CameraModel camera;
   RendererConfig config;
-  std::uint64_t seed;
+  std::uint64_t seed = 0;
   Lens lens;
   BakedLight baked;
 
@@ -123,7 +123,7 @@ struct Renderer::Impl {
   LightState light_state(const ImageRequest& request) const;
   int count_samples(const ImageRequest& request) const;
   Poses exposure_poses(const ImageRequest& request) const;
-  void fill_rays(const Poses& poses, int sample, const cv::Rect& tile, TileRays& rays) const;
+  void fill_rays(const Poses& poses, int sample, const cv::Rect& tile, TileRays& out) const;
   void render_tile(const LightState& light, const Poses& poses, const cv::Rect& tile,
                    Canvas& canvas) const;
   double camera_gain(const Canvas& canvas, double exposure) const;

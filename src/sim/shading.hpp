@@ -27,11 +27,11 @@ struct LightState {
 /// lanes hold copies of the first ray.
 struct TileRays {
   RayBatch rays;
-  Lanes pixel_angle;  ///< angle between neighboring pixels [rad]
+  Lanes pixel_angle{};  ///< angle between neighboring pixels [rad]
   Eigen::Vector3f lamp_position = Eigen::Vector3f::Zero();  ///< world [m]
   Eigen::Vector3f lamp_axis = Eigen::Vector3f::UnitX();     ///< world, unit
-  Lanes clear[3];     ///< J: red, green, blue; 0 for no surface
-  Lanes observed[3];  ///< I: through the water
+  Lanes clear[3]{};     ///< J: red, green, blue; 0 for no surface
+  Lanes observed[3]{};  ///< I: through the water
 };
 
 /// Precomputed visibility of the sky and of the sun from the vertices of a mesh, 0 to 1.
