@@ -205,7 +205,8 @@ bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
   if (seconds_between(last.stamp, newest.stamp) >= c.keyframe_max_interval_s) return true;
   double parallax = 0.0;
   int common = 0;
-  for (const auto& [id, landmark] : window.landmarks) {
+  for (const auto& entry : window.landmarks) {
+    const Landmark& landmark = entry.second;
     const auto seen_by = [&](const Frame& frame) {
       return std::find_if(landmark.observations.begin(), landmark.observations.end(),
                           [&](const auto& s) { return s.frame == &frame && s.camera == 0; });
