@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "apvi/geometry/so3.hpp"
+#include "vio/factors/projection.hpp"
 
 namespace apvi::doctor {
 namespace {
@@ -28,10 +29,6 @@ double robust_weight(double distance) {
 
 double robust_cost(double distance) {
   return distance * distance / (1.0 + distance * distance / (kKernel * kKernel));
-}
-
-double focal_px(const CameraModel& camera) {
-  return 0.5 * (camera.parameters().fx + camera.parameters().fy);
 }
 
 // Pixels per unit of t . (a x b) for unit rays of both images in the same axes.
@@ -132,7 +129,7 @@ std::optional<CameraGyroProblem::Seen> CameraGyroProblem::see(const CameraGyroMo
   const bool is_rig = model.focal == 1.0 && model.radial == 0.0;
   seen.rays = is_rig ? rig_rays_[pair] : rays_of(pairs_[pair], model.focal, model.radial);
   seen.rays.now = so3::exp(seen.turn).toRotationMatrix() * seen.rays.now;
-  seen.focal_px = model.focal * focal_px(camera_);
+  seen.focal_px = model.focal * vio::focal_length(camera_);
   seen.direction = common_direction(seen.rays.before, seen.rays.now, noise_px / seen.focal_px);
   return seen;
 }
@@ -150,9 +147,9 @@ void CameraGyroProblem::add_lens_columns(const CameraGyroModel& model, std::size
     const Rays below = rays_of(pairs_[pair], down.focal, down.radial);
     for (Eigen::Index i = 0; i < columns.cols(); ++i) {
       const double high = distance_px(above.before.col(i), R * above.now.col(i), seen.direction,
-                                      up.focal * focal_px(camera_));
+                                      up.focal * vio::focal_length(camera_));
       const double low = distance_px(below.before.col(i), R * below.now.col(i), seen.direction,
-                                     down.focal * focal_px(camera_));
+                                     down.focal * vio::focal_length(camera_));
       const double slope = (high - low) / (2.0 * kLensStep);
       columns(column, i) = std::isfinite(slope) ? slope : 0.0;
     }
