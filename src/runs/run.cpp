@@ -422,7 +422,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
-    sections["self_calibration"] = self_calibration(folder, rig_node, *visual, pass);
+    eval::Json calibration = self_calibration(folder, rig_node, *visual, pass);
+    if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);

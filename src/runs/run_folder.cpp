@@ -121,7 +121,7 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   if (error) fail_run("{}: cannot create folder: {}", path.string(), error.message());
   for (const char* stale :
        {"metrics.json", "report.html", "vio.tum", "keyframes.tum", "health.csv", "timing.csv",
-        "mapping.csv", "checkpoint.pt", "map.ply", "medium.json"}) {
+        "rig_estimated.yaml", "mapping.csv", "checkpoint.pt", "map.ply", "medium.json"}) {
     fs::remove(path / stale, error);
   }
   fs::remove_all(path / "renders", error);

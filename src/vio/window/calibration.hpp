@@ -28,7 +28,7 @@ struct Calibration {
 
 /// A number, rotation or vector of a calibration and what is known about it.
 struct CalibrationParameter {
-  std::string name;        ///< "cam0.mounting", "cam0.lever_arm", "cam0.time_offset", ...
+  std::string name;        ///< "cam0.mounting", "cam0.lever_arm", "cam0.time_offset_s", ...
   Eigen::VectorXd change;  ///< from the rig's value; rotations in the sensor's frame [rad]
   Eigen::VectorXd sigma;
   double prior_sigma = 0.0;  ///< of each component
