@@ -84,7 +84,8 @@ class CudaStepBackend final : public StepBackend {
          .height = as_int(height),
          .reduction = in.reduction,
          .falloff = in.falloff.defined() ? in.falloff.data_ptr<float>() : nullptr,
-         .log_gain = in.log_gain.defined() ? in.log_gain.data_ptr<float>() : nullptr},
+         .log_gain = in.log_gain.defined() ? in.log_gain.data_ptr<float>() : nullptr,
+         .light = in.light.defined() ? in.light.data_ptr<float>() : nullptr},
         target.data_ptr<float>(), at::cuda::getCurrentCUDAStream()));
     return target;
   }

@@ -45,13 +45,17 @@ __global__ void target_kernel(TargetPointers in, float* target) {
     const std::int64_t line = static_cast<std::int64_t>(row * in.reduction + y) * in.full_width;
     const std::uint8_t* const pixels = in.image + 3 * (line + column * in.reduction);
     for (int x = 0; x < in.reduction; ++x) {
-      for (int c = 0; c < 3; ++c) sums[c] += static_cast<float>(pixels[3 * x + c]);
+      for (int c = 0; c < 3; ++c) {
+        const std::uint8_t byte = pixels[3 * x + c];
+        sums[c] += in.light != nullptr ? in.light[byte] : static_cast<float>(byte);
+      }
     }
   }
-  float light = 255.0f * static_cast<float>(in.reduction * in.reduction);
-  if (in.falloff != nullptr) light *= in.falloff[i];
-  if (in.log_gain != nullptr) light *= expf(*in.log_gain);
-  for (int c = 0; c < 3; ++c) target[3 * i + c] = sums[c] / light;
+  float divisor = static_cast<float>(in.reduction * in.reduction);
+  if (in.light == nullptr) divisor *= 255.0f;
+  if (in.falloff != nullptr) divisor *= in.falloff[i];
+  if (in.log_gain != nullptr) divisor *= expf(*in.log_gain);
+  for (int c = 0; c < 3; ++c) target[3 * i + c] = sums[c] / divisor;
 }
 
 __device__ bool differs_from(float value, float veiling_light) {

@@ -23,6 +23,7 @@ struct TargetPointers {
   int reduction;
   const float* falloff;   ///< [height,width] or null
   const float* log_gain;  ///< [1] or null
+  const float* light;     ///< [256] linear light of each byte, or null
 };
 cudaError_t launch_target(const TargetPointers& in, float* target, cudaStream_t stream);
 

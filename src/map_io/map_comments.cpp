@@ -72,11 +72,15 @@ bool is_zero(const Origin& origin) {
   return origin == Origin{};
 }
 
-std::string comment_lines(const std::optional<medium::Medium>& medium, const Origin& origin) {
+std::string comment_lines(const std::optional<medium::Medium>& medium, const Origin& origin,
+                          const gaussians::ToneCurve& curve) {
   std::string text;
   if (!is_zero(origin)) {
     text +=
         fmt::format("comment origin {:.17g} {:.17g} {:.17g}\n", origin[0], origin[1], origin[2]);
+  }
+  if (!curve.is_linear()) {
+    text += fmt::format("comment tone_curve {:.9g} {:.9g}\n", curve.gamma, curve.offset);
   }
   if (!medium) return text;
   text += fmt::format("comment beta_d {}\ncomment beta_b {}\ncomment b_inf {}\n",
@@ -115,6 +119,15 @@ Origin origin_of(const PlyHeader& header) {
     if (!std::isfinite(x)) return {};
   }
   return origin;
+}
+
+gaussians::ToneCurve tone_curve_of(const PlyHeader& header) {
+  const auto numbers = comment_numbers(header, "tone_curve", 2);
+  if (!numbers) return {};
+  const gaussians::ToneCurve curve{.gamma = (*numbers)[0], .offset = (*numbers)[1]};
+  const bool valid =
+      curve.gamma > 0.1 && curve.gamma < 10.0 && curve.offset >= 0.0 && curve.offset < 1.0;
+  return valid ? curve : gaussians::ToneCurve{};
 }
 
 void write_medium_json(const fs::path& path, const medium::Medium& medium) {

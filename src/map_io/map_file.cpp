@@ -82,19 +82,23 @@ MapFile read_map(const fs::path& path) {
   const PlyTable table(path);
   map.medium = medium_of(table.header());
   map.origin = origin_of(table.header());
+  map.tone_curve = tone_curve_of(table.header());
+  map.gaussians = gaussians::with_decoded_colors(map.gaussians, map.tone_curve);
   return map;
 }
 
 void write_map(const fs::path& path, const MapFile& map) {
   const auto format = format_of(path);
   if (!format) fail_input("{}: expected a file .ply, .compressed.ply or .spz", path.string());
-  if (*format == Format::ply) return write_ply(path, map.gaussians, map.medium, map.origin);
-  const Splats splats = to_splats(map.gaussians);
+  if (*format == Format::ply) {
+    return write_ply(path, map.gaussians, map.medium, map.origin, map.tone_curve);
+  }
+  const Splats splats = to_splats(gaussians::with_encoded_colors(map.gaussians, map.tone_curve));
   write_file_atomically(path, [&](std::ostream& out) {
     if (*format == Format::spz) {
       write_spz(out, {splats, map.antialiased});
     } else {
-      write_compressed_ply(out, splats, comment_lines(map.medium, map.origin));
+      write_compressed_ply(out, splats, comment_lines(map.medium, map.origin, map.tone_curve));
     }
   });
   if (*format == Format::spz) write_origin_json(sidecar(path), map.origin);

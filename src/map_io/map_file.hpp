@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "gaussians/model/gaussians.hpp"
+#include "gaussians/render/tone_curve.hpp"
 #include "map_io/origin.hpp"
 #include "medium/medium.hpp"
 
@@ -12,10 +13,13 @@ namespace apvi::map_io {
 
 /// A map as a file of any format: PLY, compressed PLY (NAME.compressed.ply) or SPZ.
 struct MapFile {
-  gaussians::Gaussians gaussians;  ///< float32 on the CPU; positions relative to `origin`
+  /// float32 on the CPU; positions relative to `origin`, colors in linear light. Files have colors
+  /// in image values, as other programs show them.
+  gaussians::Gaussians gaussians;
   std::optional<medium::Medium> medium = std::nullopt;
   Origin origin{};
-  bool antialiased = false;  ///< as it was trained; only SPZ stores it
+  bool antialiased = false;              ///< as it was trained; only SPZ stores it
+  gaussians::ToneCurve tone_curve = {};  ///< of the camera; SPZ does not store it
 };
 
 /// Whether the file name ends as that of a map file does.

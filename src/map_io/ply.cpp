@@ -60,13 +60,15 @@ void check_shapes(const gaussians::Gaussians& g) {
 }  // namespace
 
 void write_ply(const fs::path& path, const gaussians::Gaussians& gaussians,
-               const std::optional<medium::Medium>& medium, const Origin& origin) {
+               const std::optional<medium::Medium>& medium, const Origin& origin,
+               const gaussians::ToneCurve& curve) {
   check_shapes(gaussians);
-  const std::int64_t n = gaussians.size();
+  const gaussians::Gaussians shown = gaussians::with_encoded_colors(gaussians, curve);
+  const std::int64_t n = shown.size();
   write_file_atomically(path, [&](std::ostream& out) {
-    out << header_text(n, gaussians.sh_rest.size(1), comment_lines(medium, origin));
+    out << header_text(n, shown.sh_rest.size(1), comment_lines(medium, origin, curve));
     for (std::int64_t begin = 0; begin < n && out; begin += kRowsPerBatch) {
-      const Tensor rows = file_rows(gaussians, begin, std::min(n, begin + kRowsPerBatch));
+      const Tensor rows = file_rows(shown, begin, std::min(n, begin + kRowsPerBatch));
       out.write(reinterpret_cast<const char*>(rows.data_ptr<float>()),
                 static_cast<std::streamsize>(rows.nbytes()));
     }

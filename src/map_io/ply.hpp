@@ -8,6 +8,7 @@
 
 #include "gaussians/model/gaussians.hpp"
 #include "gaussians/model/point_cloud.hpp"
+#include "gaussians/render/tone_curve.hpp"
 #include "map_io/origin.hpp"
 #include "medium/medium.hpp"
 
@@ -18,23 +19,24 @@ namespace apvi::map_io {
 /// then green, then blue), opacity (logit), scale_0…2 (logarithm), rot_0…3 (w x y z). Everything is
 /// float32 on the CPU.
 
-/// Reads a map. Properties may come in any order and type, others are skipped, as are other
-/// elements; ASCII and both byte orders. `red green blue` replace f_dc_*, a missing scale_2 makes
-/// Gaussians flat, and SH coefficients above degree 3 are dropped with a warning. The compressed
-/// files of SuperSplat are read as well. An infinite logit is an opacity of zero or one; other
-/// Gaussians that are not finite, or have a zero quaternion, are dropped and counted in a warning.
-/// Throws InputError naming file and line (or vertex) for a file that is not a PLY file, is a mesh
-/// or a point cloud, lacks a property, or is shorter than its header states; the size is checked
-/// before memory is allocated.
+/// Reads a map, with colors in image values. Properties may come in any order and type, others are
+/// skipped, as are other elements; ASCII and both byte orders. `red green blue` replace f_dc_*, a
+/// missing scale_2 makes Gaussians flat, and SH coefficients above degree 3 are dropped with a
+/// warning. The compressed files of SuperSplat are read as well. An infinite logit is an opacity of
+/// zero or one; other Gaussians that are not finite, or have a zero quaternion, are dropped and
+/// counted in a warning. Throws InputError naming file and line (or vertex) for a file that is not
+/// a PLY file, is a mesh or a point cloud, lacks a property, or is shorter than its header states;
+/// the size is checked before memory is allocated.
 gaussians::Gaussians read_ply(const std::filesystem::path& path);
 
-/// Writes a map, with the local origin (unless zero) and the medium in the header comments (beta_d,
-/// beta_b [1/m], b_inf, RGB; lamp parameters, see `lamp_to_tensor`). Positions are local. The file
+/// Writes a map, with the local origin (unless zero), the camera's tone curve (unless linear) and
+/// the medium in the header comments (beta_d, beta_b [1/m], b_inf, RGB; lamp parameters, see
+/// `lamp_to_tensor`). Positions are local. Colors are written in image values. The file
 /// is replaced atomically. Throws RunError when it cannot be written, c10::Error when shapes do not
 /// match.
 void write_ply(const std::filesystem::path& path, const gaussians::Gaussians& gaussians,
                const std::optional<medium::Medium>& medium = std::nullopt,
-               const Origin& origin = {});
+               const Origin& origin = {}, const gaussians::ToneCurve& curve = {});
 
 /// The medium in the comments of a map, float32; nothing when there is none. Throws InputError.
 std::optional<medium::Medium> read_ply_medium(const std::filesystem::path& path);

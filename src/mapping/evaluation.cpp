@@ -16,8 +16,9 @@ constexpr std::int64_t kMinLpipsSide_px = 32;
 constexpr std::size_t kMaxMedianImages = 200;  // evenly spread, to limit memory
 
 Tensor render_keyframe(const Map& map, const KeyframeStore& keyframes, std::size_t i) {
-  return (render_map(map, keyframes.view(i, 1)).color * camera_response(map, keyframes, i, 1))
-      .clamp(0.0, 1.0);
+  const Tensor light =
+      render_map(map, keyframes.view(i, 1)).color * camera_response(map, keyframes, i, 1);
+  return map.tone_curve.encode(light).clamp(0.0, 1.0);
 }
 
 // Undefined without training images.
@@ -27,7 +28,7 @@ Tensor training_median(const KeyframeStore& keyframes) {
   const std::size_t stride = (all.size() + kMaxMedianImages - 1) / kMaxMedianImages;
   std::vector<Tensor> images;
   for (std::size_t k = 0; k < all.size(); k += stride) {
-    images.push_back(keyframes.image(all[k], 1, torch::kCPU));
+    images.push_back(keyframes.image_values(all[k], 1, torch::kCPU));
   }
   return gaussians::median_image(images);
 }
@@ -57,7 +58,7 @@ std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
   Mean mean;
   for (const std::size_t i : which) {
     const Tensor image = render_keyframe(map, keyframes, i);
-    mean.add(gaussians::psnr(image, keyframes.image(i, 1, image.device())));
+    mean.add(gaussians::psnr(image, keyframes.image_values(i, 1, image.device())));
   }
   return mean.value();
 }
@@ -70,7 +71,7 @@ std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& k
   std::vector<ImageMetrics> images;
   for (const std::size_t i : which) {
     const Tensor image = render_keyframe(map, keyframes, i);
-    const Tensor truth = keyframes.image(i, 1, image.device());
+    const Tensor truth = keyframes.image_values(i, 1, image.device());
     const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kMinLpipsSide_px;
     images.push_back(
         {.psnr_db = gaussians::psnr(image, truth),

@@ -53,7 +53,9 @@ Mapper::Mapper(const MapperOptions& options)
       inserter_(options),
       densification_(options),
       medium_(options),
-      training_(options) {}
+      training_(options) {
+  keyframes_.set_tone_curve(optimizer_.tone_curve());
+}
 
 KeyframeDecision Mapper::add(const MapperInput& input) {
   const torch::NoGradGuard no_grad;
@@ -296,6 +298,7 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     torch::serialize::InputArchive optimizer;
     archive.read("optimizer", optimizer);
     read.optimizer_.load(optimizer);
+    read.keyframes_.set_tone_curve(read.optimizer_.tone_curve());
   });
   *this = std::move(read);
 }

@@ -7,13 +7,14 @@
 #include <optional>
 
 #include "gaussians/model/gaussians.hpp"
+#include "gaussians/render/tone_curve.hpp"
 #include "gaussians/render/view.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "medium/medium.hpp"
 
 namespace apvi::mapping {
 
-/// A map with its medium and camera response.
+/// A map with its medium and camera response. Colors are in linear light.
 struct Map {
   gaussians::Gaussians gaussians;
   std::optional<medium::Medium> medium;
@@ -24,10 +25,11 @@ struct Map {
   /// [n,3,rows,columns] logarithms of the fields of gains of the keyframes (mapping::Illumination);
   /// undefined: none.
   torch::Tensor illumination = {};
-  double vignetting = 0.0;  ///< fraction of light lost in the image corners
+  double vignetting = 0.0;               ///< fraction of light lost in the image corners
+  gaussians::ToneCurve tone_curve = {};  ///< of the camera, which makes image values of light
 };
 
-/// Renderings of a map from one view.
+/// Renderings of a map from one view, in linear light.
 struct MapRendering {
   torch::Tensor color;     ///< [H,W,3] with the medium, if there is one
   torch::Tensor restored;  ///< [H,W,3] without the medium, lit as from this view

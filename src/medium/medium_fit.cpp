@@ -130,6 +130,7 @@ class Solver {
       fit.resolution[c].copy_(to_logs.mm(known).mm(torch::inverse(to_logs)));
       fit.sigmas[c].copy_(to_logs.mm(own).mm(to_logs.t()).diagonal().clamp_min(0.0).sqrt());
     }
+    fit.deviance = equations_.deviance();
     const std::array<double, 3>& noise = equations_.noise();
     fit.noise = torch::tensor({noise[0], noise[1], noise[2]}, kF64);
     return fit;

@@ -17,8 +17,10 @@ struct Observations {
   torch::Tensor views;     ///< [n] int64, 0 to `view_count` - 1
   torch::Tensor ranges;    ///< [n] float64 along the ray [m]
   torch::Tensor corners2;  ///< [n] float64 squared distance from the principal point, 1 in a corner
-  torch::Tensor colors;    ///< [n,3] float64 in [0, 1], from the same patch of surface in all views
-  torch::Tensor texture;   ///< [n] float64 local color variation
+  torch::Tensor colors;    ///< [n,3] float64, light in [0, 1], from the same patch of surface
+  torch::Tensor slopes;    ///< [n,3] float64 image value per light, in which the noise is uniform;
+                           ///< undefined: one
+  torch::Tensor texture;   ///< [n] float64 local variation of image values
   torch::Tensor places;    ///< [n,3] float64 point in the camera frame [m]; for a lamp
   torch::Tensor normals;   ///< [n,3] float64 unit surface normal, of either sign; for a lamp
   std::int64_t point_count = 0;
@@ -65,8 +67,9 @@ struct MediumFit {
   /// parameters, zero in directions that only the prior constrains, for example with all
   /// observations at one range.
   torch::Tensor resolution;
-  torch::Tensor sigmas;  ///< [3,3] float64, by channel: standard deviations of the same logarithms
-  torch::Tensor noise;   ///< [3] float64 color noise of an observation
+  torch::Tensor sigmas;   ///< [3,3] float64, by channel: standard deviations of the same logarithms
+  torch::Tensor noise;    ///< [3] float64 noise of an observation, in image values
+  double deviance = 0.0;  ///< -2 log likelihood of the image values, up to a constant
   MediumPosterior posterior;  ///< that of the prior, updated with this fit
 };
 

@@ -40,6 +40,7 @@ Observations sorted_by_point(const Observations& s) {
           .ranges = sorted(s.ranges),
           .corners2 = sorted(s.corners2),
           .colors = sorted(s.colors),
+          .slopes = sorted(s.slopes),
           .texture = sorted(s.texture),
           .places = sorted(s.places),
           .normals = sorted(s.normals),
@@ -180,11 +181,16 @@ void MediumNormalEquations::add(Index c, const ChannelModel& model, const Tensor
       residual.data_ptr<double>()[i] -= channel.direct[i] * J;
     }
   }
+  const Tensor slope = s_.slopes.defined() ? s_.slopes.select(1, c) : torch::ones_like(residual);
+  residual *= slope;
   const double sigma = std::max(kMinNoise, kMadToSigma * residual.abs().median().item<double>());
   noise_[number] = sigma;
   // Geman-McClure weights.
   const Tensor variance = sigma * sigma + (kTextureNoiseScale * s_.texture).square();
-  weights.copy_((1.0 + residual.square() / (4.0 * variance)).square().reciprocal() / variance);
+  const Tensor square = residual.square() / variance;
+  weights.copy_((1.0 + square / 4.0).square().reciprocal() * slope.square() / variance);
+  deviance_[number] =
+      kInformationScale * (square / (1.0 + square / 4.0) + variance.log()).sum().item<double>();
   // A fixed number of parts, so the sum does not depend on the number of threads.
   std::vector<Sums> parts;
   for (Index k = 0; k < kPartCount; ++k) parts.emplace_back(b.size(0));

@@ -29,8 +29,11 @@ class MediumNormalEquations {
   void add(std::int64_t c, const ChannelModel& model, const torch::Tensor& falloff,
            torch::Tensor& A, torch::Tensor& b);
 
-  /// Color noise of an observation, by channel.
+  /// Noise of an observation in image values, by channel.
   const std::array<double, 3>& noise() const { return noise_; }
+  /// Minus twice the logarithm of the likelihood of the last residuals as image values, up to a
+  /// constant; observations are downweighted because neighbors err alike.
+  double deviance() const { return deviance_[0] + deviance_[1] + deviance_[2]; }
 
  private:
   using Index = std::int64_t;
@@ -44,6 +47,7 @@ class MediumNormalEquations {
   std::vector<Index> first_;  ///< first observation of each point, and the total count
   std::array<torch::Tensor, 3> weights_;
   std::array<double, 3> noise_ = {};
+  std::array<double, 3> deviance_ = {};
 };
 
 }  // namespace apvi::medium

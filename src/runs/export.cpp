@@ -112,7 +112,7 @@ void require_keyframes(const mapping::KeyframeStore& keyframes) {
 void export_colmap(const fs::path& folder, const mapping::KeyframeStore& keyframes,
                    const map_io::MapFile& file) {
   require_keyframes(keyframes);
-  const gaussians::Gaussians& map = file.gaussians;
+  const gaussians::Gaussians map = gaussians::with_encoded_colors(file.gaussians, file.tone_curve);
   const fs::path model = folder / "sparse" / "0";
   make_folder(model);
   io::write_text_file(model / "cameras.txt", colmap_cameras(keyframes));
@@ -125,7 +125,7 @@ void export_colmap(const fs::path& folder, const mapping::KeyframeStore& keyfram
 void export_nerfstudio(const fs::path& folder, const mapping::KeyframeStore& keyframes,
                        const map_io::MapFile& file) {
   require_keyframes(keyframes);
-  const gaussians::Gaussians& map = file.gaussians;
+  const gaussians::Gaussians map = gaussians::with_encoded_colors(file.gaussians, file.tone_curve);
   write_images(folder / "images", keyframes);
   const gaussians::Intrinsics& k = keyframes[0].intrinsics;
   nlohmann::ordered_json json = {{"camera_model", "OPENCV"},

@@ -48,6 +48,19 @@ std::optional<mapping::DisplayExposure> exposure_of(const mapping::Map& map,
   return mapping::display_exposure(map, views);
 }
 
+/// A rendering of keyframe i as image values, with the camera's response. The restored image has
+/// the exposure for viewing, or else that of the camera.
+mapping::MapRendering as_image_values(mapping::MapRendering rendering, const mapping::Map& map,
+                                      const mapping::KeyframeStore& keyframes, std::size_t i,
+                                      const std::optional<mapping::DisplayExposure>& exposure) {
+  const gaussians::ToneCurve& curve = map.tone_curve;
+  rendering.color = curve.encode(rendering.color * mapping::camera_response(map, keyframes, i, 1));
+  rendering.restored =
+      exposure ? mapping::displayed(rendering.restored, *exposure, curve)
+               : curve.encode(rendering.restored * mapping::camera_gain(map, keyframes, i));
+  return rendering;
+}
+
 eval::Json to_json(const mapping::RangeBias& bias) {
   return {{"image_per_m", bias.image},
           {"restored_per_m", bias.restored},
@@ -193,15 +206,14 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
     const gaussians::View view = keyframes.view(i, 1);
     mapping::MapRendering rendering = mapping::render_map(map, view);
     rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
-    rendering.color = rendering.color * mapping::camera_response(map, keyframes, i, 1);
-    rendering.restored = exposure ? mapping::displayed(rendering.restored, *exposure)
-                                  : rendering.restored * mapping::camera_gain(map, keyframes, i);
+    rendering = as_image_values(rendering, map, keyframes, i, exposure);
     write_renders(rendering, keyframes[i], map.medium.has_value(), folder);
     if (truth != nullptr) errors.push_back(compare(rendering, keyframes[i], *truth, water));
   }
   eval::Json json = eval::Json::object();
   for (const NamedError& column : kErrorColumns)
     set_if_present(json, column.name, mean_of(errors, column));
+  json["tone_curve"] = {{"gamma", map.tone_curve.gamma}, {"offset", map.tone_curve.offset}};
   if (exposure) json["restored_gain"] = exposure->gains();
   if (const auto bias = mapping::range_bias(map, keyframes, keyframes.held_out()))
     json["range_bias"] = to_json(*bias);

@@ -41,7 +41,7 @@ namespace fs = std::filesystem;
 /// Training of one run, with its checkpoints and progress log.
 class Training {
  public:
-  Training(const RunConfig& config, const MappingRunOptions& options, const PosedImages& images)
+  Training(const RunConfig& config, const MappingRunOptions& options, PosedImages& images)
       : config_(config),
         options_(options),
         images_(images),
@@ -88,14 +88,16 @@ class Training {
   const mapping::Trainer& trainer() const { return trainer_; }
 
  private:
-  static mapping::Trainer make_trainer(const RunConfig& config, const PosedImages& images) {
-    const mapping::KeyframeStore& store = images.store;
+  static mapping::Trainer make_trainer(const RunConfig& config, PosedImages& images) {
+    mapping::KeyframeStore& store = images.store;
     const mapping::TrainerOptions options =
         slam::trainer_options(config.mapping, config.run.seed, make_rig(images.rig));
     const mapping::InitialMapOptions initial = {.sh_degree = options.sh_degree,
                                                 .opacity = config.mapping.initial_opacity};
-    const gaussians::Gaussians map =
-        mapping::initial_map(initial_points(config, store, images.origin), initial);
+    store.set_tone_curve(mapping::ToneCurveEvidence(options.tone_curve).initial());
+    gaussians::PointCloud points = initial_points(config, store, images.origin);
+    points.colors = store.tone_curve().decode(points.colors);
+    const gaussians::Gaussians map = mapping::initial_map(points, initial);
     std::optional<medium::Medium> water;
     if (config.mapping.medium) {
       // With a lamp, images also darken with distance because of the light's falloff.
@@ -122,7 +124,7 @@ class Training {
 
   const RunConfig& config_;
   const MappingRunOptions& options_;
-  const PosedImages& images_;
+  PosedImages& images_;
   mapping::Trainer trainer_;
   MappingLog log_;
 };
@@ -130,7 +132,7 @@ class Training {
 MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& options) {
   const Stopwatch watch;
   torch::set_num_threads(config.run.threads);
-  const PosedImages images = load_posed_images(config);
+  PosedImages images = load_posed_images(config);
   if (!options.resume) prepare_folder(options.folder, options.overwrite);
   const fs::path renders = make_renders_folder(options.folder);
   log::open_file(options.folder / "log.txt");

@@ -91,6 +91,7 @@ mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io:
     *tensor = tensor->to(gaussians::active_device());
   map.medium = stored.medium;
   map.antialiased = stored.antialiased;
+  map.tone_curve = stored.tone_curve;
   if (fs::is_directory(r.source)) {
     map.antialiased =
         load_recorded_run_config(r.source / "resolved.yaml").mapping.trainer.antialiased;
@@ -118,17 +119,18 @@ mapping::DisplayExposure exposure_of(const RenderRequest& r, const mapping::Map&
   return chosen;
 }
 
-void write_rendering(const mapping::MapRendering& rendering, const RenderRequest& r,
-                     const std::string& name, const mapping::DisplayExposure& exposure) {
+void write_rendering(const mapping::MapRendering& rendering, const gaussians::ToneCurve& curve,
+                     const RenderRequest& r, const std::string& name,
+                     const mapping::DisplayExposure& exposure) {
   const char* const extension = r.as_float ? ".pfm" : ".png";
   const auto file = [&](const char* kind) { return r.out / (name + kind + extension); };
   const auto png = r.bits == 16 ? write_png_16 : write_png;
   const auto color = r.as_float ? write_pfm : png;
   const auto depth = r.as_float ? write_pfm : write_depth_png;
-  color(file(""), rendering.color);
+  color(file(""), curve.encode(rendering.color));
   if (r.restore) {
     color(file("_restored"), r.as_float ? mapping::exposed(rendering.restored, exposure)
-                                        : mapping::displayed(rendering.restored, exposure));
+                                        : mapping::displayed(rendering.restored, exposure, curve));
   }
   if (r.depth) depth(file("_depth"), rendering.depth);
 }
@@ -152,7 +154,7 @@ std::size_t render_run(const RenderRequest& request) {
     if (request.depth) {
       rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
     }
-    write_rendering(rendering, request, name, exposure);
+    write_rendering(rendering, map.tone_curve, request, name, exposure);
     status.update(static_cast<double>(++done) / static_cast<double>(views.size()), name);
   }
   return done;

@@ -235,7 +235,11 @@ MapCopy AsyncMapper::snapshot() const {
 mapping::MapRendering AsyncMapper::render(const gaussians::View& view) const {
   const std::scoped_lock lock(mutex_);
   if (mapper_.size() == 0) return {};
-  return mapping::render_map(mapper_.map(), view);
+  const mapping::Map map = mapper_.map();
+  mapping::MapRendering rendering = mapping::render_map(map, view);
+  rendering.color = map.tone_curve.encode(rendering.color);
+  rendering.restored = map.tone_curve.encode(rendering.restored);
+  return rendering;
 }
 
 std::map<std::string, double> AsyncMapper::times() const {

@@ -26,6 +26,13 @@ enum class MediumEstimationMethod {
   gradient,  ///< optimized with the map from an initial estimate on, as in the paper; no lamp
 };
 
+enum class ToneCurveKind {
+  estimated,  ///< with the medium; linear until then
+  linear,
+  srgb,   ///< IEC 61966-2-1
+  power,  ///< value = light^(1/gamma)
+};
+
 /// Adam's learning rates. The rate of the means is in scene extents and decays exponentially to
 /// `means_final`; the others decay in the second half of the training by `final_factor`.
 struct LearningRates {
@@ -140,6 +147,24 @@ struct ExposureOptions {
   }
 };
 
+/// Tone curve of the camera: how light becomes image values.
+struct ToneCurveOptions {
+  ToneCurveKind kind = ToneCurveKind::estimated;
+  double gamma = 2.2;  ///< of ToneCurveKind::power
+
+  template <typename V>
+  void visit(V& v) {
+    v("kind", kind,
+      config::Choices<ToneCurveKind>{{"auto", ToneCurveKind::estimated},
+                                     {"linear", ToneCurveKind::linear},
+                                     {"srgb", ToneCurveKind::srgb},
+                                     {"power", ToneCurveKind::power}},
+      "how light becomes image values: auto: linear or a power with gamma 2.2, chosen with the "
+      "medium; srgb; power: value = light^(1/gamma)");
+    v("gamma", gamma, config::Range{0.5, 4.0}, "of kind power");
+  }
+};
+
 struct TrainerOptions {
   int iterations = 7000;       ///< with densification and decaying rates
   int final_iterations = 0;    ///< afterwards, without densification, at the final rates
@@ -152,6 +177,7 @@ struct TrainerOptions {
   double full_resolution_after = 0.25;  ///< fraction of the training
   bool antialiased = false;
   bool gain_compensation = true;  ///< estimate a gain per keyframe
+  ToneCurveOptions tone_curve;
   /// A step updates only visible Gaussians. Nothing: no, but OnlineOptions::sparse_adam decides in
   /// incremental mapping.
   std::optional<bool> sparse_adam = std::nullopt;

@@ -104,8 +104,7 @@ struct MappingOptions {
     v("initial_random_points", initial_random_points, Range{1, 100000000},
       "number of random points");
     v("initial_box_m", initial_box_m,
-      "bounds of random points: [x, y, z, x, y, z], minimum corner first; empty: around the "
-      "cameras [m]");
+      "bounds of random points, [x, y, z, x, y, z], minimum first; empty: around the cameras [m]");
     v("initial_opacity", initial_opacity, Range{1e-4, 0.999}, "opacity of initial Gaussians");
     v("image_scale", image_scale, Range{1e-3, 1.0},
       "size of the images used relative to the recorded ones");
@@ -123,6 +122,7 @@ struct MappingOptions {
       "weight of the depth curvature loss in regions with little texture; 0: none");
     v("antialiased", trainer.antialiased,
       "reduce the opacity of Gaussians smaller than a pixel (antialiasing)");
+    v("tone_curve", trainer.tone_curve, "tone curve of the camera");
     v("gain_compensation", trainer.gain_compensation,
       "estimate a brightness gain per keyframe, for cameras with automatic exposure; held-out "
       "images interpolate their neighbors'");

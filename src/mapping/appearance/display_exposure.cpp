@@ -74,11 +74,12 @@ Tensor exposed(const Tensor& restored, const DisplayExposure& exposure) {
   return restored * as_tensor(exposure.gains()).to(restored.options());
 }
 
-Tensor displayed(const Tensor& restored, const DisplayExposure& exposure) {
+Tensor displayed(const Tensor& restored, const DisplayExposure& exposure,
+                 const gaussians::ToneCurve& curve) {
   const Tensor image = exposed(restored, exposure);
   const double room = 1.0 - kShoulder;
   const Tensor compressed = 1.0 - room * torch::exp(-(image - kShoulder) / room);
-  return torch::where(image > kShoulder, compressed, image).clamp(0.0, 1.0);
+  return curve.encode(torch::where(image > kShoulder, compressed, image).clamp(0.0, 1.0));
 }
 
 }  // namespace apvi::mapping

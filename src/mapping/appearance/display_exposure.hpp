@@ -32,11 +32,13 @@ struct DisplayExposure {
 DisplayExposure display_exposure(const Map& map, const std::vector<gaussians::View>& views,
                                  bool white_balance = true);
 
-/// A restored image [H,W,3] times the factors.
+/// The light of a restored image [H,W,3] times the factors.
 torch::Tensor exposed(const torch::Tensor& restored, const DisplayExposure& exposure);
 
-/// A restored image [H,W,3] for viewing: multiplied by the factors; values above 0.8 are compressed
-/// smoothly below 1, so that bright and distant surfaces keep some contrast instead of clipping.
-torch::Tensor displayed(const torch::Tensor& restored, const DisplayExposure& exposure);
+/// A restored image [H,W,3] for viewing: light times the factors, as image values. Light above 0.8
+/// are compressed smoothly below 1, so that bright and distant surfaces keep some contrast instead
+/// of clipping.
+torch::Tensor displayed(const torch::Tensor& restored, const DisplayExposure& exposure,
+                        const gaussians::ToneCurve& curve);
 
 }  // namespace apvi::mapping

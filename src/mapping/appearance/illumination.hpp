@@ -32,6 +32,8 @@ class Illumination {
   torch::Tensor apply(std::size_t view, const torch::Tensor& image);
   /// Optimizes the field of the view that was applied last.
   void step(std::size_t view);
+  /// Multiplies the logarithms, for another tone curve.
+  void scale(double factor) { logs_.mul_(factor); }
   /// Logarithms of the gains [n,3,rows,columns].
   const torch::Tensor& logs() const { return logs_; }
 

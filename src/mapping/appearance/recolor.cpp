@@ -32,6 +32,17 @@ medium::MediumTransfer observed_transfer(const std::optional<medium::Medium>& wa
           .veiling_light = g * seen.veiling_light};
 }
 
+/// `old` for light by another tone curve, to first order about the colors `J` [N,3].
+medium::MediumTransfer with_curve(const medium::MediumTransfer& old, const Tensor& J,
+                                  const gaussians::ToneCurve& from,
+                                  const gaussians::ToneCurve& to) {
+  if (from == to) return old;
+  const Tensor light = old.gain * J + old.veiling_light;
+  const Tensor changed = to.decode(from.encode(light));
+  const Tensor gain = old.gain * from.slope(light) / to.slope(changed);
+  return {.gain = gain, .veiling_light = changed - gain * J};
+}
+
 /// Normal equations of all colors: new = (scale * old + offset) / weight.
 struct Sums {
   Tensor weight, scale, offset;
@@ -77,6 +88,10 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
   const Tensor& means = map.gaussians.means;
   if (means.size(0) == 0) return;
   Sums sums(means);
+  const Tensor before = gaussians::sh_dc_to_color(map.gaussians.sh_dc);
+  const auto seen_now = [&](const medium::MediumTransfer& old, const Tensor& J) {
+    return with_curve(old, J, map.tone_curve, after.tone_curve);
+  };
   Tensor nearest =
       torch::full({means.size(0)}, std::numeric_limits<float>::infinity(), means.options());
   Tensor nearest_old_gain = torch::ones_like(nearest);
@@ -91,11 +106,12 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
     const Tensor visible = seen.in_view.nonzero().squeeze(1);
     const Tensor pixels = seen.pixels.index_select(0, visible);
     const Tensor points = seen.points.index_select(0, visible);
-    sums.add(
-        observed_transfer(map.medium, old_gain * falloff_at(map, view.intrinsics, pixels), points),
-        observed_transfer(after.medium, new_gain * falloff_at(after, view.intrinsics, pixels),
-                          points),
-        visible, 1.0);
+    const medium::MediumTransfer old =
+        observed_transfer(map.medium, old_gain * falloff_at(map, view.intrinsics, pixels), points);
+    sums.add(seen_now(old, before.index_select(0, visible)),
+             observed_transfer(after.medium, new_gain * falloff_at(after, view.intrinsics, pixels),
+                               points),
+             visible, 1.0);
     const Tensor nearer = ranges < nearest;
     nearest = torch::where(nearer, ranges, nearest);
     nearest_old_gain = torch::where(nearer, old_gain, nearest_old_gain);
@@ -104,10 +120,9 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
   const Tensor ahead =
       torch::stack({torch::zeros_like(nearest), torch::zeros_like(nearest), nearest}, 1);
   const Tensor all = torch::arange(means.size(0), means.options().dtype(torch::kInt64));
-  sums.add(observed_transfer(map.medium, nearest_old_gain, ahead),
+  sums.add(seen_now(observed_transfer(map.medium, nearest_old_gain, ahead), before),
            observed_transfer(after.medium, nearest_new_gain, ahead), all, kUnseenWeight);
   const Tensor factor = sums.scale / sums.weight;
-  const Tensor before = gaussians::sh_dc_to_color(map.gaussians.sh_dc);
   const Tensor color = factor * before + sums.offset / sums.weight;
   Tensor sh_dc = map.gaussians.sh_dc;
   sh_dc.copy_(gaussians::color_to_sh_dc(color.clamp_min(0.0)));

@@ -91,7 +91,8 @@ void OpenWaterCandidates::add(std::int64_t number, const gaussians::View& camera
   views_.push_back(torch::full({at.size(0)}, number, torch::kInt64));
 }
 
-medium::Observations OpenWaterCandidates::open_water(const medium::MediumFit& fit) const {
+medium::Observations OpenWaterCandidates::open_water(const medium::MediumFit& fit,
+                                                     const gaussians::ToneCurve& curve) const {
   medium::Observations s;
   s.view_count = fit.log_gains.size(0);
   if (views_.empty()) return s;
@@ -118,6 +119,7 @@ medium::Observations OpenWaterCandidates::open_water(const medium::MediumFit& fi
   s.ranges = torch::full({n}, kFarRange_m, torch::kFloat64);
   s.corners2 = keep(corners);
   s.colors = keep(colors);
+  s.slopes = curve.slope(s.colors);
   s.texture = torch::zeros({n}, torch::kFloat64);
   s.point_count = n;
   return s;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "gaussians/render/tone_curve.hpp"
 #include "gaussians/render/view.hpp"
 #include "medium/medium_fit.hpp"
 
@@ -16,15 +17,16 @@ namespace apvi::mapping {
 /// Gaussians of the water's color.
 class OpenWaterCandidates {
  public:
-  /// Adds candidates of view `number` from its `image` [H,W,3] and the map's `alpha` [H,W], both on
-  /// one device.
+  /// Adds candidates of view `number` from its `image` [H,W,3] in linear light and the map's
+  /// `alpha` [H,W], both on one device.
   void add(std::int64_t number, const gaussians::View& camera, const torch::Tensor& image,
            const torch::Tensor& alpha);
 
   /// Candidates that consistently show the water of `fit` in daylight, as one distant observation
   /// each, without lamp terms. Empty when they are too few or no majority. Prefers those above the
   /// horizon, because distant sand in backscatter looks similar.
-  medium::Observations open_water(const medium::MediumFit& fit) const;
+  medium::Observations open_water(const medium::MediumFit& fit,
+                                  const gaussians::ToneCurve& curve) const;
 
  private:
   std::vector<torch::Tensor> views_, corners2_, colors_, bare_, above_;

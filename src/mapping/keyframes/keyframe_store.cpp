@@ -77,6 +77,10 @@ void KeyframeStore::move_images(const torch::Device& device) {
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
+  return to_float_image(keyframes_.at(i).image.to(device), factor, tone_curve_.byte_table(device));
+}
+
+Tensor KeyframeStore::image_values(std::size_t i, int factor, const torch::Device& device) const {
   return to_float_image(keyframes_.at(i).image.to(device), factor);
 }
 
@@ -87,8 +91,11 @@ gaussians::View KeyframeStore::view(std::size_t i, int factor) const {
           .pose_delta = {}};
 }
 
-Tensor to_float_image(const Tensor& bytes, int factor) {
-  Tensor image = bytes.to(torch::kFloat32) / 255.0;
+Tensor to_float_image(const Tensor& bytes, int factor, const Tensor& table) {
+  const Tensor image =
+      table.defined()
+          ? table.index_select(0, bytes.reshape({-1}).to(torch::kInt64)).view(bytes.sizes())
+          : bytes.to(torch::kFloat32) / 255.0;
   if (factor == 1) return image;
   const Tensor planes = image.permute({2, 0, 1}).unsqueeze(0);
   return torch::avg_pool2d(planes, factor).squeeze(0).permute({1, 2, 0}).contiguous();

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "gaussians/device.hpp"
+#include "gaussians/render/tone_curve.hpp"
 #include "gaussians/render/view.hpp"
 
 namespace torch::serialize {
@@ -60,9 +61,15 @@ class KeyframeStore {
   /// Indices of all keyframes by stamp; of keyframes with the same stamp, the newest.
   const std::map<std::int64_t, std::size_t>& by_stamp() const { return by_stamp_; }
 
-  /// The image [H/f,W/f,3] float32 in [0, 1] on `device`, each pixel the mean of f x f pixels
-  /// (incomplete blocks at the right and bottom are cropped).
+  /// The camera's tone curve: linear until set.
+  void set_tone_curve(const gaussians::ToneCurve& curve) { tone_curve_ = curve; }
+  const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
+
+  /// The image [H/f,W/f,3] float32 in [0, 1] on `device` in linear light, each pixel the mean of
+  /// f x f pixels (incomplete blocks at the right and bottom are cropped).
   torch::Tensor image(std::size_t i, int factor, const torch::Device& device) const;
+  /// The same in the camera's own image values.
+  torch::Tensor image_values(std::size_t i, int factor, const torch::Device& device) const;
   /// The view of the image reduced by `factor`, without pose correction.
   gaussians::View view(std::size_t i, int factor) const;
 
@@ -79,10 +86,13 @@ class KeyframeStore {
   std::vector<std::size_t> held_out_;
   std::map<std::int64_t, std::size_t> by_stamp_;
   std::size_t image_bytes_ = 0;
+  gaussians::ToneCurve tone_curve_;
 };
 
-/// Converts bytes [H,W,3] to float32 in [0, 1] [H/factor,W/factor,3] by averaging blocks.
-torch::Tensor to_float_image(const torch::Tensor& bytes, int factor);
+/// Converts bytes [H,W,3] to float32 in [0, 1] [H/factor,W/factor,3] by averaging blocks, after
+/// looking each byte up in `table` [256] (ToneCurve::byte_table) if that is defined.
+torch::Tensor to_float_image(const torch::Tensor& bytes, int factor,
+                             const torch::Tensor& table = {});
 
 /// Whether a tensor is a finite rigid transform [4,4] float64.
 bool is_rigid(const torch::Tensor& T);

@@ -62,7 +62,7 @@ Tensor sweep_depth(const KeyframeStore& keyframes, std::size_t i,
   depth::DepthRequest request;
   for (const std::size_t k : neighbors(keyframes, i, options.views)) {
     request.views.push_back(
-        {depth::to_gray(keyframes.image(k, reduction, gaussians::active_device())),
+        {depth::to_gray(keyframes.image_values(k, reduction, gaussians::active_device())),
          keyframes.view(k, reduction)});
   }
   const depth::DepthEstimate estimate = depth::estimate_depth(request, options);
@@ -119,12 +119,15 @@ void fuse_normals(std::vector<SampledView>& views, double radius_m) {
 }
 
 OpenWaterCandidates empty_places(const std::vector<SampledView>& views,
-                                 const KeyframeStore& keyframes) {
+                                 const KeyframeStore& keyframes,
+                                 const gaussians::ToneCurve& curve) {
   OpenWaterCandidates places;
   for (std::size_t j = 0; j < views.size(); ++j) {
     const std::size_t i = views[j].keyframe;
+    const torch::Device device = views[j].alpha.device();
     const Tensor image =
-        keyframes.image(i, observation_reduction(keyframes[i].intrinsics), views[j].alpha.device());
+        to_float_image(keyframes[i].image.to(device),
+                       observation_reduction(keyframes[i].intrinsics), curve.byte_table(device));
     places.add(static_cast<std::int64_t>(j), views[j].camera, image, views[j].alpha);
   }
   return places;
@@ -139,6 +142,7 @@ medium::Observations merged(const medium::Observations& a, const medium::Observa
           .ranges = both(a.ranges, b.ranges),
           .corners2 = both(a.corners2, b.corners2),
           .colors = both(a.colors, b.colors),
+          .slopes = both(a.slopes, b.slopes),
           .texture = both(a.texture, b.texture),
           .places = both(a.places, b.places),
           .normals = both(a.normals, b.normals),
@@ -156,50 +160,93 @@ double median_range(const std::vector<SampledView>& views) {
   return all.size(0) == 0 ? 0.0 : all.median().item<double>();
 }
 
-}  // namespace
+/// Surface points of several keyframes.
+struct SampledSurfaces {
+  std::vector<SampledView> views;
+  std::vector<std::int64_t> first;  ///< number of each view's first point, and the total count
+};
 
-std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeStore& keyframes,
-                                                double spacing_m, const medium::MediumPrior& prior,
-                                                std::uint64_t seed,
-                                                const depth::DepthOptions& depth) {
-  const torch::NoGradGuard no_grad;
-  std::vector<SampledView> views =
-      sample_views(map, keyframes, spacing_m, prior.lamp.has_value(), depth, seed);
-  if (views.size() < 2) return std::nullopt;
-  ObservationCollector collector(keyframes, map.gaussians.means.device(), patch_size(views));
-  std::vector<std::int64_t> first = {0};
-  for (const SampledView& view : views) first.push_back(first.back() + view.points.size(0));
-  MediumEstimation estimation;
-  if (prior.lamp) fuse_normals(views, kNormalRadius * median_range(views));
-  for (std::size_t j = 0; j < views.size(); ++j) {
-    std::vector<Tensor> near_points;
-    std::vector<Tensor> normals;
-    std::vector<Tensor> smooth_normals;
-    std::vector<Tensor> numbers;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-      const std::size_t apart = i > j ? i - j : j - i;
-      if (views[i].cluster != views[j].cluster || apart > kClusterSize) continue;
-      near_points.push_back(views[i].points);
-      normals.push_back(views[i].normals);
-      smooth_normals.push_back(views[i].smooth_normals);
-      numbers.push_back(torch::arange(first[i], first[i + 1], torch::kInt64));
-    }
-    collector.add(views[j], static_cast<std::int64_t>(j), torch::cat(near_points),
-                  torch::cat(normals), torch::cat(smooth_normals), torch::cat(numbers));
-    estimation.views.push_back(views[j].keyframe);
+SampledSurfaces sample_surfaces(const Map& map, const KeyframeStore& keyframes, double spacing_m,
+                                const medium::MediumPrior& prior, std::uint64_t seed,
+                                const depth::DepthOptions& depth) {
+  SampledSurfaces s;
+  s.views = sample_views(map, keyframes, spacing_m, prior.lamp.has_value(), depth, seed);
+  s.first = {0};
+  for (const SampledView& view : s.views) s.first.push_back(s.first.back() + view.points.size(0));
+  if (prior.lamp && s.views.size() > 1)
+    fuse_normals(s.views, kNormalRadius * median_range(s.views));
+  return s;
+}
+
+/// Adds the points of view j and of its neighbors in the cluster as view j sees them.
+void observe_view(const SampledSurfaces& s, std::size_t j, ObservationCollector& collector) {
+  std::vector<Tensor> points, normals, smooth_normals, numbers;
+  for (std::size_t i = 0; i < s.views.size(); ++i) {
+    const std::size_t apart = i > j ? i - j : j - i;
+    if (s.views[i].cluster != s.views[j].cluster || apart > kClusterSize) continue;
+    points.push_back(s.views[i].points);
+    normals.push_back(s.views[i].normals);
+    smooth_normals.push_back(s.views[i].smooth_normals);
+    numbers.push_back(torch::arange(s.first[i], s.first[i + 1], torch::kInt64));
   }
-  const medium::Observations observations =
-      collector.observations(first.back(), static_cast<std::int64_t>(views.size()));
+  collector.add(s.views[j], static_cast<std::int64_t>(j), torch::cat(points), torch::cat(normals),
+                torch::cat(smooth_normals), torch::cat(numbers));
+}
+
+medium::Observations observe(const SampledSurfaces& s, const KeyframeStore& keyframes,
+                             const gaussians::ToneCurve& curve) {
+  ObservationCollector collector(keyframes, curve, s.views.front().alpha.device(),
+                                 patch_size(s.views));
+  for (std::size_t j = 0; j < s.views.size(); ++j) observe_view(s, j, collector);
+  return collector.observations(s.first.back(), static_cast<std::int64_t>(s.views.size()));
+}
+
+/// Compares the curves on the same surfaces, without what earlier estimations found.
+void compare_curves(const SampledSurfaces& s, const KeyframeStore& keyframes,
+                    medium::MediumPrior prior, ToneCurveEvidence& evidence) {
+  prior.posterior = {};
+  const auto linear = medium::fit_medium(observe(s, keyframes, {}), prior);
+  const auto power = medium::fit_medium(observe(s, keyframes, kViewingCurve), prior);
+  if (linear && power) evidence.add(linear->deviance, power->deviance);
+}
+
+/// Fits the medium to the light that the images show with this tone curve.
+std::optional<MediumEstimation> fit_with(const gaussians::ToneCurve& curve,
+                                         const SampledSurfaces& s, const KeyframeStore& keyframes,
+                                         const medium::MediumPrior& prior) {
+  const medium::Observations observations = observe(s, keyframes, curve);
   auto fit = medium::fit_medium(observations, prior);
   if (!fit) return std::nullopt;
+  MediumEstimation estimation;
+  for (const SampledView& view : s.views) estimation.views.push_back(view.keyframe);
   // With a lamp, low-visibility sand is indistinguishable from open water.
   if (!prior.lamp) {
-    const medium::Observations open = empty_places(views, keyframes).open_water(*fit);
+    const medium::Observations open =
+        empty_places(s.views, keyframes, curve).open_water(*fit, curve);
     estimation.sees_open_water = open.point_count > 0;
     if (estimation.sees_open_water) fit = medium::fit_medium(merged(observations, open), prior);
     if (!fit) return std::nullopt;
   }
   estimation.fit = std::move(*fit);
+  estimation.tone_curve = curve;
+  return estimation;
+}
+
+}  // namespace
+
+std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeStore& keyframes,
+                                                double spacing_m, medium::MediumPrior prior,
+                                                std::uint64_t seed,
+                                                const depth::DepthOptions& depth,
+                                                ToneCurveEvidence evidence) {
+  const torch::NoGradGuard no_grad;
+  const SampledSurfaces surfaces = sample_surfaces(map, keyframes, spacing_m, prior, seed, depth);
+  if (surfaces.views.size() < 2) return std::nullopt;
+  if (!evidence.is_decided()) compare_curves(surfaces, keyframes, prior, evidence);
+  // What was found with another curve is not valid.
+  if (evidence.choice() != map.tone_curve) prior.posterior = {};
+  auto estimation = fit_with(evidence.choice(), surfaces, keyframes, prior);
+  if (estimation) estimation->evidence = evidence;
   return estimation;
 }
 

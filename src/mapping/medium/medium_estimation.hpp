@@ -8,6 +8,7 @@
 
 #include "apvi/depth/options.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
+#include "mapping/medium/tone_curve_evidence.hpp"
 #include "mapping/rendering.hpp"
 #include "medium/medium_fit.hpp"
 
@@ -17,17 +18,20 @@ namespace apvi::mapping {
 struct MediumEstimation {
   std::vector<std::size_t> views;  ///< keyframes used, in the order of the fit's gains
   medium::MediumFit fit;
-  bool sees_open_water = false;  ///< whether open water constrains b_inf
+  bool sees_open_water = false;          ///< whether open water constrains b_inf
+  gaussians::ToneCurve tone_curve = {};  ///< of the camera, with which the fit was made
+  ToneCurveEvidence evidence{{.kind = ToneCurveKind::linear}};
 };
 
 /// Observes surface points of the map in several keyframes at different ranges and fits the medium
 /// to their colors. Colors are averaged over patches of constant size in the world; otherwise blur
 /// that grows with range would be mistaken for attenuation. `spacing_m` is the minimum distance
 /// between the keyframes used. With a lamp, depth is estimated from the images (`estimate_depth`
-/// with these options). Returns nothing if too few points have at least three observations.
-std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeStore& keyframes,
-                                                double spacing_m, const medium::MediumPrior& prior,
-                                                std::uint64_t seed,
-                                                const depth::DepthOptions& depth = {});
+/// with these options). The tone curve is the choice of the `evidence`, to which these images are
+/// added unless it is decided. Returns nothing if too few points have at least three observations.
+std::optional<MediumEstimation> estimate_medium(
+    const Map& map, const KeyframeStore& keyframes, double spacing_m, medium::MediumPrior prior,
+    std::uint64_t seed, const depth::DepthOptions& depth = {},
+    ToneCurveEvidence evidence = ToneCurveEvidence({.kind = ToneCurveKind::linear}));
 
 }  // namespace apvi::mapping

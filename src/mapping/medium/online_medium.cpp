@@ -42,7 +42,7 @@ bool OnlineMedium::take_due(std::size_t accepted, bool busy, const MapOptimizer&
   return true;
 }
 
-bool OnlineMedium::estimate(std::int64_t iteration, double extent, const KeyframeStore& keyframes,
+bool OnlineMedium::estimate(std::int64_t iteration, double extent, KeyframeStore& keyframes,
                             MapOptimizer& optimizer) const {
   const torch::NoGradGuard no_grad;
   if (options_.trainer.medium_estimation == MediumEstimationMethod::fit) {
@@ -53,19 +53,21 @@ bool OnlineMedium::estimate(std::int64_t iteration, double extent, const Keyfram
   return true;
 }
 
-bool OnlineMedium::fit(std::int64_t iteration, double extent, const KeyframeStore& keyframes,
+bool OnlineMedium::fit(std::int64_t iteration, double extent, KeyframeStore& keyframes,
                        MapOptimizer& optimizer) const {
   const medium::MediumPrior prior =
       medium::default_medium_prior(options_.trainer.lamp, optimizer.medium_posterior());
-  const auto estimation = estimate_medium(
-      optimizer.full_map(), keyframes, kViewSpacing * extent, prior,
-      derive_seed(options_.trainer.seed, Stream::medium, iteration), options_.depth);
+  const auto estimation =
+      estimate_medium(optimizer.full_map(), keyframes, kViewSpacing * extent, prior,
+                      derive_seed(options_.trainer.seed, Stream::medium, iteration), options_.depth,
+                      optimizer.tone_curve_evidence());
   if (estimation) {
     log::debug("medium estimated after {} keyframes from {} of them{}, relative sigma {:.0f} %",
                keyframes.training().size(), estimation->views.size(),
                estimation->sees_open_water ? " and open water" : "",
                100.0 * estimation->fit.sigmas.mean().item<double>());
     optimizer.apply_medium(*estimation, keyframes);
+    keyframes.set_tone_curve(optimizer.tone_curve());
     return true;
   }
   if (!optimizer.medium()) {

@@ -26,14 +26,14 @@ class OnlineMedium {
   bool is_estimated(const MapOptimizer& optimizer) const;
   /// Estimates the medium and applies it. Returns whether the map's colors changed abruptly. Throws
   /// c10::Error when the device runs out of memory; may then be called again.
-  bool estimate(std::int64_t iteration, double extent, const KeyframeStore& keyframes,
+  bool estimate(std::int64_t iteration, double extent, KeyframeStore& keyframes,
                 MapOptimizer& optimizer) const;
 
   void save(torch::serialize::OutputArchive& archive) const;
   void load(torch::serialize::InputArchive& archive);
 
  private:
-  bool fit(std::int64_t iteration, double extent, const KeyframeStore& keyframes,
+  bool fit(std::int64_t iteration, double extent, KeyframeStore& keyframes,
            MapOptimizer& optimizer) const;
 
   MapperOptions options_;

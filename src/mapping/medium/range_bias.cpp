@@ -47,7 +47,8 @@ medium::Observations observe(const Map& map, const KeyframeStore& keyframes,
   const Tensor all_points = torch::cat(points);
   const Tensor all_normals = torch::cat(normals);
   const Tensor numbers = torch::arange(all_points.size(0), torch::kInt64);
-  ObservationCollector collector(keyframes, map.gaussians.means.device(), patch_size(sampled));
+  ObservationCollector collector(keyframes, map.tone_curve, map.gaussians.means.device(),
+                                 patch_size(sampled));
   for (std::size_t j = 0; j < sampled.size(); ++j) {
     collector.add(sampled[j], static_cast<std::int64_t>(j), all_points, all_normals, all_normals,
                   numbers);

@@ -194,25 +194,29 @@ void ObservationCollector::add(const SampledView& view, std::int64_t number, con
   const Tensor x = (pixels.select(1, 0) - k.cx) / k.fx;
   const Tensor y = (pixels.select(1, 1) - k.cy) / k.fy;
   const Tensor level = levels.index_select(0, index);
-  const Tensor image = keyframes_.image(
-      view.keyframe, observation_reduction(keyframes_[view.keyframe].intrinsics), device_);
+  const Tensor image = to_float_image(keyframes_[view.keyframe].image.to(device_),
+                                      observation_reduction(keyframes_[view.keyframe].intrinsics),
+                                      curve_.byte_table(device_));
   const Tensor stack =
       blur_stack(torch::cat({image, view.depth.to(image.options()).unsqueeze(2)}, 2));
   const Tensor patch = sample(stack, pixels, level);
   const Tensor color = patch.slice(1, 0, 3);
+  const Tensor slope = curve_.slope(color);
   const Tensor around =
       sample(stack, pixels, (level + 2.0).clamp_max(kBlurLevels - 1.0)).slice(1, 0, 3);
   // Across a depth edge, the patch would mix in the color of the background.
   const Tensor on_surface = (patch.select(1, 3) / z - 1.0).abs() < kMaxPatchDepthDifference;
-  const Tensor valid =
-      ((std::get<0>(color.max(1)) < kSaturatedLevel) & on_surface).nonzero().squeeze(1);
+  const Tensor valid = ((std::get<0>(curve_.encode(color).max(1)) < kSaturatedLevel) & on_surface)
+                           .nonzero()
+                           .squeeze(1);
   const auto keep = [&valid](const Tensor& t) { return t.index_select(0, valid); };
   points_.push_back(keep(numbers.index_select(0, index)));
   views_.push_back(torch::full({valid.size(0)}, number, torch::kInt64));
   ranges_.push_back(keep(z * torch::sqrt(x.square() + y.square() + 1.0)));
   corners2_.push_back(keep(corners2(k, pixels.select(1, 0), pixels.select(1, 1))));
   colors_.push_back(keep(color));
-  texture_.push_back(keep((around - color).abs().mean(1)));
+  slopes_.push_back(keep(slope));
+  texture_.push_back(keep(((around - color).abs() * slope).mean(1)));
   places_.push_back(keep(seen.points.index_select(0, index)));
   const Tensor R = view.camera.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
   normals_.push_back(keep(smooth_normals.index_select(0, index).mm(R.to(normals.options()).t())));
@@ -233,6 +237,7 @@ medium::Observations ObservationCollector::observations(std::int64_t point_count
           .ranges = keep(ranges_),
           .corners2 = keep(corners2_),
           .colors = keep(colors_),
+          .slopes = keep(slopes_),
           .texture = keep(texture_),
           .places = keep(places_),
           .normals = keep(normals_),

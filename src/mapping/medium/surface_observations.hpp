@@ -44,8 +44,10 @@ double patch_size(const std::vector<SampledView>& views);
 /// `patch_m` on the surface.
 class ObservationCollector {
  public:
-  ObservationCollector(const KeyframeStore& keyframes, const torch::Device& device, double patch_m)
-      : keyframes_(keyframes), device_(device), patch_m_(patch_m) {}
+  /// Colors are the light that the images show with this tone curve.
+  ObservationCollector(const KeyframeStore& keyframes, const gaussians::ToneCurve& curve,
+                       const torch::Device& device, double patch_m)
+      : keyframes_(keyframes), curve_(curve), device_(device), patch_m_(patch_m) {}
 
   /// `numbers` [p] int64 are indices of the points [p,3], with surface normals and smoothed
   /// normals.
@@ -58,10 +60,11 @@ class ObservationCollector {
 
  private:
   const KeyframeStore& keyframes_;
+  gaussians::ToneCurve curve_;
   torch::Device device_;
   double patch_m_;
-  std::vector<torch::Tensor> points_, views_, ranges_, corners2_, colors_, texture_, places_,
-      normals_;
+  std::vector<torch::Tensor> points_, views_, ranges_, corners2_, colors_, slopes_, texture_,
+      places_, normals_;
 };
 
 }  // namespace apvi::mapping

@@ -8,6 +8,7 @@
 #include <limits>
 #include <string>
 
+#include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
 #include "gaussians/metrics/losses.hpp"
 #include "gaussians/model/archive.hpp"
@@ -87,7 +88,9 @@ MapOptimizer::MapOptimizer(const gaussians::Gaussians& initial, const TrainerOpt
       store_(on_device(initial)),
       statistics_(initial.size(), gaussians::active_device()),
       corrections_(views, options.pose_refinement, options.exposure_correction),
-      gains_(views, gaussians::active_device()) {
+      gains_(views, gaussians::active_device()),
+      tone_curve_evidence_(options.tone_curve),
+      tone_curve_(tone_curve_evidence_.initial()) {
   if (medium) create_medium(*medium);
 }
 
@@ -138,8 +141,9 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
                                  .open_water = needs_open_water ? water->open_water() : Tensor(),
                                  .horizon = horizon(camera)};
   const Target target = target_of(keyframes, i, rendered, settings);
-  Tensor loss = gaussians::photometric_loss(image, target.saturation_adjusted(rendered.image),
-                                            options_.ssim_weight);
+  Tensor loss = gaussians::photometric_loss(
+      tone_curve_.encode(image), tone_curve_.encode(target.saturation_adjusted(rendered.image)),
+      options_.ssim_weight);
   if (options_.depth_curvature_weight > 0.0 &&
       store_.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
     loss = loss + options_.depth_curvature_weight *
@@ -187,7 +191,8 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
                        .falloff = vignetting_ > 0.0
                                       ? falloff(keyframes.view(i, settings.reduction).intrinsics)
                                       : Tensor(),
-                       .log_gain = {}};
+                       .log_gain = {},
+                       .light = light_table(device)};
   if (options_.gain_compensation) {
     if (updates_gain(settings)) gains_.track(i, rendered, backend.target(input));
     input.log_gain = gains_.log_gain(i);
@@ -290,6 +295,11 @@ void MapOptimizer::add_view() {
   gains_.add_view();
 }
 
+const Tensor& MapOptimizer::light_table(const torch::Device& device) {
+  if (!light_table_.defined()) light_table_ = tone_curve_.byte_table(device);
+  return light_table_;
+}
+
 Tensor MapOptimizer::falloff(const gaussians::Intrinsics& camera) {
   Tensor& cached = falloffs_[camera.width];
   if (!cached.defined()) cached = lens_falloff(camera, vignetting_, gaussians::active_device());
@@ -306,7 +316,8 @@ void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {
           .target({.image = keyframes[i].image.to(rendered.alpha.device()),
                    .reduction = kGainReduction,
                    .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
-                   .log_gain = {}});
+                   .log_gain = {},
+                   .light = light_table(rendered.alpha.device())});
   gains_.initialize(i,
                     {.image = rendered.color,
                      .alpha = rendered.alpha,
@@ -338,10 +349,18 @@ void MapOptimizer::apply_medium(const MediumEstimation& estimation,
   Map after = full_map();
   medium::Medium water = estimation.fit.medium;
   medium_posterior_ = estimation.fit.posterior;
+  tone_curve_evidence_ = estimation.evidence;
+  // Logarithms of light per logarithm of light by the previous curve.
+  const double contrast = tone_curve_.exponent() / estimation.tone_curve.exponent();
+  if (illumination_) illumination_->scale(contrast);
+  if (estimation.tone_curve != tone_curve_) {
+    log::info("the images look like those of a camera with value = light^(1/{:.2g})",
+              1.0 / estimation.tone_curve.exponent());
+  }
   if (options_.gain_compensation) {
     const Tensor logs =
-        interpolate_gains(gains_.logs().to(torch::kCPU, torch::kFloat64), seconds_of(keyframes),
-                          estimation.views, estimation.fit.log_gains);
+        interpolate_gains(gains_.logs().to(torch::kCPU, torch::kFloat64) * contrast,
+                          seconds_of(keyframes), estimation.views, estimation.fit.log_gains);
     const auto& views = keyframes.training();
     const double median =
         logs.index_select(0, torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()),
@@ -358,6 +377,7 @@ void MapOptimizer::apply_medium(const MediumEstimation& estimation,
                     .exp()
                     .clamp(kMinVeilingLight, kMaxVeilingLight);
   after.vignetting = estimation.fit.vignetting;
+  after.tone_curve = estimation.tone_curve;
   after.medium = water;
   apply_appearance(after, estimation.fit.resolution, keyframes);
 }
@@ -368,9 +388,15 @@ void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
   if (options_.gain_compensation) gains_.set_logs(after.log_gains);
   vignetting_ = after.vignetting;
   falloffs_.clear();
+  set_tone_curve(after.tone_curve);
   if (!medium_) create_medium(*after.medium);
   medium_->set_prior(*after.medium, resolution);
   medium_views_.clear();
+}
+
+void MapOptimizer::set_tone_curve(const gaussians::ToneCurve& curve) {
+  tone_curve_ = curve;
+  light_table_ = Tensor();
 }
 
 void MapOptimizer::track_illumination(const KeyframeStore& keyframes) {
@@ -399,7 +425,8 @@ Map MapOptimizer::full_map() const {
           .antialiased = options_.antialiased,
           .log_gains = options_.gain_compensation ? gains_.logs() : Tensor(),
           .illumination = illumination_ ? illumination_->logs() : Tensor(),
-          .vignetting = vignetting_};
+          .vignetting = vignetting_,
+          .tone_curve = tone_curve_};
 }
 
 std::optional<medium::Medium> MapOptimizer::medium() const {
@@ -426,8 +453,10 @@ void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
   child("corrections", corrections_);
   child("gains", gains_);
   child("water", medium_posterior_);
+  child("tone_curve_evidence", tone_curve_evidence_);
   if (illumination_) child("illumination", *illumination_);
   archive.write("vignetting", torch::IValue(vignetting_));
+  archive.write("tone_curve", gaussians::to_tensor(tone_curve_));
   if (medium_) child("medium", *medium_);
   archive.write("has_medium", torch::IValue(medium_.has_value()));
 }
@@ -449,11 +478,16 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   gains_.load(part);
   archive.read("water", part);
   medium_posterior_.load(part);
+  archive.read("tone_curve_evidence", part);
+  tone_curve_evidence_.load(part);
   if (illumination_) {
     archive.read("illumination", part);
     illumination_->load(part);
   }
   vignetting_ = gaussians::read_double(archive, "vignetting");
+  Tensor curve;
+  archive.read("tone_curve", curve);
+  set_tone_curve(gaussians::tone_curve_of(curve));
   falloffs_.clear();
   medium_views_.clear();
   if (!gaussians::read_bool(archive, "has_medium")) return medium_.reset();

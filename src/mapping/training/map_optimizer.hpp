@@ -78,7 +78,8 @@ class MapOptimizer {
   void apply_medium(const medium::Medium& medium, const torch::Tensor& resolution,
                     const KeyframeStore& keyframes);
   /// Applies a medium estimation with its gains and vignetting. Gains of keyframes it did not use
-  /// are interpolated; afterwards the median gain of the training keyframes is one.
+  /// are interpolated; afterwards the median gain of the training keyframes is one. The tone curve
+  /// becomes that of the estimation.
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
@@ -108,6 +109,10 @@ class MapOptimizer {
   /// Adam's learning rate of the medium.
   std::optional<double> medium_rate() const;
   const ViewCorrections& corrections() const { return corrections_; }
+  /// Of the camera. That of the keyframes must be the same; their owner copies it after
+  /// `apply_medium` and `load`.
+  const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
+  const ToneCurveEvidence& tone_curve_evidence() const { return tone_curve_evidence_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
   /// Loads at most `max_gaussians`, the most important ones. Throws c10::Error when
@@ -121,6 +126,8 @@ class MapOptimizer {
   bool optimizes_medium() const;
   bool updates_gain(const StepSettings& settings) const;
   torch::Tensor falloff(const gaussians::Intrinsics& camera);
+  void set_tone_curve(const gaussians::ToneCurve& curve);
+  const torch::Tensor& light_table(const torch::Device& device);
   /// The image of a view with its gain and vignetting removed.
   struct Target {
     torch::Tensor image;      ///< [h,w,3]
@@ -144,6 +151,9 @@ class MapOptimizer {
   ViewGains gains_;
   std::optional<Illumination> illumination_;
   double vignetting_ = 0.0;
+  ToneCurveEvidence tone_curve_evidence_;
+  gaussians::ToneCurve tone_curve_;
+  torch::Tensor light_table_;  ///< of the tone curve, cached
   medium::MediumPosterior medium_posterior_;
   std::map<int, torch::Tensor> falloffs_;  ///< by image width
   std::optional<medium::MediumOptimizer> medium_;

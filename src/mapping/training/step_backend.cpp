@@ -49,7 +49,7 @@ Tensor is_open_water(const Tensor& image, const Tensor& water, const Tensor& log
 }  // namespace
 
 Tensor StepBackend::target(const TargetInput& in) const {
-  Tensor target = to_float_image(in.image, in.reduction);
+  Tensor target = to_float_image(in.image, in.reduction, in.light);
   if (in.falloff.defined()) target = target / in.falloff;
   if (in.log_gain.defined()) target = target / in.log_gain.exp();
   return target;

@@ -10,12 +10,13 @@
 
 namespace apvi::mapping {
 
-/// Input of the training target: an image with gain and falloff removed.
+/// Input of the training target: an image in linear light with gain and falloff removed.
 struct TargetInput {
-  torch::Tensor image;     ///< [H,W,3] uint8
-  int reduction = 1;       ///< downscale factor; incomplete blocks are cropped
-  torch::Tensor falloff;   ///< [h,w,1] of the lens; undefined: one
-  torch::Tensor log_gain;  ///< [1] of the view; undefined: zero
+  torch::Tensor image;       ///< [H,W,3] uint8
+  int reduction = 1;         ///< downscale factor; incomplete blocks are cropped
+  torch::Tensor falloff;     ///< [h,w,1] of the lens; undefined: one
+  torch::Tensor log_gain;    ///< [1] of the view; undefined: zero
+  torch::Tensor light = {};  ///< [256] linear light of each byte; undefined: proportional
 };
 
 /// Parameters of a gain update. A map renders systematically too bright in known views (about 2 %)

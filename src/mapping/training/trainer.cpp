@@ -27,7 +27,7 @@ constexpr std::array<double, 4> kMediumEstimationProgress = {0.15, 0.3, 0.5, 0.7
 
 }  // namespace
 
-Trainer::Trainer(const KeyframeStore& keyframes, const gaussians::Gaussians& initial,
+Trainer::Trainer(KeyframeStore& keyframes, const gaussians::Gaussians& initial,
                  const TrainerOptions& options, const std::optional<medium::Medium>& medium)
     : keyframes_(keyframes),
       options_(options),
@@ -36,6 +36,7 @@ Trainer::Trainer(const KeyframeStore& keyframes, const gaussians::Gaussians& ini
       optimizer_(initial, options_, keyframes.size(), medium) {
   TORCH_CHECK(!keyframes.training().empty(), "trainer: there are no training keyframes");
   TORCH_CHECK(initial.size() > 0, "trainer: the initial map is empty");
+  keyframes_.set_tone_curve(optimizer_.tone_curve());
   if (resolves_moving_light(keyframes)) optimizer_.track_illumination(keyframes);
 }
 
@@ -111,8 +112,11 @@ void Trainer::maybe_estimate_medium() {
   retry_on_oom([&] {
     const auto estimation = estimate_medium(full_map(), keyframes_, kMediumViewSpacing * extent_,
                                             medium::default_medium_prior(options_.lamp),
-                                            derive_seed(options_.seed, Stream::medium, iteration_));
-    if (estimation) optimizer_.apply_medium(*estimation, keyframes_);
+                                            derive_seed(options_.seed, Stream::medium, iteration_),
+                                            {}, optimizer_.tone_curve_evidence());
+    if (!estimation) return;
+    optimizer_.apply_medium(*estimation, keyframes_);
+    keyframes_.set_tone_curve(optimizer_.tone_curve());
   });
 }
 
@@ -159,6 +163,7 @@ void Trainer::save(const std::filesystem::path& checkpoint) const {
 void Trainer::resume(const std::filesystem::path& checkpoint) {
   gaussians::read_archive(checkpoint, [this](torch::serialize::InputArchive& archive) {
     optimizer_.load(archive);
+    keyframes_.set_tone_curve(optimizer_.tone_curve());
     iteration_ = gaussians::read_int(archive, "iteration");
     seconds_ = gaussians::read_double(archive, "seconds");
     medium_estimations_ =

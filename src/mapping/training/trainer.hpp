@@ -22,9 +22,9 @@ namespace apvi::mapping {
 /// number becomes the limit (`most_gaussians`). Throws c10::Error when that does not help.
 class Trainer {
  public:
-  /// `keyframes` must outlive the trainer. With `medium`, the water is optimized too, starting from
-  /// it. Throws c10::Error without keyframes or Gaussians.
-  Trainer(const KeyframeStore& keyframes, const gaussians::Gaussians& initial,
+  /// `keyframes` must outlive the trainer, which sets their tone curve. With `medium`, the water is
+  /// optimized too, starting from it. Throws c10::Error without keyframes or Gaussians.
+  Trainer(KeyframeStore& keyframes, const gaussians::Gaussians& initial,
           const TrainerOptions& options,
           const std::optional<medium::Medium>& medium = std::nullopt);
 
@@ -62,7 +62,7 @@ class Trainer {
   void maybe_estimate_medium();
   void insert_random();
 
-  const KeyframeStore& keyframes_;
+  KeyframeStore& keyframes_;
   TrainerOptions options_;
   double extent_;
   std::int64_t initial_size_;

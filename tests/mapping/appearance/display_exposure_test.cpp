@@ -31,9 +31,9 @@ TEST(DisplayExposure, BrightAndTintedMapsLookLikeTheOriginal) {
   const Map plain = tinted(torch::ones({3}));
   const Map bright = tinted(torch::tensor({3.0F, 4.5F, 4.0F}));
   const Tensor expected =
-      displayed(render_map(plain, views[3]).restored, display_exposure(plain, views));
+      displayed(render_map(plain, views[3]).restored, display_exposure(plain, views), {});
   const Tensor image =
-      displayed(render_map(bright, views[3]).restored, display_exposure(bright, views));
+      displayed(render_map(bright, views[3]).restored, display_exposure(bright, views), {});
   EXPECT_LT((image - expected).abs().max().item<double>(), 0.01);
 }
 
@@ -43,7 +43,7 @@ TEST(DisplayExposure, LessThanOnePercentOfThePixelsAreSaturated) {
   const DisplayExposure exposure = display_exposure(map, views);
   double saturated = 0.0;
   for (const gaussians::View& view : views) {
-    const Tensor image = displayed(render_map(map, view).restored, exposure);
+    const Tensor image = displayed(render_map(map, view).restored, exposure, {});
     saturated += (image * 255.0 + 0.5 >= 255.0).any(2).to(torch::kFloat64).mean().item<double>();
   }
   EXPECT_LT(saturated / static_cast<double>(views.size()), 0.01);
@@ -73,7 +73,7 @@ TEST(DisplayExposure, WithoutSurfacesNothingChanges) {
 
 TEST(DisplayExposure, HighlightsAreCompressedMonotonically) {
   const Tensor ramp = torch::linspace(0.0, 3.0, 301).reshape({1, 301, 1}).repeat({1, 1, 3});
-  const Tensor image = displayed(ramp, {}).select(2, 0).squeeze(0);
+  const Tensor image = displayed(ramp, {}, {}).select(2, 0).squeeze(0);
   EXPECT_TRUE(torch::allclose(image.slice(0, 0, 80), ramp.select(2, 0).squeeze(0).slice(0, 0, 80)));
   EXPECT_TRUE((image.slice(0, 1) > image.slice(0, 0, -1)).all().item<bool>());
   EXPECT_LE(image.max().item<double>(), 1.0);

@@ -128,7 +128,7 @@ TEST(Illumination, MovingLightCostsLessQualityWithIt) {
   options.densify.kind = Densification::none;
   options.learning_rates.sh_dc = 1e-2;
   const auto psnr = [&](double interval_s) {
-    const KeyframeStore keyframes = striped_images(interval_s);
+    KeyframeStore keyframes = striped_images(interval_s);
     Trainer trainer(keyframes, rough, options);
     while (!trainer.done()) trainer.step();
     return *mean_psnr(trainer.full_map(), keyframes, keyframes.held_out());

@@ -56,6 +56,27 @@ TEST(EstimateMedium, OpenWaterConstrainsVeilingLight) {
   EXPECT_LT(worst_relative_error(estimation->fit.medium.beta_d, true_water().beta_d), 0.05);
 }
 
+std::optional<MediumEstimation> estimate_with_unknown_curve(const KeyframeStore& keyframes) {
+  return estimate_medium({.gaussians = sea_bed(), .medium = std::nullopt}, keyframes, 0.1,
+                         {.medium = medium::coastal_medium()}, 1, {},
+                         ToneCurveEvidence(ToneCurveOptions{}));
+}
+
+TEST(EstimateMedium, FindsTheWaterOfACameraForViewing) {
+  const auto estimation = estimate_with_unknown_curve(dive(kDownwards, {}, 14, {.gamma = 2.2}));
+  ASSERT_TRUE(estimation);
+  EXPECT_EQ(estimation->tone_curve, kViewingCurve);
+  EXPECT_LT(worst_relative_error(estimation->fit.medium.beta_d, true_water().beta_d), 0.05);
+  EXPECT_LT(worst_relative_error(estimation->fit.medium.b_inf, true_water().b_inf), 0.12);
+}
+
+TEST(EstimateMedium, RecognizesALinearCamera) {
+  const auto estimation = estimate_with_unknown_curve(dive());
+  ASSERT_TRUE(estimation);
+  EXPECT_TRUE(estimation->tone_curve.is_linear());
+  EXPECT_LT(worst_relative_error(estimation->fit.medium.beta_d, true_water().beta_d), 0.05);
+}
+
 /// The same dive in a world with z up instead of y down.
 KeyframeStore upright(const KeyframeStore& keyframes) {
   const Tensor to_old = torch::tensor({1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0,

@@ -132,9 +132,10 @@ inline Tensor bed_through_water(const gaussians::View& view,
 inline constexpr double kDownwards = 0.75;
 inline constexpr double kAhead = 0.3;  // pitch that includes open water beyond the bed
 
-/// Images through water of an auto-exposing camera that looks down by about `pitch`.
+/// Images through water of an auto-exposing camera that looks down by about `pitch`, with a tone
+/// curve.
 inline KeyframeStore dive(double pitch = kDownwards, const std::optional<medium::Lamp>& lamp = {},
-                          int count = 14) {
+                          int count = 14, const gaussians::ToneCurve& curve = {}) {
   const torch::NoGradGuard no_grad;
   KeyframeStore store;
   const double pace = 14.0 / count;
@@ -152,8 +153,8 @@ inline KeyframeStore dive(double pitch = kDownwards, const std::optional<medium:
     view.T_camera_world = keyframe.T_camera_world;
     const Tensor response =
         std::exp(log_gain_of(i)) * lens_falloff(view.intrinsics, kVignetting, torch::kCPU);
-    keyframe.image = ((bed_through_water(view, lamp) * response).clamp(0.0, 1.0) * 255.0 + 0.5)
-                         .to(torch::kUInt8);
+    const Tensor light = (bed_through_water(view, lamp) * response).clamp(0.0, 1.0);
+    keyframe.image = (curve.encode(light) * 255.0 + 0.5).to(torch::kUInt8);
     store.add(std::move(keyframe));
   }
   return store;

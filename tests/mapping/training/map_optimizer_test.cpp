@@ -47,5 +47,29 @@ TEST(MapOptimizer, MediumCreatedWhileVioFailsLearnsFaster) {
   EXPECT_DOUBLE_EQ(rate(true), 2.0 * rate(false));
 }
 
+TEST(MapOptimizer, AnotherToneCurveHardlyChangesTheImages) {
+  const KeyframeStore keyframes = test::render_keyframes(test::gaussian_wall());
+  MapOptimizer optimizer(test::gaussian_wall(), {}, keyframes.size());
+  const auto image = [&] {
+    const Map map = optimizer.full_map();
+    return map.tone_curve.encode(render_map(map, keyframes.view(0, 1)).color);
+  };
+  const torch::Tensor before = image();
+  MediumEstimation estimation;
+  estimation.views = keyframes.training();
+  estimation.tone_curve = {.gamma = 2.2};
+  estimation.fit.medium = {.beta_d = torch::full({3}, 0.1, torch::kFloat64),
+                           .beta_b = torch::full({3}, 0.1, torch::kFloat64),
+                           .b_inf = torch::full({3}, 0.05, torch::kFloat64)};
+  estimation.fit.log_gains =
+      torch::zeros({static_cast<std::int64_t>(estimation.views.size())}, torch::kFloat64);
+  estimation.fit.resolution = torch::zeros({3, 3, 3}, torch::kFloat64);
+  estimation.fit.sigmas = torch::ones({3, 3}, torch::kFloat64);
+  optimizer.apply_medium(estimation, keyframes);
+  EXPECT_EQ(optimizer.tone_curve(), estimation.tone_curve);
+  const double change = (image() - before).abs().mean().item<double>();
+  EXPECT_LT(change, 0.01);
+}
+
 }  // namespace
 }  // namespace apvi::mapping

@@ -41,7 +41,7 @@ class TrainerMemory : public test::OutOfMemoryTest {
                                           .colors = torch::full({world_.size(), 3}, 0.5F)};
     return initial_map(points, {.sh_degree = 0});
   }
-  Trainer trainer(const TrainerOptions& chosen = options()) const {
+  Trainer trainer(const TrainerOptions& chosen = options()) {
     return {keyframes_, rough_map(), chosen};
   }
   static void run(Trainer& trainer, int steps) {

@@ -56,7 +56,7 @@ double held_out_psnr(const Trainer& trainer, const KeyframeStore& keyframes) {
 }
 
 TEST(Trainer, RendersHeldOutViews) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   Trainer trainer(keyframes, rough_map(), quick_options(1500));
   const double before = held_out_psnr(trainer, keyframes);
   while (!trainer.done()) trainer.step();
@@ -66,7 +66,7 @@ TEST(Trainer, RendersHeldOutViews) {
 }
 
 TEST(Trainer, IsDeterministicForASeed) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   TrainerOptions options = quick_options(60);
   Trainer first(keyframes, rough_map(), options);
   Trainer second(keyframes, rough_map(), options);
@@ -78,7 +78,7 @@ TEST(Trainer, IsDeterministicForASeed) {
 }
 
 TEST(Trainer, ResumesBitIdentically) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   TrainerOptions options = quick_options(100);
   options.pose_refinement.enabled = options.exposure_correction.enabled = true;
   const medium::Medium water = {.beta_d = torch::full({3}, 0.1F),
@@ -99,7 +99,7 @@ TEST(Trainer, ResumesBitIdentically) {
 }
 
 TEST(Trainer, OptimizesTheMediumByGradientAlone) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   TrainerOptions options = quick_options(40);
   options.medium_estimation = MediumEstimationMethod::gradient;
   const medium::Medium water = {.beta_d = torch::full({3}, 0.3F),
@@ -118,7 +118,7 @@ TEST(Trainer, OptimizesTheMediumByGradientAlone) {
 
 TEST(Trainer, NeverTrainsOnHeldOutImages) {
   const gaussians::Gaussians world = gaussian_wall();
-  const KeyframeStore keyframes = render_keyframes(world);
+  KeyframeStore keyframes = render_keyframes(world);
   KeyframeStore spoilt;
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     Keyframe keyframe = keyframes[i];
@@ -135,7 +135,7 @@ TEST(Trainer, NeverTrainsOnHeldOutImages) {
 }
 
 TEST(Trainer, RespectsTheGaussianLimit) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   for (const Densification kind : {Densification::gradient, Densification::random}) {
     TrainerOptions options = quick_options(200);
     options.densify.kind = kind;
@@ -151,7 +151,7 @@ TEST(Trainer, RespectsTheGaussianLimit) {
 }
 
 TEST(Trainer, StopsAtTheTimeBudget) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   TrainerOptions options = quick_options(1000000);
   options.time_budget_s = 0.3;
   Trainer trainer(keyframes, rough_map(), options);
@@ -184,7 +184,7 @@ TEST(Trainer, CorrectsAWrongKeyframePose) {
 }
 
 TEST(Trainer, RejectsDamagedCheckpoints) {
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   const test::TmpDir dir;
   Trainer trainer(keyframes, rough_map(), quick_options(10));
   EXPECT_THROW(trainer.resume(dir.write("checkpoint.pt", "nonsense")), InputError);
@@ -197,8 +197,9 @@ TEST(Trainer, RejectsDamagedCheckpoints) {
 }
 
 TEST(Trainer, RejectsEmptyInput) {
-  EXPECT_THROW(Trainer(KeyframeStore(), rough_map(), quick_options(10)), c10::Error);
-  const KeyframeStore keyframes = render_keyframes(gaussian_wall());
+  KeyframeStore none;
+  EXPECT_THROW(Trainer(none, rough_map(), quick_options(10)), c10::Error);
+  KeyframeStore keyframes = render_keyframes(gaussian_wall());
   EXPECT_THROW(
       Trainer(keyframes, gaussians::Gaussians::empty(0, torch::kFloat32), quick_options(10)),
       c10::Error);
