@@ -65,25 +65,57 @@ struct BandTerms {
   float response[3];
 };
 
-APVI_CLONES void add_band(const BandTerms& band, int lamps, const TileSurface& s,
-                          const Geometry& geometry, TileRays& tile, Lanes (&blurred)[3]) {
+APVI_CLONES void daylight_in_band(const BandTerms& band, const Geometry& geometry, Lanes& light) {
+#pragma GCC ivdep
   for (int i = 0; i < kBatch; ++i) {
     const float total = band.total * fast_exp(-band.diffuse * geometry.depth.v[i]);
     const float sun = band.sun * fast_exp(-band.sun_decay * geometry.depth.v[i]);
-    float light = geometry.sun.v[i] * sun + geometry.sky.v[i] * (total - sun);
-    for (int k = 0; k < lamps; ++k)
-      light += geometry.lamp[k].v[i] * band.lamp[k] *
-               fast_exp(-band.smooth * geometry.lamp_range[k].v[i]);
-    const float leaving =
-        light * (s.r.v[i] * band.red + s.g.v[i] * band.green + s.b.v[i] * band.blue);
-    const float sharp = leaving * fast_exp(-band.sharp * s.range.v[i]);
-    const float soft = leaving * fast_exp(-band.smooth * s.range.v[i]) - sharp;
-    for (int c = 0; c < 3; ++c) {
-      tile.clear[c].v[i] += band.response[c] * leaving;
-      tile.observed[c].v[i] += band.response[c] * sharp;
-      blurred[c].v[i] += band.response[c] * soft;
-    }
+    light.v[i] = geometry.sun.v[i] * sun + geometry.sky.v[i] * (total - sun);
   }
+}
+
+APVI_CLONES void add_lamp_in_band(float strength, float smooth, const Lanes& share,
+                                  const Lanes& range, Lanes& light) {
+#pragma GCC ivdep
+  for (int i = 0; i < kBatch; ++i)
+    light.v[i] += share.v[i] * strength * fast_exp(-smooth * range.v[i]);
+}
+
+// From the light on the surfaces to what leaves them, what stays in its pixel, and what is blurred.
+APVI_CLONES void reflect_in_band(const BandTerms& band, const TileSurface& s, const Lanes& light,
+                                 Lanes (&parts)[3]) {
+#pragma GCC ivdep
+  for (int i = 0; i < kBatch; ++i) {
+    const float leaving =
+        light.v[i] * (s.r.v[i] * band.red + s.g.v[i] * band.green + s.b.v[i] * band.blue);
+    const float sharp = leaving * fast_exp(-band.sharp * s.range.v[i]);
+    parts[0].v[i] = leaving;
+    parts[1].v[i] = sharp;
+    parts[2].v[i] = leaving * fast_exp(-band.smooth * s.range.v[i]) - sharp;
+  }
+}
+
+APVI_CLONES void add_response(const BandTerms& band, const Lanes& part, Lanes (&raw)[3]) {
+#pragma GCC ivdep
+  for (int i = 0; i < kBatch; ++i) {
+    const float value = part.v[i];
+    raw[0].v[i] += band.response[0] * value;
+    raw[1].v[i] += band.response[1] * value;
+    raw[2].v[i] += band.response[2] * value;
+  }
+}
+
+void add_band(const BandTerms& band, std::size_t lamps, const TileSurface& s,
+              const Geometry& geometry, TileRays& tile, Lanes (&blurred)[3]) {
+  Lanes light;     // NOLINT(cppcoreguidelines-pro-type-member-init): filled below
+  Lanes parts[3];  // NOLINT(cppcoreguidelines-pro-type-member-init): filled below
+  daylight_in_band(band, geometry, light);
+  for (std::size_t k = 0; k < lamps; ++k)
+    add_lamp_in_band(band.lamp[k], band.smooth, geometry.lamp[k], geometry.lamp_range[k], light);
+  reflect_in_band(band, s, light, parts);
+  add_response(band, parts[0], tile.clear);
+  add_response(band, parts[1], tile.observed);
+  add_response(band, parts[2], blurred);
 }
 
 BandTerms band_terms(const SpectralLight& light, const std::array<Spectrum, 3>& basis,
@@ -147,8 +179,7 @@ void shade_spectral(const SpectralLight& light, const TileSurface& surface, Tile
   for (int c = 0; c < 3; ++c)
     for (Lanes* lanes : {&tile.clear[c], &tile.observed[c], &blurred[c]}) lanes->fill(0.0F);
   for (std::size_t k = 0; k < kBands; ++k)
-    add_band(band_terms(light, basis, k), static_cast<int>(light.lamps.size()), surface, geometry,
-             tile, blurred);
+    add_band(band_terms(light, basis, k), light.lamps.size(), surface, geometry, tile, blurred);
 }
 
 void add_sky(const SpectralLight& light, TileRays& tile) {

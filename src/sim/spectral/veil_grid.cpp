@@ -58,21 +58,30 @@ struct VeilStep {
   std::array<float, 2> lamp_range{};
 };
 
-APVI_CLONES void add_step(const VeilTerms& terms, const VeilStep& step, float* sum) {
-  const SeaState& sea = *terms.sea;
+APVI_CLONES void add_daylight(const SeaState& sea, const SpectrumF& strength, const VeilStep& step,
+                              float* sum) {
+#pragma GCC ivdep
   for (std::size_t k = 0; k < kBands; ++k) {
     const float total = sea.total[k] * fast_exp(-sea.diffuse[k] * step.depth);
     const float sun = sea.sun[k] * fast_exp(-sea.sun_decay[k] * step.depth);
     const float source = step.sky * (total - sun) + step.sun * sun;
-    sum[k] += terms.strength[k] * step.length * source * fast_exp(-sea.smooth[k] * step.along);
+    sum[k] += strength[k] * step.length * source * fast_exp(-sea.smooth[k] * step.along);
   }
-  for (std::size_t i = 0; i < terms.lamps; ++i) {
-    const float path = step.along + step.lamp_range[i];
-    const float weight = step.length * step.lamp[i];
-    const SpectrumF& lamp = sea.lamps[i];
-    for (std::size_t k = 0; k < kBands; ++k)
-      sum[k] += terms.strength[k] * weight * lamp[k] * fast_exp(-sea.smooth[k] * path);
-  }
+}
+
+APVI_CLONES void add_lamplight(const SpectrumF& smooth, const SpectrumF& strength,
+                               const SpectrumF& lamp, float weight, float path, float* sum) {
+#pragma GCC ivdep
+  for (std::size_t k = 0; k < kBands; ++k)
+    sum[k] += strength[k] * weight * lamp[k] * fast_exp(-smooth[k] * path);
+}
+
+void add_step(const VeilTerms& terms, const VeilStep& step, float* sum) {
+  const SeaState& sea = *terms.sea;
+  add_daylight(sea, terms.strength, step, sum);
+  for (std::size_t i = 0; i < terms.lamps; ++i)
+    add_lamplight(sea.smooth, terms.strength, sea.lamps[i], step.length * step.lamp[i],
+                  step.along + step.lamp_range[i], sum);
 }
 
 void project(const VeilTerms& terms, const float* sum, float* raw) {
