@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "apvi/core/error.hpp"
+#include "sim/renderer.hpp"
 #include "sim/scene_config.hpp"
 #include "sim/spectral/light_field.hpp"
 #include "sim/spectral/phase_function.hpp"
