@@ -74,24 +74,25 @@ void gaussian_blur(cv::Mat& image, double sigma) {
   }
 }
 
-cv::Mat simulate_sensor(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
-                        std::uint64_t seed, std::uint64_t frame) {
-  if (!config.noise) return simulate_noiseless_sensor(linear, config);
-  cv::Mat image(linear.size(), CV_8UC3);
-  const int count = 3 * linear.cols;
-  cv::Mat row(1, linear.cols, CV_32FC3);
+cv::Mat with_sensor_noise(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
+                          std::uint64_t seed, std::uint64_t frame) {
+  cv::Mat noisy(linear.size(), CV_32FC3);
   const auto electrons = static_cast<float>(config.full_well_e / gain);
   const std::uint32_t stream =
       hash32(static_cast<std::uint32_t>(seed ^ (seed >> 32)),
              hash32(static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(frame >> 32)));
   for (int y = 0; y < linear.rows; ++y) {
-    const std::uint32_t key = hash32(stream, static_cast<std::uint32_t>(y));
-    add_noise(linear.ptr<float>(y), row.ptr<float>(), count, electrons,
-              static_cast<float>(config.read_noise_e), key);
-    apply_response(row.ptr<float>(), count, config.gamma);
-    to_bytes(row.ptr<float>(), image.ptr<std::uint8_t>(y), count);
+    add_noise(linear.ptr<float>(y), noisy.ptr<float>(y), 3 * linear.cols, electrons,
+              static_cast<float>(config.read_noise_e),
+              hash32(stream, static_cast<std::uint32_t>(y)));
   }
-  return image;
+  return noisy;
+}
+
+cv::Mat simulate_sensor(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
+                        std::uint64_t seed, std::uint64_t frame) {
+  if (!config.noise) return simulate_noiseless_sensor(linear, config);
+  return simulate_noiseless_sensor(with_sensor_noise(linear, config, gain, seed, frame), config);
 }
 
 cv::Mat simulate_noiseless_sensor(const cv::Mat& linear, const CameraEffectsConfig& config) {

@@ -60,6 +60,9 @@ struct CameraEffectsConfig {
 
 /// Blurs a CV_32FC3 image in place with a separable 3-tap Gaussian kernel of `sigma` [px].
 void gaussian_blur(cv::Mat& image, double sigma);
+/// Linear light (CV_32FC3, full scale 1) with shot and read noise, keyed by seed, frame and pixel.
+cv::Mat with_sensor_noise(const cv::Mat& linear, const CameraEffectsConfig& config, double gain,
+                          std::uint64_t seed, std::uint64_t frame);
 /// Converts linear light (CV_32FC3 BGR, full scale 1) to the camera's 8-bit image: noise (keyed by
 /// seed, frame and pixel), clipping, response curve. `gain` is the camera gain, for the noise
 /// model.

@@ -57,6 +57,17 @@ std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view he
   return csv;
 }
 
+std::string exposure_csv(const std::vector<FrameTime>& frames,
+                         const std::vector<Development>& exposures, double shutter_s) {
+  std::string csv = begin("#timestamp [ns],shutter [s],iso,gain_red,gain_green,gain_blue");
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    append(csv, "{},{:.9g},{:.6g}", frames[i].stamp.ns, shutter_s, 100.0 * exposures[i].gain);
+    append_vector(csv, exposures[i].white_balance);
+    csv += '\n';
+  }
+  return csv;
+}
+
 std::string truth_csv(const ImuRecord& record, std::string_view header) {
   std::string csv = begin(header);
   for (std::size_t i = 0; i < record.samples.size(); ++i) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "sim/simulation.hpp"
+#include "sim/spectral/development.hpp"
 
 /// Formats sensor samples as CSV text. `header` is the first line without its line break.
 namespace apvi::sim {
@@ -14,6 +15,9 @@ std::string dvl_csv(const std::vector<DvlSample>& samples);
 std::string pressure_csv(const std::vector<PressureSample>& samples);
 std::string depth_csv(const std::vector<PressureDepthSample>& samples);
 std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header);
+/// Shutter time, ISO (100 times the gain) and white balance, as cameras report them.
+std::string exposure_csv(const std::vector<FrameTime>& frames,
+                         const std::vector<Development>& exposures, double shutter_s);
 /// Stamp, position, quaternion wxyz, velocity, gyro bias, accelerometer bias.
 std::string truth_csv(const ImuRecord& record, std::string_view header);
 

@@ -37,8 +37,9 @@ Triple median_of(std::vector<Triple> values) {
   return median;
 }
 
-// Veiling light in image units: the median over the frames, since their gain varies.
-Triple median_veiling_light(const fs::path& folder, const Triple& fallback) {
+/// One key of the files in truth/medium: the median over the frames, `fallback` without files.
+Triple median_of_frames(const fs::path& root, const char* key, const Triple& fallback) {
+  const fs::path folder = root / "truth" / "medium";
   std::vector<fs::path> files;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder, none)) files.push_back(entry.path());
@@ -46,19 +47,40 @@ Triple median_veiling_light(const fs::path& folder, const Triple& fallback) {
   std::vector<Triple> values;
   for (const fs::path& file : files) {
     const auto frame = nlohmann::json::parse(std::ifstream(file), nullptr, false);
-    if (frame.contains("b_inf")) values.push_back(frame["b_inf"].get<Triple>());
+    if (frame.contains(key)) values.push_back(frame[key].get<Triple>());
   }
   return values.empty() ? fallback : median_of(std::move(values));
 }
 
+// The veiling light is in image units: the median over the frames, since their gain varies.
 void write_medium(const fs::path& root, const SceneConfig& scene) {
   const Medium medium = make_medium(scene.water);
   const auto triple = [](const Eigen::Vector3d& v) { return Triple{v.x(), v.y(), v.z()}; };
   const nlohmann::ordered_json json = {
       {"beta_d", triple(medium.beta_d)},
       {"beta_b", triple(medium.beta_b)},
-      {"b_inf", median_veiling_light(root / "truth" / "medium", triple(medium.b_inf))}};
+      {"b_inf", median_of_frames(root, "b_inf", triple(medium.b_inf))}};
   write_file(root / "truth" / "medium.json", json.dump(2) + "\n");
+}
+
+// Without frames there is nothing to fit the effective coefficients to.
+void write_effective_medium(const fs::path& root) {
+  if (!fs::exists(root / "truth" / "medium")) return;
+  nlohmann::ordered_json json;
+  for (const char* key : {"beta_d", "beta_b", "b_inf"})
+    json[key] = median_of_frames(root, key, Triple{});
+  json["effective"] = true;
+  write_file(root / "truth" / "medium.json", json.dump(2) + "\n");
+}
+
+void write_camera(const fs::path& root, const SceneConfig& scene) {
+  constexpr int kSteps = 64;
+  nlohmann::ordered_json curve;
+  for (int i = 0; i <= kSteps; ++i)
+    curve.push_back(
+        tone(scene.spectral.tone, scene.camera.effects.gamma, static_cast<double>(i) / kSteps));
+  const nlohmann::ordered_json json = {{"tone_curve", curve}};
+  write_file(root / "truth" / "camera.json", json.dump() + "\n");
 }
 
 }  // namespace
@@ -103,13 +125,25 @@ void write_recording(const fs::path& root, OutputFormat format, const Scene& sce
   }
 }
 
+void write_exposures(const fs::path& root, const Scene& scene, const Recording& recording,
+                     const std::vector<Development>& exposures) {
+  if (exposures.empty()) return;
+  write_file(root / "mav0" / "exposure0" / "data.csv",
+             exposure_csv(recording.frames, exposures, scene.config.camera.effects.exposure_s));
+}
+
 void write_truth(const fs::path& root, const Scene& scene, const EventSchedule& events,
                  const Recording& recording, const TriangleMesh& mesh) {
   const fs::path truth = root / "truth";
   write_file(truth / "rig.yaml", config::to_yaml(scene.rig_node) + "\n");
   write_file(truth / "events.csv", to_csv(events));
   io::write_tum(truth / "trajectory.tum", true_trajectory(recording.imu));
-  write_medium(root, scene.config);
+  if (scene.config.physics == Physics::spectral) {
+    write_effective_medium(root);
+    write_camera(root, scene.config);
+  } else {
+    write_medium(root, scene.config);
+  }
   if (scene.config.truth.mesh) write_ply(mesh, truth / "mesh.ply");
 }
 

@@ -3,9 +3,11 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "sim/scene_config.hpp"
 #include "sim/simulation.hpp"
+#include "sim/spectral/development.hpp"
 
 /// Writes the files of a simulated recording in the layouts that the readers support.
 namespace apvi::sim {
@@ -26,8 +28,14 @@ std::filesystem::path image_path(const std::filesystem::path& root, OutputFormat
 void write_recording(const std::filesystem::path& root, OutputFormat format, const Scene& scene,
                      const Recording& recording);
 
+/// Writes mav0/exposure0/data.csv, what the camera reports of its exposures: shutter time, ISO (100
+/// times the gain) and white balance of every frame. Nothing without `exposures`.
+void write_exposures(const std::filesystem::path& root, const Scene& scene,
+                     const Recording& recording, const std::vector<Development>& exposures);
+
 /// Writes truth/: rig.yaml, events.csv, trajectory.tum, mesh.ply (if the scene requests it), and
-/// medium.json from the per-frame files in truth/medium, or from the scene when there are none.
+/// medium.json from the per-frame files in truth/medium, or from the scene when there are none;
+/// with spectral physics also camera.json.
 void write_truth(const std::filesystem::path& root, const Scene& scene, const EventSchedule& events,
                  const Recording& recording, const TriangleMesh& mesh);
 

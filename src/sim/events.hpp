@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "apvi/config/fields.hpp"
-#include "sim/renderer.hpp"
+#include "sim/disturbance.hpp"
 
 namespace apvi::sim {
 

@@ -3,7 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <cmath>
 #include <condition_variable>
 #include <exception>
 #include <mutex>
@@ -17,6 +20,8 @@
 #include "core/status_line.hpp"
 #include "sim/formats.hpp"
 #include "sim/renderer.hpp"
+#include "sim/shading.hpp"
+#include "sim/spectral/exposure_track.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -58,12 +63,19 @@ std::string pfm_bytes(const cv::Mat& depth) {
   return bytes;
 }
 
-std::string medium_json(const Medium& medium, double gain) {
-  const auto triple = [](const Eigen::Vector3d& v) { return std::array{v.x(), v.y(), v.z()}; };
-  const nlohmann::ordered_json json = {{"beta_d", triple(medium.beta_d)},
-                                       {"beta_b", triple(medium.beta_b)},
-                                       {"b_inf", triple(medium.b_inf)},
-                                       {"gain", gain}};
+std::array<double, 3> triple(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+std::string medium_json(const RenderedFrame& frame, Physics physics) {
+  nlohmann::ordered_json json = {{"beta_d", triple(frame.medium.beta_d)},
+                                 {"beta_b", triple(frame.medium.beta_b)},
+                                 {"b_inf", triple(frame.medium.b_inf)},
+                                 {"gain", frame.gain}};
+  if (physics == Physics::spectral) {
+    json["white_balance"] = triple(frame.development.white_balance);
+    json["effective"] = true;
+  }
   return json.dump(2) + "\n";
 }
 
@@ -81,27 +93,65 @@ class FrameRenderer {
     renderers_.reserve(scene.rig.cameras.size());
     for (const CameraCalibration& camera : scene.rig.cameras) {
       renderers_.emplace_back(mesh, world, camera.model,
-                              RendererConfig{config.water, config.light, config.camera.effects},
+                              RendererConfig{config.water, config.light, config.camera.effects,
+                                             config.physics, config.spectral},
                               scene.seed(), threads, camera.port);
     }
+    if (config.physics == Physics::spectral) meter_all(threads);
   }
 
   void make(const Job& job) const {
     constexpr int kCameraBit = 40;  // every camera has its own noise
-    ImageRequest request;
-    request.stamp = job.frame.truth;
+    ImageRequest request = request_at(job.camera, job.frame.truth);
     request.frame = job.frame.index + (static_cast<std::uint64_t>(job.camera) << kCameraBit);
-    request.T_world_camera = [this, &job](Stamp stamp) {
-      return recording_.spline.at(stamp).T_world_body *
-             scene_.rig.cameras[job.camera].T_body_camera;
-    };
-    request.disturbance = events_.disturbance(seconds_between(kSimulationStart, job.frame.truth));
+    request.truth = wants_truth(job);
+    if (!tracks_.empty())
+      request.development =
+          tracks_[job.camera].at(seconds_between(kSimulationStart, job.frame.truth));
     const RenderedFrame rendered = renderers_[job.camera].render(request);
     if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
     write_atomically(job.image, png_bytes(rendered.image));
   }
 
+  /// Exposure and white balance of the frames of cam0; none with paper physics.
+  Exposures exposures() const {
+    Exposures all;
+    if (tracks_.empty()) return all;
+    for (const FrameTime& frame : recording_.frames) {
+      const double time_s = seconds_between(kSimulationStart, frame.truth);
+      all.push_back(tracks_.front().at(time_s));
+      all.back().gain *= events_.disturbance(time_s).exposure;
+    }
+    return all;
+  }
+
  private:
+  static constexpr double kMeterStep_s = 0.2;
+
+  ImageRequest request_at(std::size_t camera, Stamp stamp) const {
+    ImageRequest request;
+    request.stamp = stamp;
+    request.T_world_camera = [this, camera](Stamp at) {
+      return recording_.spline.at(at).T_world_body * scene_.rig.cameras[camera].T_body_camera;
+    };
+    request.disturbance = events_.disturbance(seconds_between(kSimulationStart, stamp));
+    return request;
+  }
+  // What the exposure control of each camera sees, several times per second.
+  void meter_all(int threads) {
+    const auto count = static_cast<int>(std::ceil(scene_.config.duration_s / kMeterStep_s)) + 1;
+    for (std::size_t camera = 0; camera < renderers_.size(); ++camera) {
+      std::vector<Metering> meterings(static_cast<std::size_t>(count));
+      parallel_for(count, threads, [&](int i) {
+        const double time_s = std::min(i * kMeterStep_s, scene_.config.duration_s);
+        const Stamp stamp = kSimulationStart + Duration::from_seconds(time_s);
+        meterings[static_cast<std::size_t>(i)] = {
+            time_s, renderers_[camera].meter(request_at(camera, stamp))};
+      });
+      tracks_.emplace_back(meterings, scene_.config.camera.effects, scene_.config.spectral,
+                           renderers_[camera].fixed_white_balance());
+    }
+  }
   bool wants_truth(const Job& job) const {
     const auto every = static_cast<std::uint64_t>(scene_.config.truth.image_every);
     return job.camera == 0 && every > 0 && job.frame.index % every == 0;
@@ -114,7 +164,7 @@ class FrameRenderer {
     write_atomically(truth / "clear" / (name + ".png"), png_bytes(rendered.clear));
     if (!is_undisturbed(disturbance)) return;  // store the nominal medium, not that of an event
     write_atomically(truth / "medium" / (name + ".json"),
-                     medium_json(rendered.medium, rendered.gain));
+                     medium_json(rendered, scene_.config.physics));
   }
 
   const fs::path& root_;
@@ -122,6 +172,7 @@ class FrameRenderer {
   const EventSchedule& events_;
   const Recording& recording_;
   std::vector<Renderer> renderers_;
+  std::vector<ExposureTrack> tracks_;  ///< one per camera; none with paper physics
 };
 
 // Calls `work` for every index below `count` on several threads; the first exception is rethrown
@@ -163,10 +214,10 @@ void for_each_index(std::size_t count, int threads, const std::function<void(std
 
 }  // namespace
 
-void render_frames(const fs::path& root, OutputFormat format, const Scene& scene,
-                   const EventSchedule& events, const Recording& recording,
-                   const TriangleMesh& mesh, const RayCaster& world, int threads,
-                   const InterruptGuard& interrupt) {
+Exposures render_frames(const fs::path& root, OutputFormat format, const Scene& scene,
+                        const EventSchedule& events, const Recording& recording,
+                        const TriangleMesh& mesh, const RayCaster& world, int threads,
+                        const InterruptGuard& interrupt) {
   std::vector<Job> jobs;
   for (std::size_t camera = 0; camera < scene.rig.cameras.size(); ++camera) {
     for (const FrameTime& frame : recording.frames) {
@@ -174,11 +225,11 @@ void render_frames(const fs::path& root, OutputFormat format, const Scene& scene
       if (!fs::exists(image)) jobs.push_back({camera, frame, image});
     }
   }
-  if (jobs.empty()) return;
+  const FrameRenderer renderer(root, scene, events, recording, mesh, world, threads);
+  if (jobs.empty()) return renderer.exposures();
   const std::size_t total = recording.frames.size() * scene.rig.cameras.size();
   const std::size_t before = total - jobs.size();
   StatusLine status("frames");
-  const FrameRenderer renderer(root, scene, events, recording, mesh, world, threads);
   for_each_index(
       jobs.size(), threads, [&](std::size_t i) { renderer.make(jobs[i]); },
       [&](std::size_t done) {
@@ -188,6 +239,7 @@ void render_frames(const fs::path& root, OutputFormat format, const Scene& scene
         return !interrupt.interrupted();
       });
   status.finish();
+  return renderer.exposures();
 }
 
 }  // namespace apvi::sim

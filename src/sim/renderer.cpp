@@ -7,80 +7,20 @@
 #include <utility>
 #include <vector>
 
-#include "apvi/core/error.hpp"
+#include "sim/frame_poses.hpp"
+#include "sim/lens_rays.hpp"
 #include "sim/shading.hpp"
 #include "sim/snow.hpp"
+#include "sim/spectral/spectral_renderer.hpp"
 
 namespace apvi::sim {
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr int kTile = 16;  // pixels per side; a tile has kBatch pixels
 static_assert(kTile * kTile == kBatch);
-constexpr float kMaxRange = 200.0F;  // [m]; beyond the visibility of any water
-
-/// Rays of all pixels: unit vectors in the camera frame, zero where the distortion cannot be
-/// inverted, and where they start in the camera frame [m] (empty: at the camera center).
-struct Lens {
-  int width = 0;
-  int height = 0;
-  std::vector<Vector3f> rays;
-  std::vector<Vector3f> origins;
-  std::vector<float> angle;  ///< between a pixel and its neighbor [rad]
-
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-           static_cast<std::size_t>(x);
-  }
-};
-
-// A pixel without a ray gets a direction of zero.
-WaterRay ray_of(const CameraModel& camera, const std::optional<PortCalibration>& port,
-                const Vector2d& pixel) {
-  WaterRay ray{Vector3d::Zero(), Vector3d::Zero()};
-  if (!port) {
-    ray.direction = camera.unproject(pixel).value_or(Vector3d::Zero());
-  } else if (const auto bent = port->camera.ray(pixel)) {
-    ray = {bent->origin + port->p_camera_lens, bent->direction};
-  }
-  return ray;
-}
-
-Lens make_lens(const CameraModel& camera, const std::optional<PortCalibration>& port) {
-  const auto& p = camera.parameters();
-  if (p.width < 2 || p.height < 2)
-    fail_input("camera: an image of {} x {} px cannot be rendered", p.width, p.height);
-  Lens lens{.width = p.width, .height = p.height, .rays = {}, .origins = {}, .angle = {}};
-  const auto count = static_cast<std::size_t>(p.width) * static_cast<std::size_t>(p.height);
-  lens.rays.reserve(count);
-  for (int y = 0; y < p.height; ++y) {
-    for (int x = 0; x < p.width; ++x) {
-      const WaterRay ray = ray_of(camera, port, {x, y});
-      lens.rays.emplace_back(ray.direction.cast<float>());
-      if (port) lens.origins.emplace_back(ray.origin.cast<float>());
-    }
-  }
-  lens.angle.reserve(count);
-  for (int y = 0; y < p.height; ++y) {
-    for (int x = 0; x < p.width; ++x) {
-      const int neighbor = x + 1 < p.width ? x + 1 : x - 1;
-      lens.angle.push_back(
-          (lens.rays[lens.index(neighbor, y)] - lens.rays[lens.index(x, y)]).norm());
-    }
-  }
-  return lens;
-}
-
-/// Offset of the k-th exposure sample from the pixel center, in pixels: zero for the middle sample,
-/// spread for the others, so that motion blur also antialiases edges.
-Vector2d pixel_offset(int k, int count) {
-  if (2 * k + 1 == count) return Vector2d::Zero();
-  const double angle = 2.399963 * k;
-  return 0.35 * Vector2d(std::cos(angle), std::sin(angle));
-}
 
 /// Linear images before gain, shared by the rendering passes.
 struct Canvas {
@@ -107,24 +47,11 @@ struct Renderer::Impl {
   Lens lens;
   BakedLight baked;
 
-  /// Poses of one frame: one per exposure sample, or one per sample and row (rolling shutter).
-  struct Poses {
-    int samples = 1;
-    std::vector<SE3> poses;
-    std::size_t rows = 1;
-    const SE3& at(int sample, int row) const {
-      return poses[static_cast<std::size_t>(sample) * rows +
-                   (rows > 1 ? static_cast<std::size_t>(row) : 0)];
-    }
-  };
-
-  Vector3d white_balance;  ///< red, green, blue
+  Vector3d white_balance;                        ///< red, green, blue
+  std::unique_ptr<SpectralRenderer> spectral{};  ///< null: paper physics
 
   LightState light_state(const ImageRequest& request) const;
-  int count_samples(const ImageRequest& request) const;
-  Poses exposure_poses(const ImageRequest& request) const;
-  void fill_rays(const Poses& poses, int sample, const cv::Rect& tile, TileRays& out) const;
-  void render_tile(const LightState& light, const Poses& poses, const cv::Rect& tile,
+  void render_tile(const LightState& light, const FramePoses& poses, const cv::Rect& tile,
                    Canvas& canvas) const;
   double camera_gain(const Canvas& canvas, double exposure) const;
   RenderedFrame make_frame(const ImageRequest& request, const LightState& light,
@@ -149,88 +76,12 @@ LightState Renderer::Impl::light_state(const ImageRequest& request) const {
   return light;
 }
 
-// About one sample per pixel of image motion during the exposure; an odd number, so that one of
-// them is at mid-exposure.
-int Renderer::Impl::count_samples(const ImageRequest& request) const {
-  const auto& p = camera.parameters();
-  const Duration half = Duration::from_seconds(0.5 * config.camera.exposure_s);
-  const SE3 T_start = request.T_world_camera(request.stamp - half);
-  const SE3 T_end_inverse = request.T_world_camera(request.stamp + half).inverse();
-  double motion = 0.0;
-  for (const double fy : {0.1, 0.5, 0.9}) {
-    for (const double fx : {0.1, 0.5, 0.9}) {
-      const Vector2d pixel(fx * p.width, fy * p.height);
-      const auto ray = camera.unproject(pixel);
-      if (!ray) continue;
-      const auto hit = caster->cast(T_start.translation, T_start.rotation * *ray, 20.0);
-      const Vector3d point = T_start * Vector3d((hit ? hit->range : 20.0) * *ray);
-      const auto later = camera.project(T_end_inverse * point);
-      if (later) motion = std::max(motion, (*later - pixel).norm());
-    }
-  }
-  const int wanted = 1 + 2 * static_cast<int>(std::ceil(0.5 * (std::min(motion, 100.0) - 0.75)));
-  return std::clamp(wanted, 1, (config.camera.blur_samples - 1) / 2 * 2 + 1);
-}
-
-Renderer::Impl::Poses Renderer::Impl::exposure_poses(const ImageRequest& request) const {
-  Poses result;
-  result.samples = count_samples(request);
-  const bool rolling = config.camera.shutter == Shutter::rolling;
-  result.rows = rolling ? static_cast<std::size_t>(lens.height) : 1;
-  for (int k = 0; k < result.samples; ++k) {
-    const double phase = (k + 0.5) / result.samples - 0.5;
-    for (std::size_t row = 0; row < result.rows; ++row) {
-      const double place = rolling ? (static_cast<double>(row) + 0.5) / lens.height - 0.5 : 0.0;
-      const double offset = phase * config.camera.exposure_s + place * config.camera.readout_s;
-      result.poses.push_back(
-          request.T_world_camera(request.stamp + Duration::from_seconds(offset)));
-    }
-  }
-  return result;
-}
-
-void Renderer::Impl::fill_rays(const Poses& poses, int sample, const cv::Rect& tile,
-                               TileRays& out) const {
-  const Vector2d shift = pixel_offset(sample, poses.samples);
-  out.rays.resize(static_cast<std::size_t>(tile.area()));
-  std::size_t i = 0;
-  for (int y = tile.y; y < tile.y + tile.height; ++y) {
-    const SE3& T_world_camera = poses.at(sample, y);
-    const Eigen::Matrix3f R = T_world_camera.rotation.toRotationMatrix().cast<float>();
-    const Vector3f center = T_world_camera.translation.cast<float>();
-    const int y2 = y + 1 < lens.height ? y + 1 : y - 1;
-    for (int x = tile.x; x < tile.x + tile.width; ++x, ++i) {
-      const Vector3f& ray = lens.rays[lens.index(x, y)];
-      Vector3f d = ray;
-      if (sample * 2 + 1 != poses.samples) {
-        const int x2 = x + 1 < lens.width ? x + 1 : x - 1;
-        const auto sx = static_cast<float>(shift.x());
-        const auto sy = static_cast<float>(shift.y());
-        d += sx * (lens.rays[lens.index(x2, y)] - ray) + sy * (lens.rays[lens.index(x, y2)] - ray);
-        d.normalize();
-      }
-      const Vector3f world = R * d;
-      const Vector3f origin =
-          lens.origins.empty() ? center : Vector3f(center + R * lens.origins[lens.index(x, y)]);
-      out.rays.ox[i] = origin.x();
-      out.rays.oy[i] = origin.y();
-      out.rays.oz[i] = origin.z();
-      out.rays.dx[i] = world.x();
-      out.rays.dy[i] = world.y();
-      out.rays.dz[i] = world.z();
-      // Pixels without a ray get a tiny range and hit nothing.
-      out.rays.range[i] = ray.isZero() ? 1e-3F : kMaxRange;
-      out.pixel_angle[static_cast<int>(i)] = lens.angle[lens.index(x, y)];
-    }
-  }
-}
-
-void Renderer::Impl::render_tile(const LightState& light, const Poses& poses, const cv::Rect& tile,
-                                 Canvas& canvas) const {
+void Renderer::Impl::render_tile(const LightState& light, const FramePoses& poses,
+                                 const cv::Rect& tile, Canvas& canvas) const {
   TileRays rays;
   const float weight = 1.0F / static_cast<float>(poses.samples);
   for (int k = 0; k < poses.samples; ++k) {
-    fill_rays(poses, k, tile, rays);
+    fill_rays(lens, poses, k, tile, rays);
     const SE3& T_world_camera = poses.at(k, tile.y + tile.height / 2);
     if (light.config.lamp) {
       const auto& at = light.config.lamp->position_m;
@@ -324,15 +175,28 @@ Renderer::Renderer(const TriangleMesh& mesh, const RayCaster& caster, const Came
     impl_->white_balance = Vector3d((*given)[0], (*given)[1], (*given)[2]);
   }
   impl_->baked = bake_light(mesh, caster, sun_direction(config.light).cast<float>(), threads);
+  if (config.physics == Physics::paper) return;
+  impl_->spectral = std::make_unique<SpectralRenderer>(
+      RenderScene{mesh, caster, impl_->baked, impl_->camera, impl_->lens, impl_->config, seed});
 }
 
 Renderer::~Renderer() = default;
 Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
+Vector3d Renderer::meter(const ImageRequest& request) const {
+  return impl_->spectral->meter(request);
+}
+
+Vector3d Renderer::fixed_white_balance() const {
+  return impl_->spectral->fixed_white_balance();
+}
+
 RenderedFrame Renderer::render(const ImageRequest& request, int threads) const {
+  if (impl_->spectral) return impl_->spectral->render(request, threads);
   const LightState light = impl_->light_state(request);
-  const Impl::Poses poses = impl_->exposure_poses(request);
+  const FramePoses poses =
+      frame_poses(request, {impl_->camera, impl_->config.camera, *impl_->caster});
   Canvas canvas = make_canvas(impl_->lens);
   const int columns = (impl_->lens.width + kTile - 1) / kTile;
   const int rows = (impl_->lens.height + kTile - 1) / kTile;
@@ -342,9 +206,10 @@ RenderedFrame Renderer::render(const ImageRequest& request, int threads) const {
     impl_->render_tile(light, poses, tile & all, canvas);
   });
   const Duration half = Duration::from_seconds(0.5 * impl_->config.camera.exposure_s);
-  draw_snow(
-      impl_->config.water.snow, light, impl_->camera, request.T_world_camera(request.stamp - half),
-      request.T_world_camera(request.stamp + half), impl_->seed, canvas.range, canvas.observed);
+  draw_snow(impl_->config.water.snow, light.time_s, snow_color(light), impl_->camera,
+            request.T_world_camera(request.stamp - half),
+            request.T_world_camera(request.stamp + half), impl_->seed, canvas.range,
+            canvas.observed);
   return impl_->make_frame(request, light, canvas);
 }
 

@@ -12,26 +12,24 @@
 #include "apvi/sensors/camera_model.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "sim/camera_effects.hpp"
+#include "sim/disturbance.hpp"
 #include "sim/light.hpp"
 #include "sim/mesh.hpp"
 #include "sim/ray_caster.hpp"
+#include "sim/spectral/development.hpp"
+#include "sim/spectral/spectral_config.hpp"
 #include "sim/water.hpp"
 
 namespace apvi::sim {
-
-/// Disturbance at one instant; the defaults mean undisturbed.
-struct Disturbance {
-  std::optional<double> attenuation_length_m{};  ///< replaces that of the water [m]
-  double darkness = 0.0;                         ///< scales all light by 1 - darkness; 1: blackout
-  double silt = 0.0;      ///< density of a cloud of stirred-up silt; 1: hides nearly everything
-  double exposure = 1.0;  ///< factor on the gain after metering; 4 saturates the image
-};
 
 struct ImageRequest {
   Stamp stamp;              ///< mid-exposure; of the middle row with a rolling shutter
   std::uint64_t frame = 0;  ///< seeds the noise; frames may be rendered in any order
   std::function<SE3(Stamp)> T_world_camera;  ///< camera: x right, y down, z forward
   Disturbance disturbance;
+  /// Exposure and white balance that the camera chose; null: as this frame asks for. Spectral only.
+  std::optional<Development> development{};
+  bool truth = true;  ///< spectral: whether to fit the effective medium
 };
 
 struct RenderedFrame {
@@ -39,14 +37,18 @@ struct RenderedFrame {
   cv::Mat depth;  ///< CV_32F, meters along the optical axis at mid-exposure, 0 for no surface
   cv::Mat range;  ///< CV_32F, meters along the ray in the water, 0 for no surface
   cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J with gain and response of this frame
-  Medium medium;  ///< of this frame; b_inf in image units (includes gain and white balance)
+  /// Of this frame; b_inf in image units (includes gain and white balance). Spectral: effective.
+  Medium medium;
   double gain = 1.0;
+  Development development;  ///< spectral only
 };
 
 struct RendererConfig {
   WaterConfig water;
   LightConfig light;
   CameraEffectsConfig camera;
+  Physics physics = Physics::paper;
+  SpectralConfig spectral{};
 };
 
 /// Renders camera images. `render` is thread-safe; the result depends only on the seed and the
@@ -65,6 +67,10 @@ class Renderer {
 
   /// Renders one frame, with its tiles distributed over `threads` threads.
   RenderedFrame render(const ImageRequest& request, int threads = 1) const;
+  /// Spectral physics: mean raw values of the image (see SpectralRenderer).
+  Eigen::Vector3d meter(const ImageRequest& request) const;
+  /// Spectral physics: white balance of the modes other than automatic.
+  Eigen::Vector3d fixed_white_balance() const;
 
  private:
   struct Impl;

@@ -3,13 +3,16 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <numbers>
+#include <optional>
 
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/io/rig_file.hpp"
 #include "config/renamed_keys.hpp"
 #include "core/random.hpp"
+#include "sim/spectral/water_optics.hpp"
 
 namespace apvi::sim {
 namespace {
@@ -111,15 +114,51 @@ Node pose_node(const SE3& pose) {
   return node;
 }
 
-// Adds the pose and the beam angle of the lamp to the rig.
+struct RigLamp {
+  SE3 T_camera_lamp;
+  double half_beam_deg;
+};
+
+std::optional<RigLamp> first_lamp(const SceneConfig& scene) {
+  using Eigen::Vector3d;
+  const auto vector = [](const std::array<double, 3>& v) { return Vector3d(v[0], v[1], v[2]); };
+  if (scene.physics == Physics::paper) {
+    if (!scene.light.lamp) return std::nullopt;
+    return RigLamp{{Eigen::Quaterniond::Identity(), vector(scene.light.lamp->position_m)},
+                   scene.light.lamp->half_beam_deg};
+  }
+  if (scene.spectral.lamps.empty()) return std::nullopt;
+  const SpectralLampConfig& lamp = scene.spectral.lamps.front();
+  return RigLamp{{Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), vector(lamp.aim)),
+                  vector(lamp.position_m)},
+                 lamp.half_beam_deg};
+}
+
+// Adds the pose and the beam angle of the (first) lamp to the rig.
 void add_lamp(const SceneConfig& scene, const Rig& rig, Node& node) {
-  if (!scene.light.lamp || rig.cameras.empty()) return;
-  const LampConfig& lamp = *scene.light.lamp;
-  const SE3 T_camera_lamp{Eigen::Quaterniond::Identity(),
-                          {lamp.position_m[0], lamp.position_m[1], lamp.position_m[2]}};
+  const auto lamp = first_lamp(scene);
+  if (!lamp || rig.cameras.empty()) return;
   Node& section = node.member("lamp0");
-  section.member("T_body_sensor") = pose_node(rig.cameras.front().T_body_camera * T_camera_lamp);
-  section.member("half_beam_deg") = number_node(lamp.half_beam_deg);
+  section.member("T_body_sensor") =
+      pose_node(rig.cameras.front().T_body_camera * lamp->T_camera_lamp);
+  section.member("half_beam_deg") = number_node(lamp->half_beam_deg);
+}
+
+// Keys that the chosen physics does not have.
+void check_physics(const SceneConfig& scene) {
+  if (scene.physics == Physics::paper) {
+    if (!scene.spectral.lamps.empty())
+      fail_input("spectral.lamps: only physics: spectral has them; use light.lamp");
+    return;
+  }
+  const WaterConfig& water = scene.water;
+  if (scene.light.lamp) fail_input("light.lamp: physics: spectral has spectral.lamps instead");
+  if (water.beta_d || water.beta_b || water.b_inf)
+    fail_input("water.beta_d, beta_b and b_inf: only physics: paper has them");
+  if (scene.spectral.lamps.size() > 2) fail_input("spectral.lamps: at most two");
+  for (const SpectralLampConfig& lamp : scene.spectral.lamps)
+    if (lamp.aim[0] == 0.0 && lamp.aim[1] == 0.0 && lamp.aim[2] == 0.0)
+      fail_input("spectral.lamps: aim must not be zero");
 }
 
 void drop_disabled(const SceneConfig& scene, Node& rig) {
@@ -179,9 +218,11 @@ Node perturbed_rig(const Scene& scene) {
 }
 
 EventSchedule make_schedule(const SceneConfig& scene) {
-  const Medium medium = make_medium(scene.water);
-  const double green = std::max(medium.beta_d.y(), 1e-3);
-  return EventSchedule(scene.events, scene.duration_s, 1.0 / green);
+  const WaterConfig& water = scene.water;
+  const double green = scene.physics == Physics::paper
+                           ? make_medium(water).beta_d.y()
+                           : beam_at_green(make_optics(water.type, water.attenuation_length_m));
+  return EventSchedule(scene.events, scene.duration_s, 1.0 / std::max(green, 1e-3));
 }
 
 Scene make_scene(const Node& node) {
@@ -189,6 +230,7 @@ Scene make_scene(const Node& node) {
   resolve_file_names(root);
   Scene scene;
   config::read(root, scene.config);
+  check_physics(scene.config);
   scene.rig_node = true_rig(scene.config);
   drop_disabled(scene.config, scene.rig_node);
   add_lamp(scene.config, make_rig(scene.rig_node), scene.rig_node);

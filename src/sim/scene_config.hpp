@@ -18,6 +18,7 @@
 #include "sim/light.hpp"
 #include "sim/motion.hpp"
 #include "sim/pressure_sim.hpp"
+#include "sim/spectral/spectral_config.hpp"
 #include "sim/water.hpp"
 #include "sim/world.hpp"
 
@@ -79,10 +80,12 @@ struct SceneConfig {
   std::optional<int> sensor_seed;
   double duration_s = 60.0;
   double gravity_m_s2 = kStandardGravity;
+  Physics physics = Physics::paper;
   WorldConfig world;
   WaterConfig water;
   LightConfig light;
   CameraSimConfig camera;
+  SpectralConfig spectral;
   MotionConfig motion;
   ImuSimConfig imu;
   DvlSimConfig dvl;
@@ -101,10 +104,14 @@ struct SceneConfig {
       "rig.yaml, so that one rendering serves many recordings; null: seed");
     v("duration_s", duration_s, Range{1.0, 36000.0}, "length of the recording [s]");
     v("gravity_m_s2", gravity_m_s2, Range{9.0, 10.5}, "gravitational acceleration [m/s²]");
+    v("physics", physics,
+      config::Choices<Physics>{{"paper", Physics::paper}, {"spectral", Physics::spectral}},
+      "light and water: the paper's image formation model, or spectral radiative transfer");
     v("world", world, "scene geometry");
     v("water", water, "water column");
     v("light", light, "sun and lamp");
     v("camera", camera, "exposure, noise and shutter; optics and mounting are in the rig");
+    v("spectral", spectral, "sensor, image pipeline and lamps of spectral physics");
     v("motion", motion, "vehicle motion");
     v("imu", imu, "inertial sensor");
     v("dvl", dvl, "Doppler velocity log");

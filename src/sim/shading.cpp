@@ -1,27 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/shading.hpp"
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
 #include <numbers>
 
+#include "sim/caustics.hpp"
 #include "sim/clones.hpp"
-#include "sim/material.hpp"
+#include "sim/silt.hpp"
+#include "sim/surface_patch.hpp"
 
 namespace apvi::sim {
 namespace {
 
 using Eigen::Vector3f;
-
-/// The points of one tile that hit one material.
-struct Patch {
-  SurfaceBatch surface;
-  Lanes sky{}, sun{}, range{}, dx{}, dy{}, dz{};
-  Lanes light[3]{};
-  std::array<int, kBatch> lane{};  ///< index in the tile of each point
-};
 
 struct Channels {
   float v[3];
@@ -29,53 +21,6 @@ struct Channels {
 
 Channels channels(const Eigen::Vector3d& rgb) {
   return {{static_cast<float>(rgb.x()), static_cast<float>(rgb.y()), static_cast<float>(rgb.z())}};
-}
-
-void gather_point(const TriangleMesh& mesh, const BakedLight& baked, const TileRays& tile, int lane,
-                  int i, Patch& patch) {
-  const auto k = static_cast<std::size_t>(lane);
-  const RayBatch& rays = tile.rays;
-  const TriangleMesh::Triangle& t = mesh.triangles[rays.triangle[k]];
-  const float wb = rays.u[k];
-  const float wc = rays.v[k];
-  const float wa = 1.0F - wb - wc;
-  const auto blend = [&](const auto& values) {
-    return wa * values[t[0]] + wb * values[t[1]] + wc * values[t[2]];
-  };
-  const Vector3f d(rays.dx[k], rays.dy[k], rays.dz[k]);
-  const Vector3f facet =
-      (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
-  Vector3f n = Vector3f(blend(baked.normals)).normalized();
-  if (facet.dot(d) > 0.0F) n = -n;  // hit from behind: surfaces are two-sided
-  const float range = rays.range[k];
-  SurfaceBatch& s = patch.surface;
-  s.p.x[i] = rays.ox[k] + range * d.x();
-  s.p.y[i] = rays.oy[k] + range * d.y();
-  s.p.z[i] = rays.oz[k] + range * d.z();
-  const float slant = std::max(0.15F, std::abs(facet.dot(d)) / facet.norm());
-  s.p.footprint[i] = range * tile.pixel_angle[lane] / std::sqrt(slant);
-  s.nx[i] = n.x();
-  s.ny[i] = n.y();
-  s.nz[i] = n.z();
-  s.detail[i] = blend(mesh.detail);
-  s.object[i] = unit_float(hash32(mesh.objects[rays.triangle[k]]));
-  patch.sky[i] = blend(baked.sky);
-  patch.sun[i] = blend(baked.sun);
-  patch.range[i] = range;
-  patch.dx[i] = d.x();
-  patch.dy[i] = d.y();
-  patch.dz[i] = d.z();
-  patch.lane[static_cast<std::size_t>(i)] = lane;
-}
-
-// Copies the first point into the unused lanes, so that kernels can process full batches.
-void pad(Patch& patch) {
-  SurfaceBatch& s = patch.surface;
-  for (Lanes* lanes :
-       {&s.p.x, &s.p.y, &s.p.z, &s.p.footprint, &s.nx, &s.ny, &s.nz, &s.detail, &s.object,
-        &patch.sky, &patch.sun, &patch.range, &patch.dx, &patch.dy, &patch.dz}) {
-    std::fill(lanes->v + s.p.count, lanes->v + kBatch, lanes->v[0]);
-  }
 }
 
 struct DaylightTerms {
@@ -147,71 +92,10 @@ APVI_CLONES void add_lamp(const LampTerms& lamp, Patch& patch) {
   }
 }
 
-// cos(2 pi t), accurate to 1e-3; vectorizes.
-inline float cos_turns(float t) {
-  const int whole = static_cast<int>(t + (t < 0.0F ? -0.5F : 0.5F));
-  const float f = (t - static_cast<float>(whole)) * 6.2831853F;
-  const float q = f * f;
-  return 1.0F - q * (0.5F - q * (0.041666668F - q * (0.0013888F - q * 2.4e-5F)));
-}
-
-struct Wave {
-  float kx, ky, phase, xx, xy, yy;  ///< turns per meter, turns, second derivatives
-};
-constexpr int kWaves = 7;
-
-std::array<Wave, kWaves> caustic_waves(const LightConfig& light, double time_s) {
-  std::array<Wave, kWaves> waves{};
-  for (std::uint32_t w = 0; w < kWaves; ++w) {
-    const float angle = 6.2831853F * unit_float(hash32(w, 501));
-    const float spread = 0.6F + 0.9F * unit_float(hash32(w, 502));
-    const float k = spread / static_cast<float>(light.caustic_scale_m);
-    const float speed = 0.5F * std::sqrt(k);  // [turns/s]: dispersion of deep-water waves
-    const double turns = time_s * static_cast<double>(speed);
-    const float curvature = 0.33F;  // curvature of the surface times depth: below 1 / sqrt(kWaves)
-    waves[w] = {.kx = k * std::cos(angle),
-                .ky = k * std::sin(angle),
-                .phase = unit_float(hash32(w, 503)) - static_cast<float>(turns - std::floor(turns)),
-                .xx = curvature * std::cos(angle) * std::cos(angle),
-                .xy = curvature * std::cos(angle) * std::sin(angle),
-                .yy = curvature * std::sin(angle) * std::sin(angle)};
-  }
-  return waves;
-}
-
-// Refraction by a wavy surface displaces rays by the slope, so the light density is one over the
-// determinant of (identity - focal length * Hessian).
-APVI_CLONES void caustics(const Points& p, const std::array<Wave, kWaves>& waves, float shear_x,
-                          float shear_y, float contrast, Lanes& out) {
-  for (int i = 0; i < kBatch; ++i) {
-    const float x = p.x.v[i] - shear_x * p.z.v[i];
-    const float y = p.y.v[i] - shear_y * p.z.v[i];
-    float xx = 1.0F;
-    float xy = 0.0F;
-    float yy = 1.0F;
-    for (int w = 0; w < kWaves; ++w) {
-      const Wave& wave = waves[static_cast<std::size_t>(w)];
-      const float c = cos_turns(wave.kx * x + wave.ky * y + wave.phase);
-      xx -= wave.xx * c;
-      xy -= wave.xy * c;
-      yy -= wave.yy * c;
-    }
-    float det = xx * yy - xy * xy;
-    det = det < 0.0F ? -det : det;
-    out.v[i] = 1.0F + contrast * (0.7F / (det + 0.22F) - 0.75F);
-    out.v[i] = out.v[i] < 0.0F ? 0.0F : out.v[i];
-  }
-}
-
 void light_patch(const LightState& light, const TileRays& tile, Patch& patch) {
   const Eigen::Vector3d sun = sun_direction(light.config);
   Lanes caustic{};
-  caustic.fill(1.0F);
-  if (light.config.caustics > 0.0) {
-    caustics(patch.surface.p, caustic_waves(light.config, light.time_s),
-             static_cast<float>(sun.x() / sun.z()), static_cast<float>(sun.y() / sun.z()),
-             static_cast<float>(light.config.caustics), caustic);
-  }
+  caustics(light.config, light.time_s, patch.surface.p, caustic);
   const DaylightTerms daylight{.surface = channels(daylight_at(light.config, light.medium, 0.0)),
                                .k_d = channels(light.medium.k_d),
                                .sun_x = static_cast<float>(sun.x()),
@@ -295,78 +179,15 @@ void add_lamp_backscatter(const LampTerms& lamp, float strength, TileRays& tile)
   }
 }
 
-// Adds a drifting cloud of silt in front of the camera, from noise sampled at a few distances.
-void add_silt(const LightState& light, TileRays& tile) {
-  static constexpr float kDistances[] = {0.35F, 0.8F, 1.6F};
-  const RayBatch& rays = tile.rays;
-  const int count = static_cast<int>(rays.size());
-  Lanes depth{};
-  Lanes density{};
-  depth.fill(0.0F);
-  Points p;
-  for (const float distance : kDistances) {
-    for (int i = 0; i < kBatch; ++i) {
-      const auto k = static_cast<std::size_t>(i < count ? i : 0);
-      p.x[i] = rays.ox[k] + distance * rays.dx[k] - 0.12F * static_cast<float>(light.time_s);
-      p.y[i] = rays.oy[k] + distance * rays.dy[k];
-      p.z[i] = rays.oz[k] + distance * rays.dz[k] - 0.04F * static_cast<float>(light.time_s);
-      p.footprint[i] = 0.01F;
-    }
-    p.count = count;
-    fbm(p, {.frequency = 1.1F, .octaves = 5, .gain = 0.55F, .seed = 301}, density);
-    // Thin clouds have gaps, dense ones do not.
-    const auto silt = static_cast<float>(light.silt);
-    const float contrast = mix(1.6F, 0.5F, std::min(1.0F, silt * silt));
-    for (int i = 0; i < count; ++i) {
-      const float r = rays.range[static_cast<std::size_t>(i)];
-      const bool before = r < 0.0F || distance < r;
-      const float local = std::max(0.0F, 0.55F + 0.45F * silt * silt + contrast * density[i]);
-      depth[i] += before ? local * silt * 2.2F : 0.0F;
-    }
-  }
-  for (int i = 0; i < count; ++i) {
-    const float left = fast_exp(-depth[i]);
-    for (int c = 0; c < 3; ++c) {
-      tile.observed[c][i] = tile.observed[c][i] * left + light.silt_color[c] * (1.0F - left);
-    }
-  }
-}
-
-void shade_surfaces(const TriangleMesh& mesh, const BakedLight& baked, const LightState& light,
-                    TileRays& tile) {
-  const int count = static_cast<int>(tile.rays.size());
-  std::uint32_t present = 0;
-  std::array<std::uint8_t, kBatch> material{};
-  for (int i = 0; i < count; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    material[k] = 255;
-    if (tile.rays.range[k] < 0.0F) continue;
-    material[k] = static_cast<std::uint8_t>(mesh.materials[tile.rays.triangle[k]]);
-    present |= 1U << material[k];
-  }
-  Patch patch;
-  for (int m = 0; m < kMaterialCount; ++m) {
-    if ((present & (1U << m)) == 0) continue;
-    int n = 0;
-    for (int i = 0; i < count; ++i) {
-      if (material[static_cast<std::size_t>(i)] == m) {
-        gather_point(mesh, baked, tile, i, n++, patch);
-      }
-    }
-    patch.surface.p.count = n;
-    pad(patch);
-    evaluate_material(static_cast<Material>(m), patch.surface);
-    light_patch(light, tile, patch);
-    scatter_patch(patch, tile);
-  }
-}
-
 }  // namespace
 
 void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& light,
            TileRays& tile) {
   for (Lanes& lanes : tile.clear) lanes.fill(0.0F);
-  shade_surfaces(mesh, baked, light, tile);
+  for_each_patch(mesh, baked, tile, [&](Patch& patch) {
+    light_patch(light, tile, patch);
+    scatter_patch(patch, tile);
+  });
   const int count = static_cast<int>(tile.rays.size());
   const MediumTerms medium{.beta_d = channels(light.medium.beta_d),
                            .beta_b = channels(light.medium.beta_b),
@@ -379,7 +200,9 @@ void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& 
     const double strength = 0.035 * light.config.lamp->backscatter * light.medium.beta_d.y();
     add_lamp_backscatter(lamp_terms(light, tile), static_cast<float>(strength), tile);
   }
-  if (light.silt > 0.0) add_silt(light, tile);
+  if (light.silt > 0.0) {
+    add_silt({.density = light.silt, .time_s = light.time_s, .color = light.silt_color}, tile);
+  }
 }
 
 }  // namespace apvi::sim

@@ -109,13 +109,14 @@ SimulateResult simulate(const Scene& scene, const fs::path& out, const SimulateO
   log::debug("world of {} triangles and sensors after {:.1f} s", mesh.triangles.size(),
              watch.seconds());
   open_partial(partial, fingerprint);
-  render_frames(partial, options.format, scene, events, recording, mesh, world, options.threads,
-                interrupt);
+  const Exposures exposures = render_frames(partial, options.format, scene, events, recording, mesh,
+                                            world, options.threads, interrupt);
   if (interrupt.interrupted()) {
     fail_run("interrupted; partial results are in {}; run the same command again to resume",
              partial.string());
   }
   write_recording(partial, options.format, scene, recording);
+  write_exposures(partial, scene, recording, exposures);
   write_truth(partial, scene, events, recording, mesh);
   move_into_place(partial, out);
   return SimulateResult::written;

@@ -108,7 +108,7 @@ struct ExposurePoses {
   SE3 T_camera_world_start, T_camera_world_end;
 };
 
-void draw_particle(const Particle& particle, const SnowConfig& config, const LightState& light,
+void draw_particle(const Particle& particle, const SnowConfig& config, const SnowColor& color,
                    const CameraModel& camera, const ExposurePoses& poses, const cv::Mat& range,
                    cv::Mat& linear) {
   const Vector3d start = poses.T_camera_world_start * particle.position;
@@ -123,25 +123,32 @@ void draw_particle(const Particle& particle, const SnowConfig& config, const Lig
   const double sigma = std::sqrt(0.36 + 0.4 * radius * radius + 0.25 * blur * blur);
   const double fade = std::min(1.0, 4.0 * (1.0 - start.norm() / config.range_m));
   const double opacity = 0.8 * fade * std::min(1.0, radius * radius / (2.0 * sigma * sigma));
-  const Vector3d lit = particle.brightness * particle_irradiance(light, particle.position, start);
   draw_spot({.start = *from,
              .end = *to,
              .sigma = sigma,
              .opacity = opacity,
              .range = start.norm(),
-             .color = apply_medium(light.medium, lit, start.norm())},
+             .color = color(particle.position, start, particle.brightness)},
             range, linear);
 }
 
 }  // namespace
 
-void draw_snow(const SnowConfig& config, const LightState& light, const CameraModel& camera,
-               const SE3& T_world_camera_start, const SE3& T_world_camera_end, std::uint64_t seed,
-               const cv::Mat& range, cv::Mat& linear) {
+SnowColor snow_color(const LightState& light) {
+  return [&light](const Vector3d& p_world, const Vector3d& p_camera, double brightness) {
+    const Vector3d lit = brightness * particle_irradiance(light, p_world, p_camera);
+    return apply_medium(light.medium, lit, p_camera.norm());
+  };
+}
+
+void draw_snow(const SnowConfig& config, double time_s, const SnowColor& color,
+               const CameraModel& camera, const SE3& T_world_camera_start,
+               const SE3& T_world_camera_end, std::uint64_t seed, const cv::Mat& range,
+               cv::Mat& linear) {
   if (config.density_per_m3 <= 0.0) return;
   const ExposurePoses poses{.T_camera_world_start = T_world_camera_start.inverse(),
                             .T_camera_world_end = T_world_camera_end.inverse()};
-  const Vector3d shift = drift(config, light.time_s);
+  const Vector3d shift = drift(config, time_s);
   const auto box = view_box(camera, T_world_camera_start, shift, config.range_m);
   const Eigen::Vector3i low = (box.min() / kCell).array().floor().cast<int>();
   const Eigen::Vector3i high = (box.max() / kCell).array().floor().cast<int>();
@@ -157,7 +164,7 @@ void draw_snow(const SnowConfig& config, const LightState& light, const CameraMo
           Particle particle =
               make_particle(config, cell, hash32(key, static_cast<std::uint32_t>(100 + k)));
           particle.position += shift;
-          draw_particle(particle, config, light, camera, poses, range, linear);
+          draw_particle(particle, config, color, camera, poses, range, linear);
         }
       }
     }

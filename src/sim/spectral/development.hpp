@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+namespace apvi::sim {
+
+/// What a camera chose for a frame.
+struct Development {
+  double gain = 1.0;                                        ///< full scale is 1 / gain
+  Eigen::Vector3d white_balance = Eigen::Vector3d::Ones();  ///< red, green, blue; green 1
+};
+
+}  // namespace apvi::sim
