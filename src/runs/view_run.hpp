@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+
+#include "viewer/server.hpp"
+
+namespace apvi::runs {
+
+/// Serves the viewer's page for a run folder or a map file until `interrupted`. Throws InputError
+/// for invalid input, RunError when the port is taken.
+void view_run(const std::filesystem::path& source, const viewer::ServerOptions& options,
+              const std::function<bool()>& interrupted);
+
+}  // namespace apvi::runs
