@@ -14,9 +14,11 @@ namespace fs = std::filesystem;
 struct Arguments {
   fs::path source;
   viewer::ServerOptions server;
+  fs::path file;
 };
 
 void view(const Arguments& a) {
+  if (!a.file.empty()) return runs::export_view(a.source, a.file);
   const InterruptGuard guard;
   runs::view_run(a.source, a.server, [&guard] { return guard.interrupted(); });
 }
@@ -43,6 +45,8 @@ void add_view(CLI::App& app) {
                    "what the address of the page must end with (default: none on this machine "
                    "alone, else a random one)")
       ->type_name("TEXT");
+  command->add_option("--export", a->file, "write a page that needs no server, and end")
+      ->type_name("FILE");
   command->footer("Ctrl-C ends it.");
   command->callback([a] { view(*a); });
 }

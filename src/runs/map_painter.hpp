@@ -18,6 +18,10 @@ class MapPainter {
   /// empty: the first view that is drawn without the medium.
   void set_map(mapping::Map map, std::vector<gaussians::View> views);
   bool empty() const { return map_.gaussians.size() == 0; }
+  const mapping::Map& map() const { return map_; }
+  /// Brightness and white balance of restored images. `camera`: the view to choose it by when
+  /// `set_map` got none.
+  mapping::DisplayExposure exposure(const gaussians::View& camera);
 
   /// Nothing without a map.
   std::optional<viewer::Rendering> render(const viewer::View& view);
@@ -27,7 +31,6 @@ class MapPainter {
  private:
   torch::Tensor color(const viewer::View& view, const gaussians::View& camera,
                       const mapping::MapRendering& rendering);
-  mapping::DisplayExposure exposure(const gaussians::View& camera);
 
   mapping::Map map_;
   std::vector<gaussians::View> views_;

@@ -24,6 +24,8 @@ class StoredScene : public viewer::Scene {
   viewer::SceneDescription description() const override { return description_; }
   void pause(bool) override {}
 
+  MapPainter& painter() { return painter_; }
+
  private:
   std::vector<gaussians::View> describe_run(const std::filesystem::path& run,
                                             const map_io::Origin& origin);

@@ -13,4 +13,8 @@ namespace apvi::runs {
 void view_run(const std::filesystem::path& source, const viewer::ServerOptions& options,
               const std::function<bool()>& interrupted);
 
+/// Writes a page that shows the map without a server: in SH degree 0, without the lamp. Throws
+/// InputError, RunError.
+void export_view(const std::filesystem::path& source, const std::filesystem::path& file);
+
 }  // namespace apvi::runs

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -112,9 +113,12 @@ Server::~Server() = default;
 std::string Server::url() const {
   const Tcp::endpoint endpoint = implementation_->acceptor.local_endpoint();
   const std::string& token = implementation_->hub.access.token;
-  const std::string address = endpoint.address().to_string();
-  return fmt::format("http://{}:{}/{}", endpoint.address().is_v6() ? "[" + address + "]" : address,
-                     endpoint.port(), token.empty() ? "" : "?token=" + token);
+  // Bound to all addresses, it is reached by any of them.
+  const std::string address =
+      endpoint.address().is_unspecified() ? asio::ip::host_name() : endpoint.address().to_string();
+  const bool brackets = address.find(':') != std::string::npos;
+  return fmt::format("http://{}:{}/{}", brackets ? "[" + address + "]" : address, endpoint.port(),
+                     token.empty() ? "" : "?token=" + token);
 }
 
 void Server::broadcast(const std::string& text) {

@@ -75,7 +75,7 @@ std::optional<Job> Watcher::next(Time now, std::uint64_t version) {
   ++next_frame_;
   flights_.push_back({.frame = job.frame, .counts = !*complete, .sent = now});
   view_is_new_ = false;
-  needs_complete_ = !*complete;
+  needs_complete_ = !job.complete;
   drawn_version_ = version;
   drawn_time_ = now;
   return job;

@@ -23,7 +23,7 @@ class Server:
         self.log = ""
         for line in self.process.stderr:
             self.log += line
-            found = re.search(r"http://([\d.]+):(\d+)/(\?token=\w+)?", line)
+            found = re.search(r"http://([^:/ ]+):(\d+)/(\?token=[\w-]+)?", line)
             if found:
                 self.url, self.port, self.query = found.group(), int(found.group(2)), found.group(3) or ""
                 return

@@ -134,6 +134,17 @@ class Watching(Case):
         self.assertEqual(sorted(done), list(range(10)))
 
 
+class BadArguments(unittest.TestCase):
+    def test_are_refused(self):
+        for arguments in (["/nowhere/map.ply"], [], ["x.ply", "--port", "99999"]):
+            done = subprocess.run([APVI, "view", *arguments], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2, done.stderr)
+        with tempfile.TemporaryDirectory() as folder:
+            run = tiny_run.make(pathlib.Path(folder) / "dive", 10)
+            done = subprocess.run([APVI, "view", run, "--address", "seabed"], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2, done.stderr)
+
+
 class Strangers(Case):
     OPTIONS = ["--address", "0.0.0.0", "--token", TOKEN]
 

@@ -31,14 +31,14 @@ class Camera {
 
   set(pose, distance) {
     this.q = rotationOf(pose);
-    this.p = positionOf(pose);
+    this.p = placeOf(pose);
     this.target = add(this.p, rotate(this.q, [0, 0, distance]));
   }
 
   pose(vehicle) {
     if (this.mode !== "follow" || !vehicle) return poseOf(this.q, this.p);
     const q = normalized(multiply(rotationOf(vehicle), this.look));
-    return poseOf(q, add(positionOf(vehicle), rotate(q, [0, 0, -this.behind])));
+    return poseOf(q, add(placeOf(vehicle), rotate(q, [0, 0, -this.behind])));
   }
 
   // Keeps what is seen when the mode changes.
@@ -51,7 +51,7 @@ class Camera {
 
   turn(dx, dy) {
     if (this.mode === "follow") {
-      this.look = normalized(multiply(multiply(about([0, 1, 0], dx), this.look), about([1, 0, 0], -dy)));
+      this.look = normalized(multiply(multiply(about([0, 1, 0], -dx), this.look), about([1, 0, 0], dy)));
       return;
     }
     const sign = this.mode === "orbit" ? 1 : -1;

@@ -30,10 +30,10 @@ const normalized = (q) => q.map((x) => x / (Math.hypot(...q) || 1));
 const about = (axis, angle) => [Math.cos(angle / 2), ...times(unit(axis), Math.sin(angle / 2))];
 
 const rotationOf = (pose) => pose.slice(0, 4);
-const positionOf = (pose) => pose.slice(4, 7);
+const placeOf = (pose) => pose.slice(4, 7);
 const poseOf = (q, p) => [...q, ...p];
 const compose = (a, b) => poseOf(normalized(multiply(rotationOf(a), rotationOf(b))),
-  add(positionOf(a), rotate(rotationOf(a), positionOf(b))));
+  add(placeOf(a), rotate(rotationOf(a), placeOf(b))));
 
 // Spherical interpolation of the rotation (its linear approximation, renormalized), linear of the position.
 function between(a, b, u) {
@@ -72,7 +72,7 @@ function fromAxes(x, y, z) {
 
 // A point of the world as [u, v, depth] in pixels of a view of this size.
 function project(view, width, height, point) {
-  const p = rotate(conjugate(rotationOf(view.pose)), subtract(point, positionOf(view.pose)));
+  const p = rotate(conjugate(rotationOf(view.pose)), subtract(point, placeOf(view.pose)));
   const focal = view.focal * height;
   return [width / 2 + focal * p[0] / p[2], height / 2 + focal * p[1] / p[2], p[2]];
 }

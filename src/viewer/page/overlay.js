@@ -32,7 +32,7 @@ class Overlay {
     this.context.clearRect(0, 0, this.width, this.height);
     if (!view || !scene) return;
     this.inverse = conjugate(rotationOf(view.pose));
-    this.origin = positionOf(view.pose);
+    this.origin = placeOf(view.pose);
     this.focal = view.focal * this.height;
     if (shown.path) this.path(scene);
     if (shown.keyframes) this.keyframes(scene);
@@ -56,7 +56,7 @@ class Overlay {
   }
 
   path(scene) {
-    const seen = scene.poses.map((pose) => this.toCamera(positionOf(pose)));
+    const seen = scene.poses.map((pose) => this.toCamera(placeOf(pose)));
     for (const state of new Set(scene.states)) {
       this.context.beginPath();
       for (let i = 1; i < seen.length; ++i) if (scene.states[i] === state) this.segment(seen[i - 1], seen[i]);
@@ -72,7 +72,7 @@ class Overlay {
     for (const pose of scene.keyframes) {
       const camera = compose(pose, scene.body_camera);
       if (few) this.frustum(camera, scene, size, "rgba(219, 226, 232, .7)", 1);
-      else this.dot(positionOf(camera), 1.6);
+      else this.dot(placeOf(camera), 1.6);
     }
   }
 
@@ -88,8 +88,8 @@ class Overlay {
     const y = size / (2 * scene.focal);
     const x = y * scene.aspect;
     const corners = [[-x, -y, size], [x, -y, size], [x, y, size], [-x, y, size]].map(
-      (c) => this.toCamera(add(positionOf(pose), rotate(rotationOf(pose), c))));
-    const tip = this.toCamera(positionOf(pose));
+      (c) => this.toCamera(add(placeOf(pose), rotate(rotationOf(pose), c))));
+    const tip = this.toCamera(placeOf(pose));
     this.context.beginPath();
     corners.forEach((corner, i) => {
       this.segment(tip, corner);

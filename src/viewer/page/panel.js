@@ -87,7 +87,7 @@ function download(blob, name) {
 function worldToCamera(pose) {
   const q = conjugate(rotationOf(pose));
   const columns = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => rotate(q, axis));
-  const t = times(rotate(q, positionOf(pose)), -1);
+  const t = times(rotate(q, placeOf(pose)), -1);
   return [0, 1, 2].map((r) => [...columns.map((c) => c[r]), t[r]]).concat([[0, 0, 0, 1]]);
 }
 
@@ -97,6 +97,6 @@ function cameraFile(view, origin) {
   return JSON.stringify({
     width: view.width, height: view.height, pixel_center: 0.5,
     K: [[focal, 0, view.width / 2], [0, focal, view.height / 2], [0, 0, 1]],
-    T_cam_world: worldToCamera(poseOf(rotationOf(view.pose), add(positionOf(view.pose), origin))),
+    T_cam_world: worldToCamera(poseOf(rotationOf(view.pose), add(placeOf(view.pose), origin))),
   }, null, 1);
 }

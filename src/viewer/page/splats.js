@@ -211,7 +211,7 @@ class Renderer {
     const water = this.scene.water || { beta_d: [0, 0, 0], beta_b: [0, 0, 0], b_inf: [0, 0, 0] };
     const columns = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((e) => rotate(conjugate(rotationOf(view.pose)), e));
     gl.uniformMatrix3fv(place("rotation"), false, columns.flat());
-    gl.uniform3fv(place("origin"), positionOf(view.pose));
+    gl.uniform3fv(place("origin"), placeOf(view.pose));
     for (const name of ["beta_d", "beta_b", "b_inf"]) gl.uniform3fv(place(name), water[name]);
     gl.uniform3fv(place("gains"), this.scene.gains);
     gl.uniform2f(place("size"), view.width, view.height);
@@ -227,7 +227,7 @@ class Renderer {
   paint(view) {
     const gl = this.gl;
     Object.assign(this.canvas, { width: view.width, height: view.height });
-    this.sort(rotate(rotationOf(view.pose), [0, 0, 1]), positionOf(view.pose));
+    this.sort(rotate(rotationOf(view.pose), [0, 0, 1]), placeOf(view.pose));
     const depths = view.layer === "depth" ? this.limits() : [0, 1];
     this.uniforms(view, depths);
     gl.viewport(0, 0, view.width, view.height);
@@ -251,7 +251,7 @@ class Renderer {
   async measure(view, column, row) {
     const q = rotationOf(view.pose);
     const axis = rotate(q, [0, 0, 1]);
-    this.sort(axis, positionOf(view.pose));
+    this.sort(axis, placeOf(view.pose));
     const focal = view.focal * view.height;
     const ray = [(column + 0.5 - view.width / 2) / focal, (row + 0.5 - view.height / 2) / focal, 1];
     let [left, sum] = [1, 0];
@@ -261,7 +261,7 @@ class Renderer {
       left *= 1 - alpha;
     }
     if (left > 0.5) return { point: null };
-    return { point: add(positionOf(view.pose), rotate(q, times(ray, sum / (1 - left)))) };
+    return { point: add(placeOf(view.pose), rotate(q, times(ray, sum / (1 - left)))) };
   }
 
   // Opacity of a Gaussian where the ray passes it nearest, in its own metric.
@@ -270,12 +270,12 @@ class Renderer {
     if (z < 0.05) return 0;
     const at = i * TEXELS * 4;
     const d = this.data;
-    const offset = rotate(conjugate(q), subtract([d[at], d[at + 1], d[at + 2]], positionOf(view.pose)));
+    const offset = rotate(conjugate(q), subtract([d[at], d[at + 1], d[at + 2]], placeOf(view.pose)));
     const miss = Math.hypot(offset[0] - ray[0] * z, offset[1] - ray[1] * z);
     if (miss > 3.5 * Math.sqrt(d[at + 4] + d[at + 7] + d[at + 9])) return 0;
     const direction = rotate(q, ray);
     const inverse = inverseSymmetric(d.subarray(at + 4, at + 10));
-    const away = subtract(positionOf(view.pose), [d[at], d[at + 1], d[at + 2]]);
+    const away = subtract(placeOf(view.pose), [d[at], d[at + 1], d[at + 2]]);
     const [vv, va, aa] = [form(inverse, direction, direction), form(inverse, direction, away), form(inverse, away, away)];
     return Math.min(0.99, d[at + 3] * Math.exp(-0.5 * Math.max(0, aa - va * va / vv)));
   }
