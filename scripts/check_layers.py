@@ -42,7 +42,8 @@ BELOW = {
     "map_io": ["medium"],
     "mapping": ["depth"],
     "slam": ["localization", "loop_closure", "mapping"],
-    "runs": ["slam", "map_io", "io", "live", "eval"],
+    "viewer": ["geometry"],
+    "runs": ["slam", "map_io", "io", "live", "eval", "viewer"],
     "cli": ["runs", "doctor", "importer", "sim"],
 }
 # The mapping half, which is built without the module `config` as well (preset `island`), but may

@@ -71,6 +71,7 @@ void add_commands(CLI::App& app) {
   apvi::cli::add_sweep(app);
   apvi::cli::add_calibrate(app);
   apvi::cli::add_camera(app);
+  apvi::cli::add_view(app);
 #if APVI_WITH_MAPPING
   apvi::cli::add_render(app);
   apvi::cli::add_export(app);

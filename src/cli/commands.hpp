@@ -17,6 +17,8 @@ void add_sweep(CLI::App& app);
 void add_calibrate(CLI::App& app);
 void add_camera(CLI::App& app);
 void add_import(CLI::App& app);
+/// In a build without mapping, a command that says so.
+void add_view(CLI::App& app);
 /// Only in builds with mapping.
 void add_render(CLI::App& app);
 void add_export(CLI::App& app);

@@ -32,6 +32,7 @@ struct Arguments {
   fs::path folder;
   bool overwrite = false;
   bool no_report = false;
+  ViewOptions view;
 };
 
 runs::RunConfig load_config(const Arguments& a) {
@@ -52,7 +53,8 @@ std::optional<runs::RunResult> localize(runs::LiveRun& live, const MappingReques
                    {.folder = request.folder,
                     .overwrite = request.overwrite,
                     .interrupted = request.interrupted,
-                    .live = request.live});
+                    .live = request.live,
+                    .observer = request.observer});
 }
 
 // The recording is kept whatever happens to the estimator.
@@ -72,10 +74,12 @@ void run(const Arguments& a) {
   const InterruptGuard guard;
   const auto interrupted = [&guard] { return guard.interrupted(); };
   runs::LiveRun live(config, folder, interrupted);
+  const auto observer = open_view(folder, a.view);
   const MappingRequest request{.folder = folder,
                                .overwrite = a.overwrite,
                                .interrupted = interrupted,
-                               .live = &live.hooks()};
+                               .live = &live.hooks(),
+                               .observer = observer.get()};
   std::optional<runs::RunResult> result;
   try {
     result = localize(live, request);
@@ -119,6 +123,7 @@ void add_options(CLI::App& command, Arguments& a) {
       ->type_name("FOLDER");
   command.add_flag("--overwrite", a.overwrite, "replace an existing run in the folder");
   command.add_flag("--no-report", a.no_report, "do not write report.html");
+  add_view_options(command, a.view);
 }
 
 }  // namespace

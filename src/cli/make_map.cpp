@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
 
 #include "apvi/core/log.hpp"
 #include "cli/mapping_support.hpp"
+#include "runs/live_view.hpp"
 #include "runs/mapping_run.hpp"
 #include "runs/online_run.hpp"
 
@@ -15,7 +19,8 @@ runs::MappingRunOptions options_of(const MappingRequest& request) {
           .overwrite = request.overwrite,
           .resume = request.resume,
           .interrupted = request.interrupted,
-          .live = request.live};
+          .live = request.live,
+          .observer = request.observer};
 }
 
 void report(const runs::MappingRunResult& result) {
@@ -29,7 +34,21 @@ void report(const runs::MappingRunResult& result) {
   }
 }
 
+// Of the time of one thread, so that the run goes on.
+constexpr double kRenderShare = 0.5;
+
 }  // namespace
+
+std::unique_ptr<runs::RunObserver> open_view(const std::filesystem::path& run,
+                                             const ViewOptions& options) {
+  if (!options.port) return nullptr;
+  const std::string name = std::filesystem::absolute(run).lexically_normal().filename().string();
+  return std::make_unique<runs::LiveView>(name,
+                                          viewer::ServerOptions{.address = options.address,
+                                                                .port = *options.port,
+                                                                .token = "",
+                                                                .render_share = kRenderShare});
+}
 
 std::optional<runs::RunResult> localize_and_map(const runs::RunConfig& config,
                                                 io::SequenceReader& recording,

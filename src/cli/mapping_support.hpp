@@ -3,7 +3,9 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
+#include <string>
 
 #include "runs/run.hpp"
 #include "runs/run_config.hpp"
@@ -17,7 +19,18 @@ struct MappingRequest {
   bool resume = false;
   std::function<bool()> interrupted;
   const runs::LiveHooks* live = nullptr;
+  runs::RunObserver* observer = nullptr;
 };
+
+/// Options `--view` of the commands that run.
+struct ViewOptions {
+  std::optional<int> port;  ///< empty: no page is served
+  std::string address = "127.0.0.1";
+};
+/// The page that shows a run while it is made; null when `options` ask for none. Throws InputError
+/// in a build without mapping.
+std::unique_ptr<runs::RunObserver> open_view(const std::filesystem::path& run,
+                                             const ViewOptions& options);
 
 /// Runs localization and mapping together and logs the map's result. Returns nothing when a map was
 /// only refined further.

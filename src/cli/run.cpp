@@ -34,6 +34,7 @@ struct Arguments {
   bool no_report = false;
   bool strict = false;
   importer::ImportOptions import_options;
+  ViewOptions view;
 };
 
 // A recording is run by the default configuration.
@@ -111,8 +112,15 @@ std::unique_ptr<io::SequenceReader> open_recording(const runs::RunConfig& config
 std::size_t run_into(const fs::path& folder, const runs::RunConfig& config, const Arguments& a) {
   const InterruptGuard guard;
   const auto interrupted = [&guard] { return guard.interrupted(); };
-  const MappingRequest map{
-      .folder = folder, .overwrite = a.overwrite, .resume = a.resume, .interrupted = interrupted};
+  if (a.view.port && !config.localization.enabled) {
+    fail_input("--view: only with localization.enabled: true; use apvi view afterwards");
+  }
+  const auto observer = open_view(folder, a.view);
+  const MappingRequest map{.folder = folder,
+                           .overwrite = a.overwrite,
+                           .resume = a.resume,
+                           .interrupted = interrupted,
+                           .observer = observer.get()};
   if (!config.localization.enabled) {
     make_map(config, map);
     return 0;
@@ -123,7 +131,10 @@ std::size_t run_into(const fs::path& folder, const runs::RunConfig& config, cons
     result = localize_and_map(config, *recording, map);
   } else {
     result = runs::run(config, *recording,
-                       {.folder = folder, .overwrite = a.overwrite, .interrupted = interrupted});
+                       {.folder = folder,
+                        .overwrite = a.overwrite,
+                        .interrupted = interrupted,
+                        .observer = observer.get()});
   }
   if (!result) return 0;
   report(*result);
@@ -172,6 +183,7 @@ void add_run(CLI::App& app) {
   command->add_flag("--no-report", a->no_report, "do not write report.html");
   command->add_flag("--strict", a->strict,
                     "exit with status 1 when a sensor did not serve or a result is implausible");
+  add_view_options(*command, a->view);
   add_import_options(*command, a->import_options);
   command->callback([a] { run(*a); });
 }

@@ -21,6 +21,19 @@ fs::path vacant_folder(const std::string& base) {
   return folder;
 }
 
+void add_view_options(CLI::App& command, ViewOptions& options) {
+  command
+      .add_flag_function(
+          "--view{8700}", [&options](std::int64_t port) { options.port = static_cast<int>(port); },
+          "show the map in a browser while it is made; --view=PORT chooses the port")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  command
+      .add_option("--view-address", options.address,
+                  "address to listen on (default: 127.0.0.1, this machine alone); any other one "
+                  "demands a token")
+      ->type_name("IP");
+}
+
 void report(const runs::RunResult& result) {
   if (result.interrupted) log::warning("interrupted; results so far are saved");
   log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,

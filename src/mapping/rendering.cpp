@@ -58,6 +58,17 @@ MapRendering render_map(const Map& map, const gaussians::View& view) {
   return rendering;
 }
 
+torch::Tensor with_water(const Map& map, const gaussians::Intrinsics& camera,
+                         const MapRendering& rendering, double amount) {
+  const torch::NoGradGuard no_grad;
+  if (!map.medium || amount == 1.0) return rendering.color;
+  if (amount <= 0.0) return rendering.restored;
+  Map other{.gaussians = map.gaussians, .medium = map.medium};
+  other.medium->beta_d = map.medium->beta_d * amount;
+  other.medium->beta_b = map.medium->beta_b * amount;
+  return medium_view(other, camera)->apply(rendering.restored, rendering.depth, rendering.alpha);
+}
+
 torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& camera) {
   const auto water = medium_view(map, camera);
   return water ? water->open_water() : torch::Tensor();

@@ -39,6 +39,11 @@ struct MapRendering {
 
 /// Renders the map without recording gradients, for a camera of gain one without vignetting.
 MapRendering render_map(const Map& map, const gaussians::View& view);
+/// The color of a rendering of this map with an amount of water: the attenuation and backscatter
+/// coefficients of the medium times `amount`, at least 0; 1 gives `rendering.color`, 0
+/// `rendering.restored`. Without a medium nothing changes.
+torch::Tensor with_water(const Map& map, const gaussians::Intrinsics& camera,
+                         const MapRendering& rendering, double amount);
 /// Renders the medium without any surface [H,W,3]; undefined without a medium.
 torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& camera);
 

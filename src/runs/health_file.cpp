@@ -63,6 +63,7 @@ class Columns {
 HealthRow to_row(const Columns& columns) {
   HealthRow line;
   line.stamp = Stamp{text::parse_int64(columns.text("timestamp")).value_or(0)};
+  line.state = columns.text("state");
   line.level = columns.text("level");
   line.vio = columns.text("vio");
   line.landmarks = static_cast<int>(columns.number("landmarks"));

@@ -10,9 +10,10 @@
 
 namespace apvi::runs {
 
-/// The columns of a line of health.csv that calibration uses.
+/// The columns of a line of health.csv that calibration and the viewer use.
 struct HealthRow {
   Stamp stamp;
+  std::string state;                ///< fusion::FusionState
   std::string level;                ///< step of Algorithm 1 that rejected VIO, or "accepted"
   std::string vio;                  ///< vio::Status
   int landmarks = 0;                ///< in the solution

@@ -7,6 +7,7 @@
 
 #include "runs/live_hooks.hpp"
 #include "runs/run_config.hpp"
+#include "runs/run_observer.hpp"
 
 namespace apvi::runs {
 
@@ -16,6 +17,7 @@ struct MappingRunOptions {
   bool resume = false;  ///< from the folder's checkpoint.pt, if it exists
   std::function<bool()> interrupted = [] { return false; };  ///< polled after every iteration
   const LiveHooks* live = nullptr;                           ///< see RunOptions
+  RunObserver* observer = nullptr;                           ///< of a run with localization
 };
 
 struct MappingRunResult {

@@ -28,14 +28,49 @@ Rig rig_with_camera(const RunConfig& config, const io::SequenceReader& recording
   return rig;
 }
 
+/// Shows the observer what the mapper receives.
+class ObservedSink : public localization::MapSink {
+ public:
+  ObservedSink(localization::MapSink& sink, RunObserver* observer)
+      : sink_(sink), observer_(observer) {}
+  void push(localization::MapFrame frame) override {
+    if (observer_ != nullptr) observer_->image(frame);
+    sink_.push(std::move(frame));
+  }
+  void finish() override { sink_.finish(); }
+  std::string status() const override { return sink_.status(); }
+
+ private:
+  localization::MapSink& sink_;
+  RunObserver* observer_;
+};
+
+/// Shows the observer the map as long as it exists.
+class MapObservation {
+ public:
+  MapObservation(RunObserver* observer, slam::AsyncMapper& mapper) : observer_(observer) {
+    if (observer_ != nullptr) observer_->map_begins(mapper);
+  }
+  ~MapObservation() {
+    if (observer_ != nullptr) observer_->map_ends();
+  }
+  MapObservation(const MapObservation&) = delete;
+  MapObservation& operator=(const MapObservation&) = delete;
+
+ private:
+  RunObserver* observer_;
+};
+
 std::optional<RunResult> localize(const RunConfig& config, io::SequenceReader& recording,
                                   const MappingRunOptions& options, OnlineMap& map) {
+  ObservedSink sink(map.mapper(), options.observer);
   const RunOptions run{.folder = options.folder,
                        .overwrite = options.overwrite,
                        .interrupted = options.interrupted,
                        .folder_ready = [&] { map.open_files(); },
-                       .map = &map.mapper(),
-                       .live = options.live};
+                       .map = &sink,
+                       .live = options.live,
+                       .observer = options.observer};
   std::optional<RunResult> result;
   try {
     result = runs::run(config, recording, run);
@@ -108,6 +143,7 @@ OnlineRunResult localize_and_map(const RunConfig& config, io::SequenceReader& re
   torch::set_num_threads(config.run.threads);
   const Rig rig = rig_with_camera(config, recording);
   OnlineMap map(config, options, rig);
+  const MapObservation observation(options.observer, map.mapper());
   OnlineRunResult result;
   if (options.resume) {
     continue_map(config, options, map);

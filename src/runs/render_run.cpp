@@ -12,17 +12,13 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/sensors/rig.hpp"
 #include "core/status_line.hpp"
-#include "gaussians/device.hpp"
-#include "map_io/map_file.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "mapping/rendering.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
 #include "runs/local_origin.hpp"
-#include "runs/run_config.hpp"
-#include "slam/camera_conversion.hpp"
+#include "runs/stored_map.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -34,30 +30,13 @@ struct NamedView {
   gaussians::View view;
 };
 
-/// Camera intrinsics and extrinsics.
-struct CameraMount {
-  gaussians::Intrinsics intrinsics;
-  SE3 T_body_camera;
-};
-
-CameraMount mount_of_run(const RunConfig& config) {
-  const Rig rig = make_rig(config.rig);
-  if (rig.cameras.empty()) fail_input("{}: the run's rig has no cam0", config.dataset.path);
-  const CameraCalibration& camera = rig.cameras.front();
-  return {slam::Undistorter(camera.model, config.mapping.image_scale).intrinsics(),
-          camera.T_body_camera};
-}
-
 std::vector<NamedView> views_along(const fs::path& path, const CameraMount& mount,
                                    const map_io::Origin& origin) {
   const Trajectory trajectory = to_local(io::read_trajectory(path), origin);
   if (!trajectory.has_rotation) fail_input("{}: has positions only", path.string());
   std::vector<NamedView> views;
   for (const StampedPose& pose : trajectory.poses) {
-    gaussians::View view;
-    view.intrinsics = mount.intrinsics;
-    view.T_camera_world = slam::to_tensor((pose.T_world_body * mount.T_body_camera).inverse());
-    views.push_back({std::to_string(pose.stamp.ns), view});
+    views.push_back({std::to_string(pose.stamp.ns), view_at(pose.T_world_body, mount)});
   }
   if (views.empty()) fail_input("{}: contains no poses", path.string());
   return views;
@@ -82,24 +61,6 @@ std::vector<NamedView> choose_views(const RenderRequest& r, const fs::path& map,
         r.source.string());
   }
   return views_of_run(r.source, r.path.empty() ? r.source / "keyframes.tum" : r.path, origin);
-}
-
-mapping::Map prepare(const RenderRequest& r, const fs::path& file, const map_io::MapFile& stored) {
-  mapping::Map map;
-  map.gaussians = stored.gaussians;
-  for (torch::Tensor* tensor : map.gaussians.tensors())
-    *tensor = tensor->to(gaussians::active_device());
-  map.medium = stored.medium;
-  map.antialiased = stored.antialiased;
-  map.tone_curve = stored.tone_curve;
-  if (fs::is_directory(r.source)) {
-    map.antialiased =
-        load_recorded_run_config(r.source / "resolved.yaml").mapping.trainer.antialiased;
-  }
-  if (r.restore && !map.medium) {
-    log::warning("{}: the map has no medium; --restore has no effect", file.string());
-  }
-  return map;
 }
 
 /// The same for all views of a map: by the keyframes of a run, otherwise by what is rendered.
@@ -138,10 +99,12 @@ void write_rendering(const mapping::MapRendering& rendering, const gaussians::To
 }  // namespace
 
 std::size_t render_run(const RenderRequest& request) {
-  const bool is_run = fs::is_directory(request.source);
-  const fs::path file = is_run ? request.source / "map.ply" : request.source;
-  const map_io::MapFile stored = map_io::read_map(file);
-  const mapping::Map map = prepare(request, file, stored);
+  const fs::path file = map_file_of(request.source);
+  const StoredMap stored = load_map(request.source);
+  const mapping::Map& map = stored.map;
+  if (request.restore && !map.medium) {
+    log::warning("{}: the map has no medium; --restore has no effect", file.string());
+  }
   const auto views = choose_views(request, file, stored.origin);
   std::error_code error;
   fs::create_directories(request.out, error);

@@ -126,6 +126,7 @@ class Runner {
       : config_(config),
         map_(sensors.cameras > 0 ? options.map : nullptr),
         live_(options.live),
+        observer_(options.observer),
         folder_(folder),
         pipeline_(localization_options(config), rig, sensors,
                   {.pose = {},
@@ -169,6 +170,7 @@ class Runner {
     if (pipeline_.visual() == nullptr) {
       add_pose(pass_, pose);
       if (live_ != nullptr) live_->ping(output);
+      if (observer_ != nullptr) observer_->ping(output);
     }
     pass_.accel_factor = output.ping.accel_factor;
     pass_.dvl_time_offset_s = output.estimate.state.dvl_time_offset_s;
@@ -177,6 +179,7 @@ class Runner {
   // Called from the last stage's thread; the status line reads the guarded members.
   void record(const localization::FrameOutput& output) {
     if (live_ != nullptr) live_->frame(output);
+    if (observer_ != nullptr) observer_->frame(output);
     folder_.write(output);
     const std::scoped_lock lock(mutex_);
     if (output.scale_found) apply(*output.scale_found);
@@ -231,6 +234,7 @@ class Runner {
   const RunConfig& config_;
   localization::MapSink* map_;
   const LiveHooks* live_;
+  RunObserver* observer_;
   RunFolder& folder_;
   std::optional<PlaybackClock> playback_;
   std::mutex mutex_;
@@ -395,6 +399,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   const ScaleSource scale = scale_of(rig, sensors);
   warn_about_scale(scale);
   log_ports(rig);
+  if (options.observer != nullptr) options.observer->begin(rig);
   options.folder_ready();
 
   const Stopwatch watch;

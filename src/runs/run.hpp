@@ -11,6 +11,7 @@
 #include "localization/map_sink.hpp"
 #include "runs/live_hooks.hpp"
 #include "runs/run_config.hpp"
+#include "runs/run_observer.hpp"
 
 namespace apvi::runs {
 
@@ -22,6 +23,7 @@ struct RunOptions {
   std::function<void()> folder_ready = [] {};
   localization::MapSink* map = nullptr;  ///< receives map frames when the run has a camera
   const LiveHooks* live = nullptr;       ///< set for a live sequence
+  RunObserver* observer = nullptr;
 };
 
 struct RunResult {

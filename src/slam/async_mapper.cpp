@@ -190,7 +190,7 @@ mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& f
 
 void AsyncMapper::optimize() {
   for (int steps = 0; mapper_.ready() && !callbacks_.interrupted(); ++steps) {
-    if (!scheduler_.may_step(steps, queued_frames())) return;
+    if (paused_ || !scheduler_.may_step(steps, queued_frames())) return;
     step();
   }
 }

@@ -85,6 +85,10 @@ class AsyncMapper : public localization::MapSink {
   /// Whether mapping is disabled after a failure.
   bool failed() const { return failed_; }
 
+  /// While paused, keyframes are added, but not optimized; any thread. `finish` and `refine` do
+  /// not pause.
+  void pause(bool paused) { paused_ = paused; }
+  bool paused() const { return paused_; }
   /// Discards queued frames.
   void stop();
   /// Runs the final refinement. False when it was interrupted.
@@ -145,6 +149,7 @@ class AsyncMapper : public localization::MapSink {
   std::size_t dropped_ = 0;
   std::exception_ptr failure_;  // of the mapper's thread, until `finish`
   std::atomic<bool> failed_ = false;
+  std::atomic<bool> paused_ = false;
   std::atomic<std::int64_t> keyframe_count_ = 0;  // for the status line, from any thread
   std::atomic<std::int64_t> gaussian_count_ = 0;
   std::unique_ptr<Worker<localization::MapFrame>> worker_;  // last: ends before what it uses

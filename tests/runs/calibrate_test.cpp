@@ -21,13 +21,13 @@ using fusion::Normalization;
 using test::TmpDir;
 
 constexpr const char* kHeader =
-    "#timestamp [ns],level,vio,landmarks,rotation_eigenvalue_1 [rad^-2],"
+    "#timestamp [ns],state,level,vio,landmarks,rotation_eigenvalue_1 [rad^-2],"
     "rotation_eigenvalue_2 [rad^-2],rotation_eigenvalue_3 [rad^-2],position_eigenvalue_1 [m^-2],"
     "position_eigenvalue_2 [m^-2],position_eigenvalue_3 [m^-2]\n";
 
 std::string line(int k, const char* level, const char* vio, int landmarks, double size) {
   const double s = size * (1.0 + 0.01 * (k % 50));
-  return fmt::format("{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", k, level, vio,
+  return fmt::format("{},fused,{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", k, level, vio,
                      landmarks, 100 * s, 200 * s, 300 * s, s, 2 * s, 3 * s);
 }
 
@@ -143,7 +143,8 @@ TEST(Calibrate, RejectsUnusableInputs) {
 
 TEST(HealthFile, ReportsLineNumberOfInvalidLine) {
   const TmpDir tmp;
-  const fs::path file = tmp.write("health.csv", std::string(kHeader) + "1,accepted,tracking,few\n");
+  const fs::path file =
+      tmp.write("health.csv", std::string(kHeader) + "1,fused,accepted,tracking,few\n");
   try {
     read_health(file);
     FAIL() << "no exception";

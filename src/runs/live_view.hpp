@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "runs/run_observer.hpp"
+#include "viewer/server.hpp"
+
+namespace apvi::runs {
+
+/// The viewer's page of a run while it is made.
+class LiveView : public RunObserver {
+ public:
+  /// Serves the page from now on. `name`: of the run. Throws as viewer::Server.
+  LiveView(const std::string& name, const viewer::ServerOptions& options);
+  ~LiveView() override;
+
+  void begin(const Rig& rig) override;
+  void ping(const localization::PingOutput& output) override;
+  void frame(const localization::FrameOutput& output) override;
+  void image(const localization::MapFrame& frame) override;
+  void map_begins(slam::AsyncMapper& mapper) override;
+  void map_ends() override;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace apvi::runs

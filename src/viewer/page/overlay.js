@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What is drawn over the image: trajectory, keyframes, vehicle, measurement.
+
+const STATES = {
+  fused: ["fused", "#2fc0a2"],
+  vio_only: ["vision alone", "#a6dccf"],
+  dipo_only: ["DVL alone", "#eab85f"],
+  frozen: ["frozen", "#5f9ff0"],
+  dropped: ["dropped", "#f0606b"],
+  waiting: ["waiting", "#8a97a3"],
+  "": ["trajectory", "#dbe2e8"],
+};
+const stateStyle = (state) => STATES[state] || [state.replace(/_/g, " "), "#dbe2e8"];
+const NEAR = 0.05;
+
+class Overlay {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+  }
+
+  resize(width, height, ratio) {
+    this.width = width;
+    this.height = height;
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  }
+
+  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `points`: measured.
+  draw(view, scene, shown, vehicle, points) {
+    this.context.clearRect(0, 0, this.width, this.height);
+    if (!view || !scene) return;
+    this.inverse = conjugate(rotationOf(view.pose));
+    this.origin = placeOf(view.pose);
+    this.focal = view.focal * this.height;
+    if (shown.path) this.path(scene);
+    if (shown.keyframes) this.keyframes(scene);
+    if (shown.vehicle && vehicle) this.frustum(vehicle, scene, 0.03 * scene.radius_m, "#ffffff", 1.6);
+    this.measurement(points);
+  }
+
+  toCamera(p) { return rotate(this.inverse, subtract(p, this.origin)); }
+  toScreen(p) {
+    return [this.width / 2 + this.focal * p[0] / p[2], this.height / 2 + this.focal * p[1] / p[2]];
+  }
+
+  // Part of a segment in front of the camera, in its frame.
+  segment(a, b) {
+    if (a[2] < NEAR && b[2] < NEAR) return;
+    const cut = (p, q) => add(p, times(subtract(q, p), (NEAR - p[2]) / (q[2] - p[2])));
+    const from = this.toScreen(a[2] < NEAR ? cut(a, b) : a);
+    const to = this.toScreen(b[2] < NEAR ? cut(b, a) : b);
+    this.context.moveTo(from[0], from[1]);
+    this.context.lineTo(to[0], to[1]);
+  }
+
+  path(scene) {
+    const seen = scene.poses.map((pose) => this.toCamera(placeOf(pose)));
+    for (const state of new Set(scene.states)) {
+      this.context.beginPath();
+      for (let i = 1; i < seen.length; ++i) if (scene.states[i] === state) this.segment(seen[i - 1], seen[i]);
+      this.line("rgba(0, 0, 0, .45)", 3.5);
+      this.line(stateStyle(state)[1], 1.7);
+    }
+  }
+
+  keyframes(scene) {
+    const few = scene.keyframes.length <= 300;
+    const size = 0.012 * scene.radius_m;
+    this.context.fillStyle = "rgba(219, 226, 232, .85)";
+    for (const pose of scene.keyframes) {
+      const camera = compose(pose, scene.body_camera);
+      if (few) this.frustum(camera, scene, size, "rgba(219, 226, 232, .7)", 1);
+      else this.dot(placeOf(camera), 1.6);
+    }
+  }
+
+  dot(point, radius) {
+    const p = this.toCamera(point);
+    if (p[2] < NEAR) return;
+    this.context.beginPath();
+    this.context.arc(...this.toScreen(p), radius, 0, 2 * Math.PI);
+    this.context.fill();
+  }
+
+  frustum(pose, scene, size, color, width) {
+    const y = size / (2 * scene.focal);
+    const x = y * scene.aspect;
+    const corners = [[-x, -y, size], [x, -y, size], [x, y, size], [-x, y, size]].map(
+      (c) => this.toCamera(add(placeOf(pose), rotate(rotationOf(pose), c))));
+    const tip = this.toCamera(placeOf(pose));
+    this.context.beginPath();
+    corners.forEach((corner, i) => {
+      this.segment(tip, corner);
+      this.segment(corner, corners[(i + 1) % 4]);
+    });
+    this.line(color, width);
+  }
+
+  line(color, width) {
+    this.context.strokeStyle = color;
+    this.context.lineWidth = width;
+    this.context.lineJoin = "round";
+    this.context.stroke();
+  }
+
+  measurement(points) {
+    const seen = points.map((p) => this.toCamera(p));
+    if (seen.length === 2) {
+      this.context.beginPath();
+      this.segment(...seen);
+      this.line("rgba(0, 0, 0, .6)", 4);
+      this.line("#ffd479", 1.8);
+    }
+    this.context.fillStyle = "#ffd479";
+    points.forEach((p) => this.dot(p, 4));
+    if (seen.length === 2) this.label(seen, distanceText(norm(subtract(points[0], points[1]))));
+  }
+
+  label(seen, text) {
+    const middle = times(add(...seen), 0.5);
+    if (middle[2] < NEAR) return;
+    const [u, v] = this.toScreen(middle);
+    this.context.font = "600 14px system-ui, sans-serif";
+    const width = this.context.measureText(text).width;
+    this.context.fillStyle = "rgba(10, 15, 19, .85)";
+    this.context.fillRect(u - width / 2 - 7, v - 30, width + 14, 22);
+    this.context.fillStyle = "#ffd479";
+    this.context.fillText(text, u - width / 2, v - 14);
+  }
+}
+
+const distanceText = (m) => (m < 0.1 ? `${(1000 * m).toFixed(1)} mm` : m < 10 ? `${m.toFixed(3)} m` : `${m.toFixed(2)} m`);

@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The page: what is shown, from where, and when.
+
+const MAX_PIXELS = 1.6e6; // of an image
+const VIEWS_KEPT = 200; // that images may still come for
+
+class Viewer {
+  constructor() {
+    Object.assign(this, { scene: null, layer: "seen", water: 1, time: 0, playing: false, points: [],
+      measuring: false, viewId: 0, views: new Map(), shownView: null, dirty: true, rates: [], last: 0,
+      changes: [-1e9, -1e9] });
+    this.stage = byId("stage");
+    this.image = byId("image");
+    this.camera = new Camera();
+    this.overlay = new Overlay(byId("overlay"));
+    this.controls = new Controls(this.stage, this.camera, () => this.changed(), (...at) => this.clicked(...at));
+    this.bind();
+    this.resize();
+    this.renderer = new Renderer({
+      scene: (scene) => this.start(scene), frame: (image, header) => this.show(image, header),
+      message: (message) => this.message(message), camera: (blob) => this.cameraImage(blob),
+      connected: (yes) => notice(yes ? "" : "No connection to apvi. Trying again."),
+    });
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  bind() {
+    this.layers = new Choice(byId("layers"), (layer) => this.setLayer(layer));
+    this.modes = new Choice(byId("modes"), (mode) => this.setMode(mode));
+    byId("water").addEventListener("input", (e) => this.setWater(Number(e.target.value)));
+    for (const name of ["path", "keyframes", "vehicle"]) {
+      byId(`show-${name}`).addEventListener("change", () => this.redraw());
+    }
+    byId("measure").addEventListener("click", () => this.setMeasuring(!this.measuring));
+    byId("screenshot").addEventListener("click", () => this.screenshot());
+    byId("save-view").addEventListener("click", () => this.saveView());
+    byId("reset").addEventListener("click", () => this.reset());
+    byId("play").addEventListener("click", () => this.play(!this.playing));
+    byId("time").addEventListener("input", (e) => this.setTime(Number(e.target.value)));
+    byId("panel-toggle").addEventListener("click", () => this.togglePanel());
+    byId("pause").addEventListener("click", () => this.renderer.pause(byId("pause").getAttribute("aria-pressed") !== "true"));
+    addEventListener("resize", () => this.resize());
+    addEventListener("keydown", (e) => this.key(e));
+    if (innerWidth <= 720) this.togglePanel();
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+    const layers = ["seen", "restored", "depth", "alpha", "normals"];
+    const actions = {
+      o: () => this.setMode("orbit"), g: () => this.setMode("fly"), f: () => this.setMode("follow"),
+      m: () => this.setMeasuring(!this.measuring), p: () => this.screenshot(), r: () => this.reset(),
+      h: () => this.togglePanel(), escape: () => this.setMeasuring(false),
+    };
+    const name = event.key.toLowerCase();
+    if (name in actions) actions[name]();
+    if (layers[Number(name) - 1]) this.setLayer(layers[Number(name) - 1]);
+    if (name === " " && !(event.target instanceof HTMLButtonElement)) {
+      event.preventDefault();
+      this.play(!this.playing);
+    }
+  }
+
+  togglePanel() {
+    const bare = document.body.classList.toggle("bare");
+    byId("panel-toggle").setAttribute("aria-expanded", String(!bare));
+  }
+
+  // --- the scene ---
+
+  start(scene) {
+    const first = !this.scene;
+    this.scene = scene;
+    byId("name").textContent = scene.name;
+    document.title = `${scene.name} · APVI-SLAM`;
+    byId("live").hidden = !scene.live;
+    byId("pause").hidden = !scene.can_pause;
+    byId("water-row").hidden = !scene.medium;
+    this.layers.enable("restored", scene.medium);
+    this.showTrace();
+    if (first) this.begin();
+    this.notice();
+    this.changed();
+  }
+
+  begin() {
+    this.camera.reset(this.scene);
+    this.setLayer("seen");
+    const follow = this.scene.poses.length > 0;
+    this.setMode(follow ? "follow" : "orbit");
+  }
+
+  notice() {
+    if (this.scene.gaussians === 0) notice(this.scene.live ? "The map begins with the first keyframes." : "The map is empty.");
+    else notice("");
+  }
+
+  showTrace() {
+    const any = this.scene.poses.length > 0;
+    byId("timeline").hidden = this.scene.poses.length < 2;
+    byId("shown").hidden = !any && this.scene.keyframes.length === 0;
+    this.modes.enable("follow", any);
+    showLegend(this.scene.states);
+    if (this.scene.poses.length > 1) drawStates(this.scene);
+    this.setTime(this.time, true);
+  }
+
+  message(message) {
+    if (message.type === "poses") this.addPoses(message);
+    if (message.type === "map") this.mapChanged(message);
+    if (message.type === "status") {
+      showRates(message.figures);
+      byId("pause").setAttribute("aria-pressed", String(message.paused));
+    }
+  }
+
+  addPoses(message) {
+    const atEnd = this.time >= 0.999;
+    const last = this.scene.stamps.length > 0 ? this.scene.stamps[this.scene.stamps.length - 1] : -Infinity;
+    const from = message.stamps.findIndex((stamp) => stamp > last); // the scene may have the first ones
+    if (from < 0) return;
+    const began = this.scene.poses.length === 0;
+    for (const name of ["stamps", "poses", "states"]) this.scene[name].push(...message[name].slice(from));
+    if (atEnd || began) this.time = 1;
+    this.showTrace();
+    this.changed();
+  }
+
+  // The map has grown: its extent, and the keyframes as corrected.
+  mapChanged(map) {
+    const first = this.scene.gaussians === 0;
+    Object.assign(this.scene, { gaussians: map.gaussians, medium: map.medium, center: map.center,
+      radius_m: map.radius_m, keyframes: map.keyframes });
+    this.camera.radius = map.radius_m;
+    byId("water-row").hidden = !map.medium;
+    this.layers.enable("restored", map.medium);
+    if (first) this.begin();
+    this.notice();
+    this.facts();
+  }
+
+  cameraImage(blob) {
+    const image = byId("camera");
+    URL.revokeObjectURL(image.src);
+    image.src = URL.createObjectURL(blob);
+    image.hidden = false;
+  }
+
+  // --- what is shown ---
+
+  setLayer(layer) {
+    this.layer = layer;
+    this.layers.set(layer);
+    byId("scale").hidden = layer !== "depth";
+    byId("water-row").classList.toggle("off", layer !== "seen");
+    this.changed();
+  }
+
+  setWater(amount) {
+    this.water = amount;
+    byId("water-value").textContent = `${Math.round(100 * amount)} %`;
+    if (this.layer === "restored") this.setLayer("seen");
+    this.changed();
+  }
+
+  setMode(mode) {
+    if (!this.scene || (mode === "follow" && this.scene.poses.length === 0)) return;
+    this.camera.change(mode, this.vehicle());
+    this.modes.set(mode);
+    byId("hint").textContent = HINTS[mode];
+    this.changed();
+  }
+
+  reset() {
+    if (!this.scene) return;
+    const mode = this.camera.mode;
+    this.camera.reset(this.scene);
+    this.camera.mode = mode;
+    this.points = [];
+    this.measured();
+    this.changed();
+  }
+
+  // --- time ---
+
+  play(playing) {
+    this.playing = playing && this.scene && this.scene.poses.length > 1;
+    if (this.playing && this.time >= 1) this.setTime(0);
+    byId("play").setAttribute("aria-pressed", String(this.playing));
+    this.changed();
+  }
+
+  // `time` from 0 to 1 of the trajectory.
+  setTime(time, quiet) {
+    this.time = clamp(time, 0, 1);
+    byId("time").value = this.time;
+    const stamps = this.scene ? this.scene.stamps : [];
+    const span = stamps.length > 1 ? stamps[stamps.length - 1] - stamps[0] : 0;
+    byId("clock").textContent = `${clockText(this.time * span)} / ${clockText(span)}`;
+    if (!quiet) this.changed();
+  }
+
+  // Pose of the vehicle's camera at the time, or null.
+  vehicle() {
+    const { stamps, poses, body_camera: mount } = this.scene || { poses: [] };
+    if (poses.length === 0) return null;
+    const stamp = stamps[0] + this.time * (stamps[stamps.length - 1] - stamps[0]);
+    let [low, high] = [0, stamps.length - 1];
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (stamps[middle] <= stamp) low = middle;
+      else high = middle;
+    }
+    const u = clamp((stamp - stamps[low]) / Math.max(1e-9, stamps[high] - stamps[low]), 0, 1);
+    return compose(between(poses[low], poses[high], u), mount);
+  }
+
+  advance(dt) {
+    if (!this.playing) return false;
+    const { stamps } = this.scene;
+    this.setTime(this.time + dt / Math.max(1e-9, stamps[stamps.length - 1] - stamps[0]), true);
+    if (this.time >= 1) this.play(false);
+    return true;
+  }
+
+  // --- drawing ---
+
+  resize() {
+    const [width, height] = [innerWidth, innerHeight];
+    this.ratio = Math.min(devicePixelRatio, Math.sqrt(MAX_PIXELS / (width * height)));
+    this.width = Math.max(1, Math.round(width * this.ratio));
+    this.height = Math.max(1, Math.round(height * this.ratio));
+    this.overlay.resize(width, height, devicePixelRatio);
+    if (this.scene && this.scene.poses.length > 1) drawStates(this.scene);
+    this.changed();
+  }
+
+  // The vertical angle of the vehicle's camera; more of it on a screen that is higher than wide.
+  focal() { return this.scene.focal * Math.min(1, Math.sqrt(this.width / this.height)); }
+
+  view() {
+    return { id: this.viewId, width: this.width, height: this.height, focal: this.focal(), layer: this.layer,
+      water: this.water, pose: this.camera.pose(this.vehicle()) };
+  }
+
+  changed() {
+    this.dirty = true;
+    this.changes = [this.changes[1], performance.now()];
+  }
+
+  tick(now) {
+    const dt = Math.min(0.1, (now - this.last) / 1000);
+    this.last = now;
+    const flies = this.controls.advance(dt);
+    const plays = this.advance(dt);
+    const often = this.changes[1] - this.changes[0] < 200; // as while a slider is dragged
+    const moving = flies || plays || often || this.controls.dragging;
+    if (this.scene && (this.dirty || flies || plays)) this.request(moving);
+    requestAnimationFrame((next) => this.tick(next));
+  }
+
+  request(moving) {
+    this.dirty = false;
+    this.viewId += 1;
+    const view = this.view();
+    this.views.set(view.id, view);
+    if (this.views.size > VIEWS_KEPT) this.views.delete(this.views.keys().next().value);
+    this.renderer.draw(view, moving);
+    if (this.scene.gaussians === 0) this.redraw(view);
+  }
+
+  show(image, header) {
+    if (this.image.width !== this.width || this.image.height !== this.height) {
+      Object.assign(this.image, { width: this.width, height: this.height });
+    }
+    const context = this.image.getContext("2d");
+    context.imageSmoothingQuality = "high";
+    context.drawImage(image, 0, 0, this.width, this.height);
+    this.redraw(this.views.get(header.view));
+    byId("scale-near").textContent = distanceText(header.near);
+    byId("scale-far").textContent = distanceText(header.far);
+    this.count(header);
+  }
+
+  // The overlay belongs to the view of the image, not to the newest one.
+  redraw(view) {
+    this.shownView = view || this.shownView;
+    const shown = {};
+    for (const name of ["path", "keyframes", "vehicle"]) shown[name] = byId(`show-${name}`).checked;
+    const inside = this.camera.mode === "follow" && this.camera.behind === 0;
+    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.points);
+  }
+
+  count(header) {
+    const now = performance.now();
+    this.rates = this.rates.filter((t) => now - t < 1000);
+    this.rates.push(now);
+    this.drawnSize = header ? `${header.width} × ${header.height}` : this.drawnSize;
+    this.facts();
+    document.body.dataset.frames = Number(document.body.dataset.frames || 0) + 1;
+  }
+
+  facts() {
+    const rate = this.rates.length > 2 ? ` · ${this.rates.length} frames/s` : "";
+    byId("facts").textContent = `${countText(this.scene.gaussians)} Gaussians · ${this.drawnSize || ""}${rate}`;
+  }
+
+  // --- tools ---
+
+  async clicked(x, y, twice) {
+    if (!this.shownView || (!this.measuring && !(twice && this.camera.mode === "orbit"))) return;
+    const view = this.shownView;
+    const column = clamp(Math.floor(x * view.width / innerWidth), 0, view.width - 1);
+    const row = clamp(Math.floor(y * view.height / innerHeight), 0, view.height - 1);
+    const { point } = await this.renderer.measure(view, column, row);
+    if (this.measuring) this.addPoint(point);
+    else if (point) this.turnAbout(point);
+  }
+
+  turnAbout(point) {
+    const distance = norm(subtract(point, this.camera.p));
+    this.camera.q = looking(subtract(point, this.camera.p), this.camera.up);
+    this.camera.target = add(this.camera.p, rotate(this.camera.q, [0, 0, distance]));
+    this.changed();
+  }
+
+  setMeasuring(measuring) {
+    this.measuring = measuring;
+    this.points = [];
+    byId("measure").setAttribute("aria-pressed", String(measuring));
+    this.stage.classList.toggle("measuring", measuring);
+    this.measured(measuring ? "Click two points." : "");
+    this.redraw();
+  }
+
+  addPoint(point) {
+    if (!point) return this.measured("No surface there.");
+    if (this.points.length === 2) this.points = [];
+    this.points.push(point);
+    this.measured(this.points.length === 1 ? "Click the second point." : "");
+    return this.redraw();
+  }
+
+  measured(hint) {
+    const box = byId("measured");
+    box.replaceChildren();
+    if (this.points.length === 2) {
+      const delta = subtract(this.points[1], this.points[0]);
+      const height = Math.abs(dot(delta, this.scene.up));
+      const figure = document.createElement("b");
+      figure.textContent = distanceText(norm(delta));
+      box.append(figure, ` · height ${distanceText(height)}`);
+    } else if (hint) {
+      box.append(hint);
+    }
+    box.hidden = box.childNodes.length === 0;
+  }
+
+  async screenshot() {
+    if (this.scene) download(await this.renderer.snapshot(this.view()), `${this.scene.name}.png`);
+  }
+
+  saveView() {
+    if (!this.scene) return;
+    download(new Blob([cameraFile(this.view(), this.scene.origin)], { type: "application/json" }), "camera.json");
+  }
+}
+
+const viewer = new Viewer();

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/geometry/trajectory.hpp"
+
+/// What the viewer shows, without the code that draws it.
+namespace apvi::viewer {
+
+enum class Layer {
+  seen,      ///< color with the medium
+  restored,  ///< color without the medium
+  depth,
+  alpha,
+  normals,
+};
+
+/// A pinhole camera with square pixels and its principal point in the center of the image.
+struct Viewpoint {
+  int width = 0;
+  int height = 0;
+  double focal = 1.0;                    ///< focal length in image heights
+  SE3 T_world_camera = SE3::identity();  ///< looks along z, x right, y down
+};
+
+/// A view as a watcher asks for it.
+struct View {
+  Viewpoint viewpoint = {};
+  Layer layer = Layer::seen;
+  double water = 1.0;  ///< of `seen`: factor on both coefficients of the medium, 0 to 2
+};
+
+/// Rendered from one view.
+struct Rendering {
+  cv::Mat color;  ///< [H,W] 8-bit BGR
+  cv::Mat depth;  ///< [H,W] float [m] along the optical axis, 0 where empty
+  cv::Mat alpha;  ///< [H,W] float
+};
+
+/// A pose of the trajectory with the state of the fusion, as in health.csv; empty: unknown.
+struct TracePose {
+  StampedPose pose;
+  std::string state;
+};
+
+/// What a page needs to know once, beside the images.
+struct SceneDescription {
+  std::string name;
+  bool live = false;       ///< poses follow
+  bool can_pause = false;  ///< mapping can be paused
+  bool medium = false;     ///< the map has a medium
+  std::int64_t gaussians = 0;
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();     ///< unit
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of the map [m]
+  double radius_m = 1.0;                             ///< of the map around its center
+  double focal = 0.8;                                ///< of the vehicle's camera, as in Viewpoint
+  double aspect = 4.0 / 3.0;                         ///< width / height of its image
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the map in the recording's coordinates
+  SE3 T_body_camera = SE3::identity();
+  std::vector<TracePose> trace;
+  std::vector<SE3> keyframes;  ///< T_world_body
+};
+
+/// What is shown. `render` and `depth` are called from one thread, the others from any thread.
+class Scene {
+ public:
+  Scene() = default;
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+  virtual ~Scene() = default;
+
+  /// Nothing while there is no map.
+  virtual std::optional<Rendering> render(const View& view) = 0;
+  /// Depth of the surface at the middle of a pixel [m] along the optical axis; nothing where no
+  /// surface is seen.
+  virtual std::optional<double> depth(const Viewpoint& viewpoint, int column, int row) = 0;
+  /// Changes when the map changes: views at rest are drawn anew then.
+  virtual std::uint64_t version() const = 0;
+  virtual SceneDescription description() const = 0;
+  /// Called when a watcher asks for it, if `description` says that it is possible.
+  virtual void pause(bool paused) = 0;
+};
+
+}  // namespace apvi::viewer

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "viewer/message.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "core/random.hpp"
+
+namespace apvi::viewer {
+namespace {
+
+using Json = nlohmann::json;
+
+Json view_json() {
+  return {{"type", "view"},   {"id", 7},        {"width", 640},
+          {"height", 480},    {"focal", 0.8},   {"water", 0.5},
+          {"layer", "depth"}, {"moving", true}, {"pose", {0.6, 0.8, 0, 0, 1, 2, 3}}};
+}
+
+bool valid(const Json& json) {
+  return parse_message(json.dump()).has_value();
+}
+
+TEST(Message, ReadsAView) {
+  const auto message = parse_message(view_json().dump());
+  ASSERT_TRUE(message);
+  const auto& m = std::get<ViewMessage>(*message);
+  EXPECT_EQ(m.id, 7U);
+  EXPECT_TRUE(m.moving);
+  EXPECT_EQ(m.view.layer, Layer::depth);
+  EXPECT_EQ(m.view.water, 0.5);
+  EXPECT_EQ(m.view.viewpoint.width, 640);
+  EXPECT_EQ(m.view.viewpoint.T_world_camera.translation, Eigen::Vector3d(1, 2, 3));
+  EXPECT_NEAR(m.view.viewpoint.T_world_camera.rotation.x(), 0.8, 1e-12);
+}
+
+TEST(Message, ReadsEveryType) {
+  Json snapshot = view_json();
+  snapshot["type"] = "snapshot";
+  EXPECT_TRUE(std::holds_alternative<SnapshotMessage>(*parse_message(snapshot.dump())));
+  Json measure = view_json();
+  measure.update({{"type", "measure"}, {"column", 639}, {"row", 0}});
+  EXPECT_EQ(std::get<MeasureMessage>(*parse_message(measure.dump())).column, 639);
+  EXPECT_EQ(std::get<DrawnMessage>(*parse_message(R"({"type":"drawn","frame":4294967295})")).frame,
+            4294967295U);
+  EXPECT_TRUE(std::get<PauseMessage>(*parse_message(R"({"type":"pause","paused":true})")).paused);
+}
+
+TEST(Message, RefusesValuesOutOfRange) {
+  const std::vector<std::pair<const char*, Json>> changes = {{"id", -1},
+                                                             {"id", 4294967296},
+                                                             {"width", 0},
+                                                             {"width", 4097},
+                                                             {"width", 1e300},
+                                                             {"width", 640.5},
+                                                             {"height", -480},
+                                                             {"focal", 0.0},
+                                                             {"focal", nullptr},
+                                                             {"water", 2.1},
+                                                             {"water", "1"},
+                                                             {"layer", "normal"},
+                                                             {"layer", 3},
+                                                             {"moving", 1},
+                                                             {"pose", {1, 0, 0, 0, 0, 0}},
+                                                             {"pose", {2, 0, 0, 0, 0, 0, 0}},
+                                                             {"pose", {0, 0, 0, 0, 0, 0, 0}},
+                                                             {"pose", {1, 0, 0, 0, 1e8, 0, 0}},
+                                                             {"pose", {1, 0, 0, 0, "0", 0, 0}},
+                                                             {"type", "views"},
+                                                             {"type", nullptr}};
+  for (const auto& [key, value] : changes) {
+    Json json = view_json();
+    json[key] = value;
+    EXPECT_FALSE(valid(json)) << json.dump();
+  }
+}
+
+TEST(Message, RefusesMissingFields) {
+  const Json whole = view_json();
+  for (auto field = whole.begin(); field != whole.end(); ++field) {
+    Json json = whole;
+    json.erase(field.key());
+    EXPECT_FALSE(valid(json)) << field.key();
+  }
+}
+
+TEST(Message, RefusesImagesThatAreTooLarge) {
+  Json json = view_json();
+  json.update({{"width", 4096}, {"height", 4096}});
+  EXPECT_FALSE(valid(json));
+  json.update({{"width", 3840}, {"height", 2160}});
+  EXPECT_TRUE(valid(json));
+}
+
+TEST(Message, RefusesAPixelOutsideTheImage) {
+  Json json = view_json();
+  json.update({{"type", "measure"}, {"column", 640}, {"row", 0}});
+  EXPECT_FALSE(valid(json));
+}
+
+TEST(Message, RefusesWhatIsNoObject) {
+  for (const char* text :
+       {"", "null", "[]", "3", "\"view\"", "{", "{}", "\xff\xfe", "{\"type\":}"}) {
+    EXPECT_FALSE(parse_message(text)) << text;
+  }
+  EXPECT_FALSE(parse_message(std::string(10000, '[')));
+  EXPECT_FALSE(parse_message(std::string(kMaxMessage + 1, ' ')));
+}
+
+TEST(Message, SurvivesDamagedText) {
+  const std::string text = view_json().dump();
+  Random random(5);
+  int good = 0;
+  for (int i = 0; i < 20000; ++i) {
+    std::string damaged = text;
+    for (int k = 0; k < 3; ++k) {
+      const auto place =
+          static_cast<std::size_t>(random.uniform() * static_cast<double>(text.size()));
+      damaged[place] = static_cast<char>(random.uniform() * 256.0);
+    }
+    good += parse_message(damaged).has_value() ? 1 : 0;
+  }
+  EXPECT_LT(good, 10000);
+}
+
+TEST(Message, ImagesHaveAHeaderOf24Bytes) {
+  const std::string data = with_header({.kind = ImageKind::snapshot,
+                                        .layer = Layer::depth,
+                                        .complete = false,
+                                        .id = 0x01020304,
+                                        .view = 5,
+                                        .width = 640,
+                                        .height = 480,
+                                        .near_m = 1.5F,
+                                        .far_m = 9.0F},
+                                       "JPEG");
+  ASSERT_EQ(data.size(), 28U);
+  EXPECT_EQ(data.substr(0, 12),
+            std::string("\x02\x02\x00\x00\x04\x03\x02\x01\x05\x00\x00\x00", 12));
+  float near_m = 0.0F;
+  std::memcpy(&near_m, data.data() + 16, 4);
+  EXPECT_EQ(near_m, 1.5F);
+  EXPECT_EQ(data.substr(24), "JPEG");
+}
+
+TEST(Message, APointOrItsAbsenceIsAnswered) {
+  const Json point = Json::parse(point_message(3, Eigen::Vector3d(1, 2, 3), 4.5));
+  EXPECT_EQ(point,
+            Json({{"type", "point"}, {"id", 3}, {"point", {1.0, 2.0, 3.0}}, {"range_m", 4.5}}));
+  EXPECT_TRUE(Json::parse(point_message(3, std::nullopt, 0.0)).at("point").is_null());
+}
+
+TEST(Message, LongTrajectoriesAreThinnedAndKeepTheirEnd) {
+  SceneDescription d;
+  for (int i = 0; i < 50001; ++i) {
+    StampedPose pose;
+    pose.stamp.ns = 1000000000LL * i;
+    d.trace.push_back({pose, i == 50000 ? "frozen" : "fused"});
+  }
+  const Json scene = Json::parse(scene_message(d));
+  EXPECT_LE(scene.at("poses").size(), 20001U);
+  EXPECT_EQ(scene.at("poses").size(), scene.at("stamps").size());
+  EXPECT_EQ(scene.at("states").back(), "frozen");
+  EXPECT_EQ(scene.at("stamps").back(), 50000.0);
+}
+
+TEST(Message, NamesThatAreNoUtf8DoNotBreakTheScene) {
+  SceneDescription d;
+  d.name = "dive\xff";
+  EXPECT_THAT(scene_message(d), testing::HasSubstr("dive"));
+}
+
+}  // namespace
+}  // namespace apvi::viewer
