@@ -120,7 +120,7 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   fs::create_directories(path, error);
   if (error) fail_run("{}: cannot create folder: {}", path.string(), error.message());
   for (const char* stale :
-       {"metrics.json", "report.html", "vio.tum", "keyframes.tum", "health.csv", "timing.csv",
+       {"metrics.json", "report.html", "trajectory_smoothed.tum", "vio.tum", "keyframes.tum", "health.csv", "timing.csv",
         "rig_estimated.yaml", "mapping.csv", "checkpoint.pt", "map.ply", "medium.json"}) {
     fs::remove(path / stale, error);
   }
