@@ -67,6 +67,13 @@ struct SimulatedRun {
   }
 };
 
+/// No loop is old enough.
+LoopOptions never() {
+  LoopOptions options;
+  options.min_age_s = 1000.0;
+  return options;
+}
+
 SimulatedRun simulate(const LoopOptions& options, int keyframes) {
   LoopCloser closer(closer_options(options), test::floor_camera());
   SimulatedRun result;
@@ -92,7 +99,7 @@ double max_position_error(const std::vector<SE3>& poses) {
 }
 
 TEST(LoopCloser, CorrectsDriftOverALap) {
-  const SimulatedRun open = simulate({.min_age_s = 1000.0}, kKeyframes);
+  const SimulatedRun open = simulate(never(), kKeyframes);
   EXPECT_EQ(open.closures, 0U);
   EXPECT_EQ(open.reported, 0U);
   const SimulatedRun closed = simulate({}, kKeyframes);
@@ -118,10 +125,12 @@ TEST(LoopCloser, ReportsNothingWithoutARevisit) {
 }
 
 TEST(LoopCloser, ClosesLoopsWithALimitedNumberOfPlaces) {
-  const SimulatedRun closed = simulate({.max_places = 40}, kKeyframes);
+  LoopOptions few_places;
+  few_places.max_places = 40;
+  const SimulatedRun closed = simulate(few_places, kKeyframes);
   EXPECT_GT(closed.closures, 0U);
   EXPECT_LT(max_position_error(closed.poses),
-            0.5 * max_position_error(simulate({.min_age_s = 1000.0}, kKeyframes).poses));
+            0.5 * max_position_error(simulate(never(), kKeyframes).poses));
 }
 
 TEST(LoopCloser, IgnoresRepeatedAndOutOfOrderKeyframes) {
