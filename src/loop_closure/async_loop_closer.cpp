@@ -35,7 +35,7 @@ void AsyncLoopCloser::process(const LoopInput& job) {
   for (const auto& [stamp, pose] : job.moved) closer_.update_pose(stamp, pose);
   publish(closer_.add(job.keyframe, job.gray));
   closures_ = closer_.closures();
-  if (!job.gray.empty()) seconds_.push_back(watch.seconds());
+  if (closer_.searched()) seconds_.push_back(watch.seconds());
 }
 
 void AsyncLoopCloser::publish(bool changed) {

@@ -49,7 +49,7 @@ class AsyncLoopCloser {
   SE3 newest_correction() const;
   /// After `finish` or `stop`.
   const LoopCloser& closer() const { return closer_; }
-  /// Time spent on each keyframe with an image [s]. After `finish` or `stop`.
+  /// Time spent on each keyframe that was searched for loops [s]. After `finish` or `stop`.
   const std::vector<double>& seconds() const { return seconds_; }
 
  private:

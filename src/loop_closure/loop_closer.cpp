@@ -123,7 +123,8 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
   }
   graph_.add(keyframe);
   reported_.push_back(reported_.empty() ? DriftCorrection{} : reported_.back());
-  if (gray.empty() || !places_.is_new_place(graph_)) return false;
+  searched_ = !gray.empty() && places_.is_new_place(graph_);
+  if (!searched_) return false;
   Place place = places_.describe(graph_, gray);
   detect_loops(place);
   places_.store(graph_.newest(), std::move(place));

@@ -59,6 +59,8 @@ class LoopCloser {
   /// being that of the newest keyframe.
   std::vector<KeyframeCorrection> changed_corrections();
   const KeyframeGraph& graph() const { return graph_; }
+  /// Whether the newest keyframe was a new place, which is searched for loops.
+  bool searched() const { return searched_; }
   /// Number of accepted loop closures.
   std::size_t closures() const { return closures_; }
   /// Number of loop closures that images support and the graph contradicts.
@@ -76,6 +78,7 @@ class LoopCloser {
   std::vector<DriftCorrection> reported_;  ///< by keyframe
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
+  bool searched_ = false;
   bool has_new_loops_ = false;  ///< a loop has been found since the last optimization
   std::optional<Stamp> last_optimization_;
 };

