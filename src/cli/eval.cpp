@@ -201,11 +201,11 @@ void eval_run(const Arguments& a) {
   const RunContext context = load_run_context(a);
   if (!context.reference)
     log::warning("the dataset has no reference; only the end-to-start distance is evaluated");
-  const eval::RunTrajectories metrics{.fused = metrics_of(fused, a, context),
-                                      .dipo = metrics_of_estimator(a.run / "dipo.tum", a, context),
-                                      .vio = metrics_of_estimator(a.run / "vio.tum", a, context),
-                                      .smoothed = metrics_of_estimator(
-                                          a.run / runs::kSmoothedFile, a, context)};
+  const eval::RunTrajectories metrics{
+      .fused = metrics_of(fused, a, context),
+      .dipo = metrics_of_estimator(a.run / "dipo.tum", a, context),
+      .vio = metrics_of_estimator(a.run / "vio.tum", a, context),
+      .smoothed = metrics_of_estimator(a.run / runs::kSmoothedFile, a, context)};
   if (context.reference) {
     check_matched(metrics.fused, *context.reference, fused,
                   options_for(a, *context.reference, context.options, context.world),

@@ -25,8 +25,8 @@ struct RunTrajectories {
 /// ate_rmse_m, ate_first_pose_rmse_m, ate_percent_of_path, rot_rmse_deg, rpe_1s_rmse_m,
 /// rpe_10m_rmse_m, coverage, path_length_m, matched, end_to_start_m, and further statistics.
 Json to_json(const TrajectoryMetrics& metrics);
-/// The `trajectory` section: metrics of the fused trajectory, and the objects `dipo` and `vio`. Those
-/// of the smoothed trajectory are a section of their own.
+/// The `trajectory` section: metrics of the fused trajectory, and the objects `dipo` and `vio`.
+/// Those of the smoothed trajectory are a section of their own.
 Json to_json(const RunTrajectories& metrics);
 
 /// Content of a metrics file; an empty object when it does not exist. Throws InputError with the

@@ -11,9 +11,9 @@ namespace apvi::localization {
 /// How far the fused trajectory may have drifted, by what its estimators report.
 ///
 /// While VIO gives the pose, its drift is a random walk with the covariance of the motion over the
-/// window, which does not depend on what the absolute pose is known from. Otherwise it is the change
-/// of the covariance of the fused pose; dead reckoning and measurements both move the pose, so
-/// absolute changes count.
+/// window, which does not depend on what the absolute pose is known from. Otherwise it is the
+/// change of the covariance of the fused pose; dead reckoning and measurements both move the pose,
+/// so absolute changes count.
 class OdometryDrift {
  public:
   /// Every frame, in order of time.

@@ -145,8 +145,8 @@ Trajectory Smoother::smoothed(const Trajectory& odometry) const {
   if (known == 0) return out;
   const auto end = stamps_.begin() + static_cast<std::ptrdiff_t>(known);
   for (StampedPose& pose : out.poses) {
-    const auto after = static_cast<std::size_t>(
-        std::upper_bound(stamps_.begin(), end, pose.stamp) - stamps_.begin());
+    const auto after = static_cast<std::size_t>(std::upper_bound(stamps_.begin(), end, pose.stamp) -
+                                                stamps_.begin());
     const std::size_t a = after == 0 ? 0 : after - 1;
     const std::size_t b = std::min(after, known - 1);
     const double span = seconds_between(stamps_[a], stamps_[b]);

@@ -18,8 +18,8 @@
 namespace apvi::localization {
 
 /// The pose graph of the whole dive, beside the odometry: keyframes while vision is stable, and the
-/// fused pose every second otherwise. Odometry is not changed. `add` is called from the last stage's
-/// thread; the graph has a thread of its own, except in `sequential` mode.
+/// fused pose every second otherwise. Odometry is not changed. `add` is called from the last
+/// stage's thread; the graph has a thread of its own, except in `sequential` mode.
 class Smoother {
  public:
   Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors);
@@ -44,9 +44,9 @@ class Smoother {
  private:
   /// A keyframe of the graph. The image may be older than the pose of odometry.
   struct Keyframe {
-    SE3 T_odom_body;      ///< fused, at the stamp of the frame
-    SE3 T_graph_image;    ///< of the body when the image was taken; the graph's odometry
-    SE3 T_image_body;     ///< motion between the two times
+    SE3 T_odom_body;    ///< fused, at the stamp of the frame
+    SE3 T_graph_image;  ///< of the body when the image was taken; the graph's odometry
+    SE3 T_image_body;   ///< motion between the two times
     SE3 T_body_camera;
     SE3 T_graph_body() const { return T_graph_image * T_image_body; }
   };
@@ -63,9 +63,9 @@ class Smoother {
   double drift_factor_;
   OdometryDrift drift_;
   std::vector<Keyframe> keyframes_;
-  std::vector<Stamp> stamps_;              // of the keyframes
-  std::map<Stamp, std::size_t> in_window_;  // keyframes of the present window
-  SE3 T_graph_window_;                       // of the present window
+  std::vector<Stamp> stamps_;                 // of the keyframes
+  std::map<Stamp, std::size_t> in_window_;    // keyframes of the present window
+  SE3 T_graph_window_;                        // of the present window
   std::vector<std::pair<Stamp, SE3>> moved_;  // camera poses that the graph has not heard of
   mutable std::mutex mutex_;
   SE3 T_graph_odom_;  // by the newest keyframe; guarded by mutex_

@@ -22,8 +22,7 @@ struct System::Implementation {
                  {.pose = [this](const StampedPose& pose) { record.add(pose); },
                   .scale_found = [this](const ScaleFound& found) { record.change_scale(found); },
                   .map_to_odometry =
-                      [this](const SE3& T_map_odom) { record.set_map_to_odometry(T_map_odom); }}) {
-  }
+                      [this](const SE3& T_map_odom) { record.set_map_to_odometry(T_map_odom); }}) {}
 
   PoseRecord record;
   Pipeline pipeline;  // last: its threads end before what they use

@@ -28,8 +28,7 @@ vio::Config vio_config(const Options& options) {
 }  // namespace
 
 VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, const ActiveSensors& sensors,
-                               Sink sink, MapSink* map,
-                               MapToOdometry map_to_odometry)
+                               Sink sink, MapSink* map, MapToOdometry map_to_odometry)
     : mode_(options.run.mode),
       image_monitor_(first_cameras(rig, sensors.cameras)),
       tracker_(options.vio.tracker, first_cameras(rig, sensors.cameras)),

@@ -25,8 +25,8 @@ NodeState to_state(const DriftCorrection& correction, const SE3& odometry) {
 
 DriftCorrection to_correction(const NodeState& state, const SE3& odometry) {
   DriftCorrection correction{.heading = state[0]};
-  correction.translation = Eigen::Vector3d(state[1], state[2], state[3]) -
-                           correction.transform() * odometry.translation;
+  correction.translation =
+      Eigen::Vector3d(state[1], state[2], state[3]) - correction.transform() * odometry.translation;
   return correction;
 }
 

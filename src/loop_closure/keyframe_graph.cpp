@@ -43,10 +43,10 @@ void KeyframeGraph::add(const Keyframe& keyframe) {
   const bool first = keyframes_.empty();
   DriftVariance drift = first ? DriftVariance{} : drift_.back();
   if (!first) drift += keyframe.drift;
-  const double moved = first ? 0.0
-                             : (keyframe.T_world_camera.translation -
-                                keyframes_.back().T_world_camera.translation)
-                                   .norm();
+  const double moved =
+      first ? 0.0
+            : (keyframe.T_world_camera.translation - keyframes_.back().T_world_camera.translation)
+                  .norm();
   path_m_.push_back(first ? 0.0 : path_m_.back() + moved);
   drift_.push_back(drift);
   keyframes_.push_back(keyframe);

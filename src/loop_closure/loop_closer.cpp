@@ -38,8 +38,8 @@ CloserOptions closer_options(const LoopOptions& options) {
           .graph = {},
           .min_news_sigmas = kKnownLoopSigmas,
           .lists_corrections = true,
-          .drift_per_s = DriftVariance{heading * heading, horizontal * horizontal,
-                                       vertical * vertical}};
+          .drift_per_s =
+              DriftVariance{heading * heading, horizontal * horizontal, vertical * vertical}};
 }
 
 CloserOptions closer_options(const SmoothingOptions& options) {
@@ -72,8 +72,8 @@ bool LoopCloser::is_accepted(const Loop& loop) const {
 // Searches for loops with earlier places.
 void LoopCloser::detect_loops(const Place& place) {
   for (const PlaceStore::Stored* stored : places_.candidates(graph_)) {
-    const auto match = recognize_place(stored->place, place, places_.ray_sigma(),
-                                       options_.places.min_inliers);
+    const auto match =
+        recognize_place(stored->place, place, places_.ray_sigma(), options_.places.min_inliers);
     if (!match) continue;
     const Loop loop{stored->keyframe, graph_.newest(), match->T_now_then.inverse()};
     const bool accepted = is_accepted(loop);
@@ -92,8 +92,9 @@ void LoopCloser::detect_loops(const Place& place) {
 
 // Limits the rate of optimizations.
 bool LoopCloser::is_optimization_due() const {
-  return !last_optimization_ || seconds_between(*last_optimization_, graph_[graph_.newest()].stamp) >=
-                                    kOptimizationPeriod_s;
+  return !last_optimization_ ||
+         seconds_between(*last_optimization_, graph_[graph_.newest()].stamp) >=
+             kOptimizationPeriod_s;
 }
 
 std::vector<KeyframeCorrection> LoopCloser::changed_corrections() {

@@ -45,8 +45,8 @@ Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {
   Place place = describe_place(gray, camera_, options_.max_features);
   if (places_.empty()) return place;
   Stored& last = places_.back();
-  const SE3 T_last_now = graph[last.keyframe].T_world_camera.inverse() *
-                         graph[graph.newest()].T_world_camera;
+  const SE3 T_last_now =
+      graph[last.keyframe].T_world_camera.inverse() * graph[graph.newest()].T_world_camera;
   triangulate_points(place, last.place, T_last_now, ray_sigma_);
   triangulate_points(last.place, place, T_last_now.inverse(), ray_sigma_);
   return place;

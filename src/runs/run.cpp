@@ -448,8 +448,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
     if (result.metrics.smoothed) {
-      sections["smoothed"] = smoothed_json(*visual->smoother(), pass.fused, pass.smoothed,
-                                           *result.metrics.smoothed);
+      sections["smoothed"] =
+          smoothed_json(*visual->smoother(), pass.fused, pass.smoothed, *result.metrics.smoothed);
     }
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);

@@ -21,8 +21,8 @@ Largest largest_correction(const Trajectory& odometry, const Trajectory& smoothe
     const SE3& a = odometry.poses[i].T_world_body;
     const SE3& b = smoothed.poses[i].T_world_body;
     largest.shift_m = std::max(largest.shift_m, (b.translation - a.translation).norm());
-    largest.turn_deg = std::max(
-        largest.turn_deg, kDegreesPerRadian * so3::angle_between(a.rotation, b.rotation));
+    largest.turn_deg =
+        std::max(largest.turn_deg, kDegreesPerRadian * so3::angle_between(a.rotation, b.rotation));
   }
   return largest;
 }

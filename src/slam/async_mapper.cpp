@@ -76,9 +76,10 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
 
 void AsyncMapper::make_loop_closer() {
   const bool may_drop = options_.thread == MappingThread::dropping;
-  loop_closer_.emplace(loop_closure::closer_options(*options_.loop_closure),
-                       CameraModel(to_parameters(undistort_.intrinsics())),
-                       may_drop ? loop_closure::LoopThread::skipping : loop_closure::LoopThread::none);
+  loop_closer_.emplace(
+      loop_closure::closer_options(*options_.loop_closure),
+      CameraModel(to_parameters(undistort_.intrinsics())),
+      may_drop ? loop_closure::LoopThread::skipping : loop_closure::LoopThread::none);
 }
 
 void AsyncMapper::push(localization::MapFrame frame) {

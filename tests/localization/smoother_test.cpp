@@ -102,9 +102,9 @@ Result dive(const Options& options, int from = 0, int to = 0, bool restarts = fa
 double largest_error(const Trajectory& poses) {
   double largest = 0.0;
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    largest = std::max(largest, (poses.poses[i].T_world_body.translation -
-                                 truth(static_cast<int>(i)).translation)
-                                    .norm());
+    largest = std::max(
+        largest,
+        (poses.poses[i].T_world_body.translation - truth(static_cast<int>(i)).translation).norm());
   }
   return largest;
 }

@@ -56,8 +56,7 @@ TEST(EdgeFactor, IsTheDifferenceOfRelativePoses) {
   const SE3 from = to_correction(kFromState, kFrom).transform() * kFrom;
   const SE3 to = to_correction(kToState, kTo).transform() * kTo;
   const Eigen::Quaterniond heading = so3::exp({0.0, 0.0, -kFromState[0]});
-  const Eigen::Vector3d step =
-      heading * (to.translation - (from * kEdge.T_from_to).translation);
+  const Eigen::Vector3d step = heading * (to.translation - (from * kEdge.T_from_to).translation);
   const double turn = so3::yaw(to.rotation * (from * kEdge.T_from_to).rotation.conjugate());
   const Eigen::Vector4d r = residuals(kEdge, kFromState, kToState);
   EXPECT_NEAR(r[0], step.x() / 0.02, 1e-9);

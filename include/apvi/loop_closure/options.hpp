@@ -45,10 +45,10 @@ struct LoopOptions : PlaceOptions {
 /// Loop closure of the trajectory: the pose graph beside the odometry.
 struct SmoothingOptions : PlaceOptions {
   bool enabled = true;
-  double node_step_s = 1.0;  ///< time between the nodes of the graph [s]
-  int max_nodes = 2000;      ///< beyond this number every second one is dropped
+  double node_step_s = 1.0;   ///< time between the nodes of the graph [s]
+  int max_nodes = 2000;       ///< beyond this number every second one is dropped
   double drift_factor = 3.0;  ///< estimators are overconfident, see docs/localization.md
-  double gate = 16.25;  ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
+  double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
 
   template <typename V>
   void visit(V& v) {
