@@ -36,6 +36,12 @@ OTHERS = {
     "speed.gpu_peak_mib": ("Peak GPU memory", "MiB", 1),
     "counts.imu_gaps": ("Gaps in the IMU data", "", None),
     "counts.zero_velocity_updates": ("Zero-velocity updates", "", None),
+    "smoothed.closed_loops": ("Loop closures of the trajectory", "", None),
+    "smoothed.rejected_loops": ("… rejected by the graph", "", None),
+    "smoothed.largest_correction_m": ("Largest correction of a pose", "m", 3),
+    "smoothed.largest_correction_deg": ("… of its rotation", "°", 2),
+    "smoothed.keyframe_ms.median": ("Pose graph: time per keyframe, median", "ms", 1),
+    "smoothed.keyframe_ms.p95": ("… 95 % quantile", "ms", 1),
     "vio.init_time_s": ("VIO: time to initialize", "s", 2),
     "vio.failures": ("VIO: failures", "", None),
     "vio.freeze_frames": ("VIO: frozen frames", "", None),
@@ -68,7 +74,7 @@ OTHERS = {
     "build.torch": ("LibTorch", "", None),
     "build.git": ("Revision", "", None),
 }
-ESTIMATORS = {"dipo": "DIPO", "vio": "VIO"}
+ESTIMATORS = {"smoothed": "Smoothed", "dipo": "DIPO", "vio": "VIO"}
 
 
 def number(value, digits):
@@ -101,7 +107,8 @@ def trajectory_columns(metrics):
 
 def trajectory_table(run):
     """Headings and rows (name, unit, values...); empty without metrics."""
-    columns = trajectory_columns(run.metrics.get("trajectory", {}))
+    smoothed = {"smoothed": run.metrics["smoothed"]} if "smoothed" in run.metrics else {}
+    columns = trajectory_columns({**run.metrics.get("trajectory", {}), **smoothed})
     rows = [(name, unit, [trajectory_value(figures, key) for _, figures in columns])
             for key, (name, unit, _) in TRAJECTORY.items() if any(key in f for _, f in columns)]
     return [name for name, _ in columns], rows
@@ -147,7 +154,8 @@ def other_rows(run):
     rows = []
     flat = dict(flatten(run.metrics))
     for key in sorted(flat, key=lambda k: list(OTHERS).index(k) if k in OTHERS else len(OTHERS)):
-        if not key.startswith(shown):
+        is_in_table = key.startswith("smoothed.") and key.removeprefix("smoothed.") in TRAJECTORY
+        if not key.startswith(shown) and not is_in_table:
             name, unit, digits = OTHERS.get(key, (key, "", None))
             rows.append((name, unit, number(flat[key], digits)))
     return rows
@@ -157,6 +165,7 @@ def headline(run):
     """(value, unit, label) of the most important metrics."""
     flat = dict(flatten(run.metrics))
     wanted = [("trajectory.ate_rmse_m", "m", "position error (RMSE)", 2),
+              ("smoothed.ate_rmse_m", "m", "with loops closed", 2),
               ("trajectory.ate_percent_of_path", "%", "of the path", 2),
               ("trajectory.rot_rmse_deg", "°", "rotation error (RMSE)", 2),
               ("trajectory.end_to_start_m", "m", "from start to end", 2),

@@ -15,7 +15,7 @@ import numpy as np
 
 # Rotation from north, east, down to east, north, up.
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-POSE_NAMES = {"vio.tum": "VIO", "dipo.tum": "DIPO"}
+POSE_NAMES = {"trajectory_smoothed.tum": "Smoothed", "vio.tum": "VIO", "dipo.tum": "DIPO"}
 
 
 class InputError(Exception):

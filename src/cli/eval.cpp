@@ -16,6 +16,7 @@
 #include "cli/commands.hpp"
 #include "config/renamed_keys.hpp"
 #include "eval/metrics_file.hpp"
+#include "runs/smoothed.hpp"
 
 namespace apvi::cli {
 namespace {
@@ -200,16 +201,23 @@ void eval_run(const Arguments& a) {
   const RunContext context = load_run_context(a);
   if (!context.reference)
     log::warning("the dataset has no reference; only the end-to-start distance is evaluated");
-  const eval::RunTrajectories metrics{.fused = metrics_of(fused, a, context),
-                                      .dipo = metrics_of_estimator(a.run / "dipo.tum", a, context),
-                                      .vio = metrics_of_estimator(a.run / "vio.tum", a, context)};
+  const eval::RunTrajectories metrics{
+      .fused = metrics_of(fused, a, context),
+      .dipo = metrics_of_estimator(a.run / "dipo.tum", a, context),
+      .vio = metrics_of_estimator(a.run / "vio.tum", a, context),
+      .smoothed = metrics_of_estimator(a.run / runs::kSmoothedFile, a, context)};
   if (context.reference) {
     check_matched(metrics.fused, *context.reference, fused,
                   options_for(a, *context.reference, context.options, context.world),
                   file.string());
   }
   const fs::path metrics_file = a.run / "metrics.json";
-  eval::merge_metrics(metrics_file, {{"trajectory", eval::to_json(metrics)}});
+  eval::Json sections{{"trajectory", eval::to_json(metrics)}};
+  if (metrics.smoothed) {
+    sections["smoothed"] = eval::read_metrics(metrics_file).value("smoothed", eval::Json::object());
+    sections["smoothed"].update(eval::to_json(*metrics.smoothed));
+  }
+  eval::merge_metrics(metrics_file, sections);
   print(a.json ? eval::read_metrics(metrics_file).dump(2) + "\n" : eval::to_table(metrics));
 }
 

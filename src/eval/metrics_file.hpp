@@ -19,12 +19,14 @@ struct RunTrajectories {
   TrajectoryMetrics fused;
   std::optional<TrajectoryMetrics> dipo;
   std::optional<TrajectoryMetrics> vio;
+  std::optional<TrajectoryMetrics> smoothed = std::nullopt;  ///< the fused one with loops closed
 };
 
 /// ate_rmse_m, ate_first_pose_rmse_m, ate_percent_of_path, rot_rmse_deg, rpe_1s_rmse_m,
 /// rpe_10m_rmse_m, coverage, path_length_m, matched, end_to_start_m, and further statistics.
 Json to_json(const TrajectoryMetrics& metrics);
 /// The `trajectory` section: metrics of the fused trajectory, and the objects `dipo` and `vio`.
+/// Those of the smoothed trajectory are a section of their own.
 Json to_json(const RunTrajectories& metrics);
 
 /// Content of a metrics file; an empty object when it does not exist. Throws InputError with the

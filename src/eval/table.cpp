@@ -53,10 +53,11 @@ std::vector<std::pair<std::string, Cell>> rows() {
 
 std::string to_table(const RunTrajectories& metrics) {
   std::vector<std::pair<std::string, const TrajectoryMetrics*>> columns;
-  if (metrics.dipo || metrics.vio)
+  if (metrics.dipo || metrics.vio || metrics.smoothed)
     columns.emplace_back("fused", &metrics.fused);
   else
     columns.emplace_back("", &metrics.fused);
+  if (metrics.smoothed) columns.emplace_back("smoothed", &*metrics.smoothed);
   if (metrics.dipo) columns.emplace_back("dipo", &*metrics.dipo);
   if (metrics.vio) columns.emplace_back("vio", &*metrics.vio);
   std::string table;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "fusion/fuser.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -11,17 +10,6 @@ namespace {
 
 constexpr std::array<std::string_view, 6> kStates{"waiting",   "fused",  "vio_only",
                                                   "dipo_only", "frozen", "dropped"};
-
-// Inverse of the information, regularized by a weak prior so that it always exists.
-Matrix6 covariance_of(const Matrix6& information) {
-  constexpr double kUnknownRotation = 3.0;  // [rad]
-  constexpr double kUnknownDistance = 1e3;  // [m]
-  Vector6 ridge;
-  ridge.head<3>().setConstant(1.0 / (kUnknownRotation * kUnknownRotation));
-  ridge.tail<3>().setConstant(1.0 / (kUnknownDistance * kUnknownDistance));
-  const Matrix6 sum = symmetric(information) + Matrix6(ridge.asDiagonal());
-  return symmetric(sum.ldlt().solve(Matrix6::Identity()));
-}
 
 bool is_usable(const VioEstimate& vio) {
   return vio.healthy && is_finite(vio.T_world_body) && vio.information.allFinite() &&

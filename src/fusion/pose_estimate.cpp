@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "fusion/pose_estimate.hpp"
 
+#include <Eigen/Cholesky>
+
 #include "apvi/geometry/so3.hpp"
 
 namespace apvi::fusion {
@@ -26,6 +28,16 @@ PoseEstimate pose_of(const dipo::Estimate& estimate) {
   static_assert(imu::kTheta == 0 && imu::kPosition == 3);
   const imu::NavState& nav = estimate.state.nav;
   return {nav.pose(), estimate.covariance.topLeftCorner<6, 6>()};
+}
+
+Matrix6 covariance_of(const Matrix6& information) {
+  constexpr double kUnknownRotation = 3.0;  // [rad]
+  constexpr double kUnknownDistance = 1e3;  // [m]
+  Vector6 ridge;
+  ridge.head<3>().setConstant(1.0 / (kUnknownRotation * kUnknownRotation));
+  ridge.tail<3>().setConstant(1.0 / (kUnknownDistance * kUnknownDistance));
+  const Matrix6 sum = symmetric(information) + Matrix6(ridge.asDiagonal());
+  return symmetric(sum.ldlt().solve(Matrix6::Identity()));
 }
 
 bool is_finite(const SE3& pose) {

@@ -37,6 +37,10 @@ Eigen::Matrix3d world_rotation_covariance(const PoseEstimate& estimate);
 /// The pose and pose covariance of a DIPO estimate.
 PoseEstimate pose_of(const dipo::Estimate& estimate);
 
+/// Covariance of a marginal information, regularized by a weak prior (3 rad, 1 km) so that it
+/// always exists.
+Matrix6 covariance_of(const Matrix6& information);
+
 bool is_finite(const SE3& pose);
 bool is_finite(const PoseEstimate& estimate);
 

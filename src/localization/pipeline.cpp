@@ -67,7 +67,7 @@ struct Pipeline::Stages {
       if (const auto pose = output.fused()) pipeline.callbacks_.pose(*pose);
     };
     visual.emplace(pipeline.options_, pipeline.rig_, pipeline.sensors_, forward,
-                   pipeline.callbacks_.map);
+                   pipeline.callbacks_.map, pipeline.callbacks_.map_to_odometry);
   }
 };
 

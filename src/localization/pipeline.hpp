@@ -25,6 +25,8 @@ struct PipelineCallbacks {
   std::function<void(const PingOutput&)> ping = {};
   /// Every camera frame, from the same thread as `pose`.
   std::function<void(const FrameOutput&)> frame = {};
+  /// See `System::T_map_odom`; every camera frame, from the same thread as `pose`.
+  std::function<void(const SE3&)> map_to_odometry = {};
   MapSink* map = nullptr;  ///< receives keyframes; the caller calls its `finish`
 };
 

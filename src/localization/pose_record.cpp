@@ -28,6 +28,17 @@ void PoseRecord::change_scale(const ScaleFound& found) {
 void PoseRecord::clear() {
   const std::scoped_lock lock(mutex_);
   trajectory_ = {};
+  T_map_odom_ = {};
+}
+
+void PoseRecord::set_map_to_odometry(const SE3& T_map_odom) {
+  const std::scoped_lock lock(mutex_);
+  T_map_odom_ = T_map_odom;
+}
+
+SE3 PoseRecord::T_map_odom() const {
+  const std::scoped_lock lock(mutex_);
+  return T_map_odom_;
 }
 
 Trajectory PoseRecord::trajectory() const {

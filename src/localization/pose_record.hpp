@@ -18,17 +18,20 @@ class PoseRecord {
 
   void add(const StampedPose& pose);
   void change_scale(const ScaleFound& found);
+  void set_map_to_odometry(const SE3& T_map_odom);
   void clear();
 
   Trajectory trajectory() const;
   std::size_t size() const;
   std::optional<StampedPose> newest() const;
+  SE3 T_map_odom() const;
 
  private:
   std::function<void(const StampedPose&)> pose_;
   std::function<void(const ScaleFound&)> scale_found_;
   mutable std::mutex mutex_;
   Trajectory trajectory_;  // guarded by mutex_
+  SE3 T_map_odom_;         // guarded by mutex_
 };
 
 }  // namespace apvi::localization

@@ -20,8 +20,9 @@ struct System::Implementation {
       : record(std::move(callbacks.pose), std::move(callbacks.scale_found)),
         pipeline(options, rig, select_sensors(options, rig, {.images = !rig.cameras.empty()}),
                  {.pose = [this](const StampedPose& pose) { record.add(pose); },
-                  .scale_found = [this](const ScaleFound& found) { record.change_scale(found); }}) {
-  }
+                  .scale_found = [this](const ScaleFound& found) { record.change_scale(found); },
+                  .map_to_odometry =
+                      [this](const SE3& T_map_odom) { record.set_map_to_odometry(T_map_odom); }}) {}
 
   PoseRecord record;
   Pipeline pipeline;  // last: its threads end before what they use
@@ -55,6 +56,10 @@ Trajectory System::trajectory() const {
 
 std::optional<StampedPose> System::pose() const {
   return implementation_->record.newest();
+}
+
+SE3 System::T_map_odom() const {
+  return implementation_->record.T_map_odom();
 }
 
 }  // namespace apvi::localization

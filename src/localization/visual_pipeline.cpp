@@ -28,15 +28,18 @@ vio::Config vio_config(const Options& options) {
 }  // namespace
 
 VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, const ActiveSensors& sensors,
-                               Sink sink, MapSink* map)
+                               Sink sink, MapSink* map, MapToOdometry map_to_odometry)
     : mode_(options.run.mode),
       image_monitor_(first_cameras(rig, sensors.cameras)),
       tracker_(options.vio.tracker, first_cameras(rig, sensors.cameras)),
       fusion_stage_(vio_config(options), options.fusion, options.freeze, rig, sensors,
                     options.dipo.inertial.segment_gap_s),
       sink_(std::move(sink)),
-      map_(map) {
-  if (map_ != nullptr) map_feed_.emplace(options, rig);
+      map_(map),
+      map_to_odometry_(std::move(map_to_odometry)) {
+  // Without an IMU the vertical is unknown.
+  if (options.smoothing.enabled && sensors.imu) smoother_.emplace(options, rig, sensors);
+  if (map_ != nullptr || smoother_) map_feed_.emplace(options, rig);
   if (mode_ == RunMode::sequential) return;
   fusion_worker_ = std::make_unique<Worker<Tracked>>(
       kQueueSize, Overflow::block, [this](const Tracked& tracked) { fuse(tracked); });
@@ -55,15 +58,19 @@ void VisualPipeline::push(FrameJob job) {
 }
 
 void VisualPipeline::finish() {
-  if (mode_ == RunMode::sequential) return;
-  tracking_worker_->wait();
-  fusion_worker_->wait();
+  if (mode_ != RunMode::sequential) {
+    tracking_worker_->wait();
+    fusion_worker_->wait();
+  }
+  if (smoother_) smoother_->finish();
 }
 
 void VisualPipeline::stop() {
-  if (mode_ == RunMode::sequential) return;
-  tracking_worker_->stop();
-  fusion_worker_->stop();
+  if (mode_ != RunMode::sequential) {
+    tracking_worker_->stop();
+    fusion_worker_->stop();
+  }
+  if (smoother_) smoother_->stop();
 }
 
 VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool process_image) {
@@ -84,7 +91,7 @@ VisualPipeline::Tracked VisualPipeline::track(FrameJob job, bool process_image) 
   Tracked tracked{.job = std::move(job), .frame = std::nullopt, .image = {}};
   tracked.decode_s = watch.seconds();
   watch.reset();
-  if (map_ != nullptr && !images.empty()) tracked.image = images.front();
+  if (map_feed_ && !images.empty()) tracked.image = images.front();
   tracked.frame = tracker_.process(images, tracked.job.stamp, tracked.job.R_before_now);
   tracked.track_s = watch.seconds();
   return tracked;
@@ -95,9 +102,13 @@ void VisualPipeline::fuse(const Tracked& tracked) {
   output.timing.decode_s = tracked.decode_s;
   output.timing.track_s = tracked.track_s;
   sink_(output);
-  if (map_ == nullptr) return;
+  if (!map_feed_) return;
   auto map_frame = map_feed_->process(tracked.job, tracked.image, output, fusion_stage_.window());
-  if (map_frame) map_->push(*std::move(map_frame));
+  if (smoother_) {
+    smoother_->add(output, map_frame);
+    if (map_to_odometry_) map_to_odometry_(smoother_->T_map_odom());
+  }
+  if (map_ != nullptr && map_frame) map_->push(*std::move(map_frame));
 }
 
 }  // namespace apvi::localization

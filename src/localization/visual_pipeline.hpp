@@ -14,6 +14,7 @@
 #include "localization/fusion_stage.hpp"
 #include "localization/image_monitor.hpp"
 #include "localization/map_feed.hpp"
+#include "localization/smoother.hpp"
 #include "vio/frontend/tracker.hpp"
 
 namespace apvi::localization {
@@ -26,9 +27,12 @@ class VisualPipeline {
   /// Called once per frame in order, from the last stage's thread.
   using Sink = std::function<void(const FrameOutput&)>;
 
+  /// Called with the map-to-odometry transform of a new keyframe, from the same thread.
+  using MapToOdometry = std::function<void(const SE3&)>;
+
   /// `map`, if given, receives map frames; it must outlive this object.
   VisualPipeline(const Options& options, const Rig& rig, const ActiveSensors& sensors, Sink sink,
-                 MapSink* map = nullptr);
+                 MapSink* map = nullptr, MapToOdometry map_to_odometry = {});
 
   /// Queues a frame; blocks when the queue is full. Rethrows an exception of a stage's thread.
   void push(FrameJob job);
@@ -43,6 +47,8 @@ class VisualPipeline {
   const std::vector<ImageCounts>& image_counts() const { return image_monitor_.counts(); }
   /// Valid after `finish` only.
   const FusionStage& fusion_stage() const { return fusion_stage_; }
+  /// Nothing when the trajectory is not smoothed.
+  const Smoother* smoother() const { return smoother_ ? &*smoother_ : nullptr; }
 
  private:
   struct Tracked {
@@ -63,7 +69,9 @@ class VisualPipeline {
   FusionStage fusion_stage_;
   Sink sink_;
   MapSink* map_;
+  MapToOdometry map_to_odometry_;
   std::optional<MapFeed> map_feed_;
+  std::optional<Smoother> smoother_;
   std::size_t dropped_images_ = 0;
   // Last members, downstream worker first: threads stop before the members they use.
   std::unique_ptr<Worker<Tracked>> fusion_worker_;

@@ -2,14 +2,14 @@
 #pragma once
 
 #include <cstddef>
-#include <map>
+#include <limits>
 #include <optional>
 #include <vector>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/loop_closure/options.hpp"
-#include "loop_closure/place.hpp"
-#include "loop_closure/pose_graph.hpp"
+#include "loop_closure/keyframe_graph.hpp"
+#include "loop_closure/place_store.hpp"
 
 namespace apvi::loop_closure {
 
@@ -19,74 +19,66 @@ struct KeyframeCorrection {
   SE3 T_after_before;  ///< left-multiplies the last reported camera pose
 };
 
+/// What the map and the trajectory ask of a `LoopCloser`.
+struct CloserOptions {
+  PlaceOptions places;
+  KeyframeGraphOptions graph;
+  /// Largest squared Mahalanobis distance of a loop from the graph.
+  double gate = std::numeric_limits<double>::infinity();
+  /// Error in sigmas that a loop must have to cause an optimization.
+  double min_news_sigmas = 0.0;
+  /// Whether keyframe corrections are listed whenever they change.
+  bool lists_corrections = false;
+  /// Drift of odometry that does not report its own.
+  std::optional<DriftVariance> drift_per_s = std::nullopt;
+};
+
+/// For the map: corrections are rare, as each one changes the map.
+CloserOptions closer_options(const LoopOptions& options);
+/// For the trajectory: every loop counts, and it must agree with the graph.
+CloserOptions closer_options(const SmoothingOptions& options);
+
 /// Detects loop closures and corrects the path by a pose graph. Odometry keeps its own world frame;
-/// the results are corrections of keyframe poses. Candidates are places that should be visible from
-/// the corrected odometry pose; a bag-of-words index is not needed, as with a DVL and IMU the drift
-/// stays smaller than the view.
+/// the results are corrections of keyframe poses.
 class LoopCloser {
  public:
-  LoopCloser(const LoopOptions& options, const Pinhole& camera);
+  LoopCloser(const CloserOptions& options, const CameraModel& camera);
 
-  /// Adds a keyframe: its 8-bit gray image and the camera pose of the odometry, in order of time.
-  /// Returns the changed keyframe corrections in order of time, the last one being that of this
-  /// keyframe; usually empty. An empty image is not searched for loops.
-  std::vector<KeyframeCorrection> add(Stamp stamp, const cv::Mat& gray, const SE3& T_world_camera);
-  /// Optimizes and returns corrections, as `add` does, for loops found since the last optimization;
-  /// call it at the end of a run.
-  std::vector<KeyframeCorrection> flush();
+  /// Adds a keyframe and its 8-bit gray image, in order of time. An empty image is not searched for
+  /// loops. True if the corrections have changed.
+  bool add(Keyframe keyframe, const cv::Mat& gray);
+  /// Optimizes with the loops found since the last optimization; call it at the end of a run. True
+  /// if the corrections have changed.
+  bool flush();
   /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
-  void update_pose(Stamp stamp, const SE3& T_world_camera);
+  void update_pose(Stamp stamp, const SE3& T_world_camera) {
+    graph_.update_pose(stamp, T_world_camera);
+  }
 
+  /// The keyframe corrections that have changed since the last call, in order of time, the last one
+  /// being that of the newest keyframe.
+  std::vector<KeyframeCorrection> changed_corrections();
+  const KeyframeGraph& graph() const { return graph_; }
+  /// Whether the newest keyframe was a new place, which is searched for loops.
+  bool searched() const { return searched_; }
   /// Number of accepted loop closures.
-  std::size_t closures() const { return loops_.size(); }
+  std::size_t closures() const { return closures_; }
+  /// Number of loop closures that images support and the graph contradicts.
+  std::size_t rejected() const { return rejected_; }
 
  private:
-  struct Keyframe {
-    Stamp stamp;
-    SE3 T_world_camera;  ///< from odometry
-    DriftCorrection reported;
-  };
-  struct StoredPlace {
-    std::size_t keyframe = 0;
-    Place place;
-  };
-  /// Relative pose of two keyframes.
-  struct Loop {
-    std::size_t from = 0;
-    std::size_t to = 0;
-    SE3 T_from_to;
-  };
-  struct Candidate {
-    const StoredPlace* stored = nullptr;
-    double visible_fraction = 0.0;
-  };
-  void add_keyframe(Stamp stamp, const SE3& T_world_camera);
-  bool is_new_place() const;
-  Place make_place(const cv::Mat& gray);
-  void store_place(Place place);
-  double age_s(std::size_t keyframe) const;
-  std::size_t nearest_node(std::size_t keyframe) const;
-  DriftCorrection correction(std::size_t keyframe) const;
-  SE3 corrected_pose(std::size_t keyframe) const;
-  double visible_fraction(const StoredPlace& stored, const SE3& T_camera_world) const;
-  std::vector<Candidate> candidates() const;
   bool is_plausible(const Loop& loop) const;
-  bool detect_loops(const Place& place);
+  bool is_accepted(const Loop& loop) const;
+  void detect_loops(const Place& place);
   bool is_optimization_due() const;
-  std::vector<SE3> node_poses() const;
-  Edge edge(const Loop& loop) const;
-  Edge edge_to_next(std::size_t node) const;
-  void optimize_graph();
-  std::vector<KeyframeCorrection> keyframe_corrections();
 
-  LoopOptions options_;
-  Pinhole camera_;
-  std::vector<Keyframe> keyframes_;
-  std::map<Stamp, std::size_t> by_stamp_;
-  std::vector<std::size_t> nodes_;  ///< pose-graph nodes: indices of keyframes kNodeStep_s apart
-  std::vector<DriftCorrection> corrections_;  ///< of the nodes
-  std::vector<Loop> loops_;
-  std::vector<StoredPlace> places_;
+  CloserOptions options_;
+  KeyframeGraph graph_;
+  PlaceStore places_;
+  std::vector<DriftCorrection> reported_;  ///< by keyframe
+  std::size_t closures_ = 0;
+  std::size_t rejected_ = 0;
+  bool searched_ = false;
   bool has_new_loops_ = false;  ///< a loop has been found since the last optimization
   std::optional<Stamp> last_optimization_;
 };

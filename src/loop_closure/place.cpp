@@ -86,7 +86,15 @@ std::size_t Place::triangulated_count() const {
       std::count_if(points.begin(), points.end(), [](const auto& p) { return p.has_value(); }));
 }
 
-Place describe_place(const cv::Mat& gray, const Pinhole& camera, int max_features) {
+double Place::reach_m() const {
+  double farthest = 0.0;
+  for (const auto& point : points) {
+    if (point) farthest = std::max(farthest, point->norm());
+  }
+  return farthest;
+}
+
+Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features) {
   cv::Mat equalized;
   cv::createCLAHE(kClaheClipLimit, kClaheTiles)->apply(gray, equalized);
   std::vector<cv::KeyPoint> found;
@@ -94,11 +102,14 @@ Place describe_place(const cv::Mat& gray, const Pinhole& camera, int max_feature
   cv::SIFT::create(max_features, 3, kSiftContrast)
       ->detectAndCompute(equalized, cv::noArray(), found, descriptors);
   Place place;
-  for (const cv::KeyPoint& point : found) {
-    place.rays.emplace_back((point.pt.x + 0.5 - camera.cx) / camera.fx,
-                            (point.pt.y + 0.5 - camera.cy) / camera.fy);
+  cv::Mat kept;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const auto ray = camera.unproject({found[i].pt.x, found[i].pt.y});
+    if (!ray || ray->z() <= 0.0) continue;
+    place.rays.emplace_back(ray->hnormalized());
+    kept.push_back(descriptors.row(static_cast<int>(i)));
   }
-  descriptors.convertTo(place.descriptors, CV_8U);
+  kept.convertTo(place.descriptors, CV_8U);
   place.points.resize(place.rays.size());
   return place;
 }

@@ -8,14 +8,9 @@
 #include <vector>
 
 #include "apvi/geometry/se3.hpp"
+#include "apvi/sensors/camera_model.hpp"
 
 namespace apvi::loop_closure {
-
-/// An undistorted camera; the center of the first pixel is (0.5, 0.5).
-struct Pinhole {
-  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< [px]
-  int width = 0, height = 0;                      ///< [px]
-};
 
 /// A place: the features of an image, triangulated where another image allows it.
 struct Place {
@@ -25,11 +20,14 @@ struct Place {
       points;  ///< in the camera frame, one per ray [m]; nullopt: not triangulated
 
   std::size_t triangulated_count() const;
+  /// Distance of the farthest triangulated point [m]; zero without one.
+  double reach_m() const;
 };
 
 /// Extracts at most `max_features` SIFT features (Lowe, 2004) from an 8-bit gray image after
-/// contrast equalization, as contrast decreases with distance under water.
-Place describe_place(const cv::Mat& gray, const Pinhole& camera, int max_features);
+/// contrast equalization, as contrast decreases with distance under water. The lens need not be a
+/// pinhole: rays are undistorted.
+Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features);
 
 /// Mutual nearest neighbors that pass the ratio test.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);

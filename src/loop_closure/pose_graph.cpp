@@ -3,10 +3,12 @@
 
 #include <ceres/ceres.h>
 
-#include <array>
-#include <cmath>
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <limits>
 
 #include "apvi/geometry/so3.hpp"
+#include "loop_closure/factors.hpp"
 
 namespace apvi::loop_closure {
 namespace {
@@ -14,52 +16,101 @@ namespace {
 constexpr int kIterations = 20;
 constexpr double kRobustSigmas = 3.0;  // scale of the Cauchy loss of loops, in sigmas
 
-/// Heading of the correction and position of the corrected pose: a parameterization in which the
-/// graph is nearly linear.
-using Block = std::array<double, 4>;
+std::vector<NodeState> to_states(const PoseGraph& graph,
+                                 const std::vector<DriftCorrection>& corrections) {
+  std::vector<NodeState> states;
+  for (std::size_t i = 0; i < graph.odometry.size(); ++i) {
+    states.push_back(to_state(corrections[i], graph.odometry[i]));
+  }
+  return states;
+}
 
-/// Position of `to` relative to `from` in the heading of `from`, and the heading difference.
-class EdgeResidual {
+EdgeFactor factor_of(const PoseGraph& graph, const Edge& edge) {
+  return {edge, graph.odometry[edge.from], graph.odometry[edge.to]};
+}
+
+void add_factors(const PoseGraph& graph, std::vector<NodeState>& states, ceres::Problem& problem) {
+  for (const Edge& edge : graph.edges) {
+    problem.AddResidualBlock(new EdgeFactor(factor_of(graph, edge)),
+                             edge.is_loop ? new ceres::CauchyLoss(kRobustSigmas) : nullptr,
+                             states[edge.from].data(), states[edge.to].data());
+  }
+  for (const Height& height : graph.heights) {
+    problem.AddResidualBlock(new HeightFactor(height, graph.odometry[height.node]), nullptr,
+                             states[height.node].data());
+  }
+  if (problem.HasParameterBlock(states[0].data())) {
+    problem.SetParameterBlockConstant(states[0].data());
+  }
+}
+
+using RowMatrix4 = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+
+struct LinearEdge {
+  Eigen::Vector4d residuals;
+  RowMatrix4 from, to;  // Jacobians
+};
+
+LinearEdge linearize(const PoseGraph& graph, const std::vector<NodeState>& states,
+                     const Edge& edge) {
+  LinearEdge linear;
+  const std::array<const double*, 2> at{states[edge.from].data(), states[edge.to].data()};
+  std::array<double*, 2> jacobians{linear.from.data(), linear.to.data()};
+  factor_of(graph, edge).Evaluate(at.data(), linear.residuals.data(), jacobians.data());
+  return linear;
+}
+
+/// The information of all nodes but the first, which is fixed: the lower triangle.
+class Information {
  public:
-  EdgeResidual(const Edge& edge, const SE3& from, const SE3& to)
-      : step_(from.rotation * edge.T_from_to.translation),
-        turn_(so3::yaw(from.rotation * edge.T_from_to.rotation * to.rotation.conjugate())),
-        weights_(1.0 / edge.sigmas.horizontal_m, 1.0 / edge.sigmas.horizontal_m,
-                 1.0 / edge.sigmas.vertical_m),
-        heading_weight_(1.0 / edge.sigmas.heading_rad) {}
+  explicit Information(std::size_t nodes) : size_(4 * static_cast<int>(nodes - 1)) {}
 
-  template <typename T>
-  bool operator()(const T* from, const T* to, T* residuals) const {
-    using std::cos;
-    using std::sin;
-    const T c = cos(from[0]);
-    const T s = sin(from[0]);
-    const T dx = to[1] - from[1];
-    const T dy = to[2] - from[2];
-    residuals[0] = weights_[0] * (c * dx + s * dy - step_[0]);
-    residuals[1] = weights_[1] * (c * dy - s * dx - step_[1]);
-    residuals[2] = weights_[2] * (to[3] - from[3] - step_[2]);
-    residuals[3] = heading_weight_ * (to[0] - from[0] - turn_);
-    return true;
+  void add(const Edge& edge, const LinearEdge& linear, double weight) {
+    add(edge.from, edge.from, weight * linear.from.transpose() * linear.from);
+    add(edge.to, edge.to, weight * linear.to.transpose() * linear.to);
+    const Eigen::Matrix4d cross = weight * linear.to.transpose() * linear.from;
+    edge.to > edge.from ? add(edge.to, edge.from, cross)
+                        : add(edge.from, edge.to, cross.transpose());
+  }
+  void add_height(const Height& height) {
+    Eigen::Matrix4d block = Eigen::Matrix4d::Zero();
+    block(3, 3) = 1.0 / (height.sigma_m * height.sigma_m);
+    add(height.node, height.node, block);
+  }
+  /// J Σ Jᵀ of linear functions of two nodes; infinite if the graph does not determine them.
+  Eigen::Matrix4d covariance(const Edge& edge, const LinearEdge& linear) const {
+    Eigen::MatrixX4d J = Eigen::MatrixX4d::Zero(size_, 4);
+    if (edge.from > 0) J.middleRows<4>(first(edge.from)) = linear.from.transpose();
+    if (edge.to > 0) J.middleRows<4>(first(edge.to)) = linear.to.transpose();
+    Eigen::SparseMatrix<double> H(size_, size_);
+    H.setFromTriplets(entries_.begin(), entries_.end());
+    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factored(H);
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    if (factored.info() != Eigen::Success) return kInfinity * Eigen::Matrix4d::Identity();
+    return J.transpose() * factored.solve(J);
   }
 
  private:
-  Eigen::Vector3d step_;
-  double turn_;
-  Eigen::Vector3d weights_;
-  double heading_weight_;
+  static int first(std::size_t node) { return 4 * (static_cast<int>(node) - 1); }
+  void add(std::size_t row, std::size_t column, const Eigen::Matrix4d& block) {
+    if (row == 0 || column == 0) return;
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < 4; ++j) {
+        if (row != column || i >= j) {
+          entries_.emplace_back(first(row) + i, first(column) + j, block(i, j));
+        }
+      }
+    }
+  }
+
+  int size_;
+  std::vector<Eigen::Triplet<double>> entries_;
 };
 
-Block to_block(const DriftCorrection& correction, const SE3& pose) {
-  const Eigen::Vector3d p = correction.transform() * pose.translation;
-  return {correction.heading, p.x(), p.y(), p.z()};
-}
-
-DriftCorrection to_correction(const Block& block, const SE3& pose) {
-  DriftCorrection correction{.heading = block[0]};
-  correction.translation =
-      Eigen::Vector3d(block[1], block[2], block[3]) - correction.transform() * pose.translation;
-  return correction;
+// Weight of a loop under its robust loss: the derivative of the loss.
+double robust_weight(const Edge& edge, const LinearEdge& linear) {
+  if (!edge.is_loop) return 1.0;
+  return 1.0 / (1.0 + linear.residuals.squaredNorm() / (kRobustSigmas * kRobustSigmas));
 }
 
 }  // namespace
@@ -68,23 +119,11 @@ SE3 DriftCorrection::transform() const {
   return {so3::exp({0.0, 0.0, heading}), translation};
 }
 
-void optimize_pose_graph(const std::vector<SE3>& odometry, const std::vector<Edge>& edges,
-                         std::vector<DriftCorrection>& corrections) {
-  if (odometry.size() < 2 || edges.empty()) return;
-  std::vector<Block> blocks;
-  for (std::size_t i = 0; i < odometry.size(); ++i) {
-    blocks.push_back(to_block(corrections[i], odometry[i]));
-  }
+void optimize(const PoseGraph& graph, std::vector<DriftCorrection>& corrections) {
+  if (graph.odometry.size() < 2 || graph.edges.empty()) return;
+  std::vector<NodeState> states = to_states(graph, corrections);
   ceres::Problem problem;
-  for (const Edge& edge : edges) {
-    auto* residual = new EdgeResidual(edge, odometry[edge.from], odometry[edge.to]);
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<EdgeResidual, 4, 4, 4>(residual),
-                             edge.is_loop ? new ceres::CauchyLoss(kRobustSigmas) : nullptr,
-                             blocks[edge.from].data(), blocks[edge.to].data());
-  }
-  if (problem.HasParameterBlock(blocks[0].data())) {
-    problem.SetParameterBlockConstant(blocks[0].data());
-  }
+  add_factors(graph, states, problem);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.max_num_iterations = kIterations;
@@ -92,19 +131,29 @@ void optimize_pose_graph(const std::vector<SE3>& odometry, const std::vector<Edg
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) return;
-  for (std::size_t i = 0; i < odometry.size(); ++i) {
-    corrections[i] = to_correction(blocks[i], odometry[i]);
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    corrections[i] = to_correction(states[i], graph.odometry[i]);
   }
 }
 
-double residual_norm(const Edge& edge, const std::vector<SE3>& odometry,
-                     const std::vector<DriftCorrection>& corrections) {
-  const Block from = to_block(corrections[edge.from], odometry[edge.from]);
-  const Block to = to_block(corrections[edge.to], odometry[edge.to]);
-  Eigen::Vector4d residuals;
-  EdgeResidual(edge, odometry[edge.from], odometry[edge.to])(from.data(), to.data(),
-                                                             residuals.data());
-  return residuals.norm();
+double residual_norm(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
+                     const Edge& edge) {
+  return linearize(graph, to_states(graph, corrections), edge).residuals.norm();
+}
+
+double squared_distance(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
+                        const Edge& edge) {
+  const std::vector<NodeState> states = to_states(graph, corrections);
+  Information information(states.size());
+  for (const Edge& known : graph.edges) {
+    const LinearEdge linear = linearize(graph, states, known);
+    information.add(known, linear, robust_weight(known, linear));
+  }
+  for (const Height& height : graph.heights) information.add_height(height);
+  const LinearEdge linear = linearize(graph, states, edge);
+  const Eigen::Matrix4d covariance =
+      information.covariance(edge, linear) + Eigen::Matrix4d::Identity();
+  return linear.residuals.dot(covariance.ldlt().solve(linear.residuals));
 }
 
 }  // namespace apvi::loop_closure

@@ -33,14 +33,32 @@ struct Edge {
   bool is_loop = false;  ///< loop closures get a robust loss
 };
 
-/// Maximum-likelihood corrections (input: initial values, output: result) of the `odometry` poses;
-/// the first pose is fixed. A pose graph with four degrees of freedom per node (Qin, Li, Shen,
-/// VINS-Mono, 2018, section VIII), solved with Ceres. z is vertical.
-void optimize_pose_graph(const std::vector<SE3>& odometry, const std::vector<Edge>& edges,
-                         std::vector<DriftCorrection>& corrections);
+/// Absolute height of a node: that of the odometry, which pressure bounds.
+struct Height {
+  std::size_t node = 0;
+  double sigma_m = 0.0;
+};
+
+/// A pose graph with four degrees of freedom per node (Qin, Li, Shen, VINS-Mono, 2018, section
+/// VIII). z is vertical. The first pose is fixed.
+struct PoseGraph {
+  std::vector<SE3> odometry;  ///< poses of the nodes
+  std::vector<Edge> edges;
+  std::vector<Height> heights = {};
+};
+
+/// Maximum-likelihood corrections of the poses of the nodes, with Ceres. `corrections`, one per
+/// node: initial values in, result out.
+void optimize(const PoseGraph& graph, std::vector<DriftCorrection>& corrections);
 
 /// Error of an edge in sigmas: the norm of its residuals.
-double residual_norm(const Edge& edge, const std::vector<SE3>& odometry,
-                     const std::vector<DriftCorrection>& corrections);
+double residual_norm(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
+                     const Edge& edge);
+
+/// Squared Mahalanobis distance, with four degrees of freedom, of an edge that is not in the graph:
+/// d² = rᵀ (J Σ Jᵀ + I)⁻¹ r, with its residuals r in sigmas, their Jacobian J and the covariance Σ
+/// of the nodes by the graph, whose loops count as their robust loss weights them.
+double squared_distance(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
+                        const Edge& edge);
 
 }  // namespace apvi::loop_closure

@@ -23,6 +23,7 @@
 #include "runs/run_folder.hpp"
 #include "runs/scale.hpp"
 #include "runs/self_calibration.hpp"
+#include "runs/smoothed.hpp"
 #include "runs/warnings.hpp"
 
 namespace apvi::runs {
@@ -91,6 +92,7 @@ eval::TrajectoryMetrics evaluate(const RunConfig& config, const Rig& rig,
 // Results of one pass over the recording.
 struct Pass {
   Trajectory fused;
+  Trajectory smoothed;  // empty if the trajectory is not smoothed
   Trajectory dipo;
   Trajectory vio;
   double length_m = 0.0;
@@ -139,6 +141,22 @@ class Runner {
   }
 
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
+    try {
+      localize(reader, interrupted);
+    } catch (...) {
+      pipeline_.stop();
+      write_smoothed();
+      throw;
+    }
+    write_smoothed();
+    if (map_ != nullptr) map_->finish();
+    return std::move(pass_);
+  }
+
+  const localization::Pipeline& pipeline() const { return pipeline_; }
+
+ private:
+  void localize(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
     StatusLine status("localizing");
     std::size_t count = 0;
     if (live_ != nullptr) live_->begin();
@@ -156,13 +174,16 @@ class Runner {
     }
     if (live_ != nullptr && interrupted()) pass_.interrupted = true;  // ended the sequence
     pipeline_.finish();
-    if (map_ != nullptr) map_->finish();
-    return std::move(pass_);
   }
 
-  const localization::Pipeline& pipeline() const { return pipeline_; }
+  // Once the pipeline has ended, with what the graph knows then.
+  void write_smoothed() {
+    const localization::VisualPipeline* visual = pipeline_.visual();
+    if (visual == nullptr || visual->smoother() == nullptr || pass_.fused.empty()) return;
+    pass_.smoothed = visual->smoother()->smoothed(pass_.fused);
+    io::write_tum(folder_.file(kSmoothedFile), pass_.smoothed);
+  }
 
- private:
   void record(const localization::PingOutput& output) {
     folder_.write(output);
     const StampedPose pose = stamped(output.estimate.stamp, output.estimate.state.nav);
@@ -340,6 +361,7 @@ eval::RunTrajectories evaluate_against(const std::optional<Trajectory>& referenc
   metrics.fused = metrics_of(pass.fused);
   if (dipo_served(evidence)) metrics.dipo = metrics_of(pass.dipo);
   if (vio_served(evidence)) metrics.vio = metrics_of(pass.vio);
+  if (!pass.smoothed.empty()) metrics.smoothed = metrics_of(pass.smoothed);
   return metrics;
 }
 
@@ -430,6 +452,10 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
     eval::Json calibration = self_calibration(folder, rig_node, *visual, pass);
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
+    if (result.metrics.smoothed) {
+      sections["smoothed"] =
+          smoothed_json(*visual->smoother(), pass.fused, pass.smoothed, *result.metrics.smoothed);
+    }
   }
   eval::merge_metrics(folder.file("metrics.json"), sections);
   if (result.poses == 0 && !result.interrupted) {

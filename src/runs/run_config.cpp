@@ -48,6 +48,7 @@ localization::Options localization_options(const RunConfig& config) {
           .vio = config.vio,
           .fusion = config.fusion,
           .freeze = config.freeze,
+          .smoothing = config.smoothing,
           .gravity = config.localization.gravity,
           .heldout_every = config.eval.heldout_every};
 }

@@ -40,6 +40,7 @@ struct RunConfig {
   vio::Config vio;
   fusion::Config fusion;
   fusion::FreezeConfig freeze;
+  loop_closure::SmoothingOptions smoothing;
   eval::EvalOptions eval;
   slam::MappingOptions mapping;
   live::Options live;
@@ -55,6 +56,7 @@ struct RunConfig {
     v("vio", vio, "visual-inertial odometry");
     v("fusion", fusion, "fusion and failure detection");
     v("freeze", freeze, "VIO window during a vision failure");
+    v("smoothing", smoothing, "pose graph of the whole dive, beside the odometry");
     v("eval", eval, "evaluation against the reference");
     v("mapping", mapping, "3-D Gaussian map");
     v("live", live, "sources and outputs of `apvi live`");

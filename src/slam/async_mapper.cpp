@@ -75,9 +75,11 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
 }
 
 void AsyncMapper::make_loop_closer() {
-  const gaussians::Intrinsics& k = undistort_.intrinsics();
-  const loop_closure::Pinhole pinhole{k.fx, k.fy, k.cx, k.cy, k.width, k.height};
-  loop_closer_.emplace(*options_.loop_closure, pinhole, options_.thread == MappingThread::dropping);
+  const bool may_drop = options_.thread == MappingThread::dropping;
+  loop_closer_.emplace(
+      loop_closure::closer_options(*options_.loop_closure),
+      CameraModel(to_parameters(undistort_.intrinsics())),
+      may_drop ? loop_closure::LoopThread::skipping : loop_closure::LoopThread::none);
 }
 
 void AsyncMapper::push(localization::MapFrame frame) {
@@ -287,9 +289,9 @@ mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) 
 void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted) {
   if (!loop_closer_) return;
   const auto entry = times_.scope("loops");
-  LoopInput job;
-  job.stamp = frame.stamp;
-  job.T_world_camera = frame.T_world_body * T_body_camera_;
+  loop_closure::LoopInput job;
+  job.keyframe.stamp = frame.stamp;
+  job.keyframe.T_world_camera = frame.T_world_body * T_body_camera_;
   for (const StampedPose& kept : frame.window) {
     job.moved.push_back({kept.stamp, kept.T_world_body * T_body_camera_});
   }

@@ -13,9 +13,8 @@
 #include "core/profiler.hpp"
 #include "core/worker.hpp"
 #include "localization/map_sink.hpp"
-#include "loop_closure/loop_closer.hpp"
+#include "loop_closure/async_loop_closer.hpp"
 #include "mapping/mapper.hpp"
-#include "slam/async_loop_closer.hpp"
 #include "slam/camera_conversion.hpp"
 #include "slam/fair_mutex.hpp"
 #include "slam/mapping_scheduler.hpp"
@@ -141,7 +140,7 @@ class AsyncMapper : public localization::MapSink {
   mutable FairMutex mutex_;  // of mapper_, against snapshot and render
   mapping::Mapper mapper_;
   MappingScheduler scheduler_;
-  std::optional<AsyncLoopCloser> loop_closer_;
+  std::optional<loop_closure::AsyncLoopCloser> loop_closer_;
   Profiler times_;
   std::optional<Stamp> first_frame_;
   std::optional<Stamp> failing_since_;  // VIO has failed; no steps yet for the time since then

@@ -27,6 +27,9 @@ struct System::Implementation {
     out.scale_found = [this](const localization::ScaleFound& found) {
       record_.change_scale(found);
     };
+    out.map_to_odometry = [this](const SE3& T_map_odom) {
+      record_.set_map_to_odometry(T_map_odom);
+    };
     out.map = mapper_ ? &*mapper_ : nullptr;
     const localization::ActiveSensors sensors =
         localization::select_sensors(options.localization, rig, {.images = !rig.cameras.empty()});
@@ -73,6 +76,10 @@ Trajectory System::trajectory() const {
 
 std::optional<StampedPose> System::pose() const {
   return implementation_->record_.newest();
+}
+
+SE3 System::T_map_odom() const {
+  return implementation_->record_.T_map_odom();
 }
 
 Status System::status() const {

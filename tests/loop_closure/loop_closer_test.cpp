@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "apvi/geometry/so3.hpp"
@@ -39,6 +40,13 @@ SE3 odometry(int i) {
   return {so3::exp({0.0, 0.0, kDrift * i}) * truth(i).rotation, place};
 }
 
+Keyframe keyframe(int i, const SE3& T_world_camera) {
+  return {.stamp = stamp_of(i),
+          .T_world_camera = T_world_camera,
+          .drift = {},
+          .height_sigma_m = std::nullopt};
+}
+
 /// Keyframe poses of a map that applies all corrections.
 struct SimulatedRun {
   std::vector<SE3> poses;
@@ -59,17 +67,24 @@ struct SimulatedRun {
   }
 };
 
+/// No loop is old enough.
+LoopOptions never() {
+  LoopOptions options;
+  options.min_age_s = 1000.0;
+  return options;
+}
+
 SimulatedRun simulate(const LoopOptions& options, int keyframes) {
-  LoopCloser closer(options, test::floor_camera());
+  LoopCloser closer(closer_options(options), test::floor_camera());
   SimulatedRun result;
   for (int i = 0; i < keyframes; ++i) {
     result.poses.push_back(result.now * odometry(i));
-    result.apply(closer.add(stamp_of(i), test::render_floor(truth(i)), odometry(i)));
+    const bool changed = closer.add(keyframe(i, odometry(i)), test::render_floor(truth(i)));
+    if (changed) result.apply(closer.changed_corrections());
   }
-  const std::size_t reported = result.reported;
-  result.apply(closer.flush());
-  result.has_loops_at_flush = result.reported > reported;
-  EXPECT_TRUE(closer.flush().empty());
+  result.has_loops_at_flush = closer.flush();
+  if (result.has_loops_at_flush) result.apply(closer.changed_corrections());
+  EXPECT_FALSE(closer.flush());
   result.closures = closer.closures();
   return result;
 }
@@ -84,7 +99,7 @@ double max_position_error(const std::vector<SE3>& poses) {
 }
 
 TEST(LoopCloser, CorrectsDriftOverALap) {
-  const SimulatedRun open = simulate({.min_age_s = 1000.0}, kKeyframes);
+  const SimulatedRun open = simulate(never(), kKeyframes);
   EXPECT_EQ(open.closures, 0U);
   EXPECT_EQ(open.reported, 0U);
   const SimulatedRun closed = simulate({}, kKeyframes);
@@ -110,19 +125,78 @@ TEST(LoopCloser, ReportsNothingWithoutARevisit) {
 }
 
 TEST(LoopCloser, ClosesLoopsWithALimitedNumberOfPlaces) {
-  const SimulatedRun closed = simulate({.max_places = 40}, kKeyframes);
+  LoopOptions few_places;
+  few_places.max_places = 40;
+  const SimulatedRun closed = simulate(few_places, kKeyframes);
   EXPECT_GT(closed.closures, 0U);
   EXPECT_LT(max_position_error(closed.poses),
-            0.5 * max_position_error(simulate({.min_age_s = 1000.0}, kKeyframes).poses));
+            0.5 * max_position_error(simulate(never(), kKeyframes).poses));
 }
 
 TEST(LoopCloser, IgnoresRepeatedAndOutOfOrderKeyframes) {
-  LoopCloser closer({}, test::floor_camera());
+  LoopCloser closer(closer_options(LoopOptions{}), test::floor_camera());
   const cv::Mat image = test::render_floor(truth(0));
-  closer.add(stamp_of(3), image, odometry(3));
-  EXPECT_TRUE(closer.add(stamp_of(3), image, odometry(3)).empty());
-  EXPECT_TRUE(closer.add(stamp_of(2), image, odometry(2)).empty());
+  closer.add(keyframe(3, odometry(3)), image);
+  EXPECT_FALSE(closer.add(keyframe(3, odometry(3)), image));
+  EXPECT_FALSE(closer.add(keyframe(2, odometry(2)), image));
+  EXPECT_EQ(closer.graph().size(), 1U);
   closer.update_pose(stamp_of(77), odometry(77));  // unknown keyframes are ignored
+}
+
+constexpr int kLookAlike = 20;     // keyframes over each of two places
+constexpr int kDetour = 100;       // keyframes without an image between them
+constexpr double kApart_m = 3.0;   // of the two places
+constexpr double kHeight_m = 4.0;  // so that the other place is in view
+
+SE3 above(double x, double y) {
+  return test::camera_looking_down({x, y, kHeight_m}, 0.0);
+}
+
+/// A place, a detour of 60 m, and a place that looks the same `apart_m` beside the first, with
+/// exact odometry that has drifted by 3 cm at most.
+LoopCloser visit_look_alike_places(double gate, double apart_m) {
+  SmoothingOptions options;
+  options.gate = gate;
+  LoopCloser closer(closer_options(options), test::floor_camera());
+  int index = 0;
+  const auto add = [&](const SE3& pose, const cv::Mat& image) {
+    Keyframe next = keyframe(index++, pose);
+    next.drift = {.heading = 1e-7, .horizontal = 6e-6, .vertical = 1e-7};
+    closer.add(next, image);
+  };
+  for (const double x0 : {0.0, apart_m}) {
+    for (int k = 0; k < kLookAlike; ++k) {
+      const double x = 0.1 * (k - kLookAlike / 2);
+      add(above(x0 + x, 0.0), test::render_floor(above(x, 0.0)));
+    }
+    for (int k = 0; x0 == 0.0 && k < kDetour; ++k) {
+      const double away = 30.0 - std::abs(30.0 - 0.6 * k);
+      add(above(x0, away), {});
+    }
+  }
+  closer.flush();
+  return closer;
+}
+
+double newest_shift_m(const LoopCloser& closer) {
+  const std::size_t newest = closer.graph().newest();
+  return (closer.graph().corrected_pose(newest).translation -
+          closer.graph()[newest].T_world_camera.translation)
+      .norm();
+}
+
+TEST(LoopCloser, RejectsALookAlikePlaceThatTheGraphContradicts) {
+  const double gate = SmoothingOptions{}.gate;
+  const LoopCloser open = visit_look_alike_places(1e9, kApart_m);
+  ASSERT_GT(open.closures(), 0U);  // the images alone do not tell
+  const LoopCloser gated = visit_look_alike_places(gate, kApart_m);
+  EXPECT_EQ(gated.closures(), 0U);
+  EXPECT_GT(gated.rejected(), 0U);
+  EXPECT_EQ(newest_shift_m(gated), 0.0);
+  const LoopCloser same = visit_look_alike_places(gate, 0.0);
+  EXPECT_GT(same.closures(), 5U);
+  EXPECT_EQ(same.rejected(), 0U);
+  EXPECT_LT(newest_shift_m(same), 0.02);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ using test::floor_camera;
 using test::render_floor;
 
 constexpr int kFeatures = 500;
-const double kSigma = 1.0 / floor_camera().fx;
+const double kSigma = 1.0 / floor_camera().parameters().fx;
 
 SE3 above(double x, double y, double height, double heading) {
   return test::camera_looking_down({x, y, height}, heading);

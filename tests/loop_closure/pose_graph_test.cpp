@@ -77,32 +77,32 @@ TEST(PoseGraph, OneLoopCorrectsHeadingDrift) {
   std::vector<DriftCorrection> corrections(kPoses);
   const double before = worst(truth, odometry, corrections);
   ASSERT_GT(before, 0.3);
-  std::vector<Edge> edges = chain(odometry);
-  edges.push_back(loop(truth, 3, 75));
-  optimize_pose_graph(odometry, edges, corrections);
+  PoseGraph graph{odometry, chain(odometry)};
+  graph.edges.push_back(loop(truth, 3, 75));
+  optimize(graph, corrections);
   EXPECT_LT(worst(truth, odometry, corrections), 0.1 * before);
   EXPECT_NEAR(corrections[75].heading, -0.072, 0.005);
-  EXPECT_LT(residual_norm(edges.back(), odometry, corrections), 1.0);
+  EXPECT_LT(residual_norm(graph, corrections, graph.edges.back()), 1.0);
 }
 
 TEST(PoseGraph, ConsistentLoopOrNoLoopChangesNothing) {
   const std::vector<SE3> truth = circle();
   std::vector<DriftCorrection> corrections(kPoses);
-  std::vector<Edge> edges = chain(truth);
-  optimize_pose_graph(truth, edges, corrections);
-  edges.push_back(loop(truth, 0, 72));
-  optimize_pose_graph(truth, edges, corrections);
+  PoseGraph graph{truth, chain(truth)};
+  optimize(graph, corrections);
+  graph.edges.push_back(loop(truth, 0, 72));
+  optimize(graph, corrections);
   EXPECT_LT(worst(truth, truth, corrections), 1e-6);
-  EXPECT_NEAR(residual_norm(edges.back(), truth, corrections), 0.0, 1e-6);
+  EXPECT_NEAR(residual_norm(graph, corrections, graph.edges.back()), 0.0, 1e-6);
 }
 
 TEST(PoseGraph, FirstPoseIsFixed) {
   const std::vector<SE3> truth = circle();
   const std::vector<SE3> odometry = drifted(truth, 0.001, {0.002, 0.0, 0.0});
   std::vector<DriftCorrection> corrections(kPoses);
-  std::vector<Edge> edges = chain(odometry);
-  edges.push_back(loop(truth, 3, 75));
-  optimize_pose_graph(odometry, edges, corrections);
+  PoseGraph graph{odometry, chain(odometry)};
+  graph.edges.push_back(loop(truth, 3, 75));
+  optimize(graph, corrections);
   EXPECT_NEAR(corrections[0].heading, 0.0, 1e-12);
   EXPECT_LT((corrections[0].transform() * odometry[0].translation - truth[0].translation).norm(),
             1e-9);
@@ -112,13 +112,103 @@ TEST(PoseGraph, RobustLossRejectsOneWrongLoopOfSeven) {
   const std::vector<SE3> truth = circle();
   const std::vector<SE3> odometry = drifted(truth, 0.001, Eigen::Vector3d::Zero());
   std::vector<DriftCorrection> corrections(kPoses);
-  std::vector<Edge> edges = chain(odometry);
-  for (std::size_t k = 0; k < 6; ++k) edges.push_back(loop(truth, k, 72 + k));
+  PoseGraph graph{odometry, chain(odometry)};
+  for (std::size_t k = 0; k < 6; ++k) graph.edges.push_back(loop(truth, k, 72 + k));
   Edge wrong = loop(truth, 2, 76);
   wrong.T_from_to.translation += Eigen::Vector3d(0.6, -0.4, 0.0);
-  edges.push_back(wrong);
-  optimize_pose_graph(odometry, edges, corrections);
+  graph.edges.push_back(wrong);
+  optimize(graph, corrections);
   EXPECT_LT(worst(truth, odometry, corrections), 0.05);
+}
+
+/// `count` edges of one meter along x, each with the sigmas of `step`.
+PoseGraph straight_line(std::size_t count, const EdgeSigmas& step) {
+  PoseGraph graph;
+  for (std::size_t i = 0; i <= count; ++i) {
+    graph.odometry.push_back({Eigen::Quaterniond::Identity(), {static_cast<double>(i), 0.0, 0.0}});
+    if (i == 0) continue;
+    graph.edges.push_back({.from = i - 1,
+                           .to = i,
+                           .T_from_to = {Eigen::Quaterniond::Identity(), {1.0, 0.0, 0.0}},
+                           .sigmas = step});
+  }
+  return graph;
+}
+
+constexpr EdgeSigmas kStep{.heading_rad = 0.01, .horizontal_m = 0.02, .vertical_m = 0.03};
+constexpr EdgeSigmas kSeen{.heading_rad = 0.02, .horizontal_m = 0.05, .vertical_m = 0.05};
+
+Edge seen(std::size_t from, std::size_t to, const Eigen::Vector3d& offset, double turn = 0.0) {
+  const Eigen::Vector3d step{static_cast<double>(to) - static_cast<double>(from), 0.0, 0.0};
+  return {.from = from,
+          .to = to,
+          .T_from_to = {so3::exp({0.0, 0.0, turn}), step + offset},
+          .sigmas = kSeen,
+          .is_loop = true};
+}
+
+// The variances of n steps add up; a heading error at one step moves all later positions.
+TEST(PoseGraph, DistanceOfAnEdgeIsThatOfTheClosedForm) {
+  constexpr std::size_t kCount = 9;
+  const PoseGraph graph = straight_line(kCount, kStep);
+  const std::vector<DriftCorrection> none(kCount + 1);
+  const double n = kCount;
+  const double up = n * kStep.vertical_m * kStep.vertical_m + kSeen.vertical_m * kSeen.vertical_m;
+  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
+  const double along =
+      n * kStep.horizontal_m * kStep.horizontal_m + kSeen.horizontal_m * kSeen.horizontal_m;
+  EXPECT_NEAR(squared_distance(graph, none, seen(kCount, 0, {0.2, 0.0, 0.0})), 0.04 / along, 1e-9);
+  // Across the path: position (sum of k) and heading, correlated.
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t k = 0; k < kCount; ++k) {
+    sum += static_cast<double>(k);
+    squares += static_cast<double>(k * k);
+  }
+  const double s = kStep.heading_rad * kStep.heading_rad;
+  Eigen::Matrix2d covariance;
+  covariance << along + squares * s, sum * s, sum * s,
+      n * s + kSeen.heading_rad * kSeen.heading_rad;
+  const Eigen::Vector2d error(0.1, 0.04);
+  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.1, 0.0}, 0.04)),
+              error.dot(covariance.inverse() * error), 1e-9);
+}
+
+TEST(PoseGraph, AMeasuredHeightBoundsTheVerticalUncertainty) {
+  constexpr std::size_t kCount = 9;
+  PoseGraph graph = straight_line(kCount, kStep);
+  const std::vector<DriftCorrection> none(kCount + 1);
+  graph.heights = {{kCount, 0.01}};
+  const double chain = kCount * kStep.vertical_m * kStep.vertical_m;
+  const double up = 1.0 / (1.0 / chain + 1.0 / 1e-4) + kSeen.vertical_m * kSeen.vertical_m;
+  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
+}
+
+TEST(PoseGraph, AKnownLoopMakesTheNextOneMorePrecise) {
+  constexpr std::size_t kCount = 9;
+  PoseGraph graph = straight_line(kCount, kStep);
+  const std::vector<DriftCorrection> none(kCount + 1);
+  const Edge wrong = seen(0, kCount, {0.0, 0.0, 0.3});
+  const double before = squared_distance(graph, none, wrong);
+  graph.edges.push_back(seen(0, kCount, {0.0, 0.0, 0.0}));
+  const double chain = kCount * kStep.vertical_m * kStep.vertical_m;
+  const double loop_variance = kSeen.vertical_m * kSeen.vertical_m;
+  const double up = 1.0 / (1.0 / chain + 1.0 / loop_variance) + loop_variance;
+  EXPECT_NEAR(squared_distance(graph, none, wrong), 0.09 / up, 1e-9);
+  EXPECT_GT(0.09 / up, 1.5 * before);
+}
+
+TEST(PoseGraph, HeightHoldsAgainstALoop) {
+  constexpr std::size_t kCount = 9;
+  PoseGraph graph = straight_line(kCount, kStep);
+  graph.edges.push_back(seen(0, kCount, {0.0, 0.0, 0.1}));
+  std::vector<DriftCorrection> free(kCount + 1);
+  optimize(graph, free);
+  EXPECT_GT(free.back().translation.z(), 0.05);
+  graph.heights = {{kCount, 0.001}};
+  std::vector<DriftCorrection> held(kCount + 1);
+  optimize(graph, held);
+  EXPECT_LT(held.back().translation.z(), 0.001);
 }
 
 }  // namespace

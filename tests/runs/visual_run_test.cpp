@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "apvi/io/tum.hpp"
 #include "runs/run.hpp"
 #include "support/source_dir.hpp"
 #include "support/test_data.hpp"
@@ -70,8 +71,8 @@ TEST_F(RealImages, AteIsBelow2cmWithEightSecondsOfBlackImages) {
 TEST_F(RealImages, ReplayOnThreadsIsBitIdenticalToSequential) {
   run_with("one", {"dataset.duration_s=10"});
   run_with("three", {"dataset.duration_s=10", "run.mode=replay"});
-  for (const char* name :
-       {"trajectory.tum", "vio.tum", "keyframes.tum", "dipo.tum", "health.csv"}) {
+  for (const char* name : {"trajectory.tum", "trajectory_smoothed.tum", "vio.tum", "keyframes.tum",
+                           "dipo.tum", "health.csv"}) {
     EXPECT_EQ(text(std::string("one/") + name), text(std::string("three/") + name)) << name;
   }
 }
@@ -85,6 +86,18 @@ TEST_F(RealImages, AStopKeepsResults) {
   EXPECT_TRUE(result.interrupted);
   EXPECT_GT(result.poses, 20U);
   EXPECT_TRUE(fs::exists(tmp_.path() / "run" / "metrics.json"));
+  EXPECT_EQ(io::read_trajectory(tmp_.path() / "run" / "trajectory_smoothed.tum").size(),
+            result.poses);
+}
+
+TEST_F(RealImages, SmoothedTrajectoryIsNoWorseAndCanBeTurnedOff) {
+  const RunResult result = run_with("run", {});
+  ASSERT_TRUE(result.metrics.smoothed);
+  EXPECT_LT(result.metrics.smoothed->ate.value->rmse, 1.05 * result.metrics.fused.ate.value->rmse);
+  EXPECT_EQ(result.metrics.smoothed->matched, result.metrics.fused.matched);
+  EXPECT_FALSE(run_with("off", {"smoothing.enabled=false"}).metrics.smoothed);
+  EXPECT_FALSE(fs::exists(tmp_.path() / "off" / "trajectory_smoothed.tum"));
+  EXPECT_EQ(text("run/trajectory.tum"), text("off/trajectory.tum"));
 }
 
 }  // namespace

@@ -6,8 +6,9 @@
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "apvi/geometry/se3.hpp"
 #include "apvi/geometry/so3.hpp"
-#include "loop_closure/place.hpp"
+#include "apvi/sensors/camera_model.hpp"
 
 /// A flat textured floor at z = 0 and its images from above.
 namespace apvi::test {
@@ -15,8 +16,14 @@ namespace apvi::test {
 inline constexpr double kFloorPixelsPerMeter = 100.0;  // texture resolution
 inline constexpr int kFloorTextureSizePx = 2000;       // the origin is at its center
 
-inline loop_closure::Pinhole floor_camera() {
-  return {.fx = 210.0, .fy = 210.0, .cx = 160.0, .cy = 120.0, .width = 320, .height = 240};
+inline CameraModel floor_camera() {
+  CameraModel::Parameters camera;
+  camera.fx = camera.fy = 210.0;
+  camera.cx = 159.5;
+  camera.cy = 119.5;
+  camera.width = 320;
+  camera.height = 240;
+  return CameraModel(camera);
 }
 
 /// Multi-octave noise with a fixed seed.
@@ -47,9 +54,9 @@ inline SE3 camera_looking_down(const Eigen::Vector3d& position, double heading) 
 
 /// 8-bit gray.
 inline cv::Mat render_floor(const SE3& T_world_camera) {
-  const loop_closure::Pinhole camera = floor_camera();
+  const CameraModel::Parameters camera = floor_camera().parameters();
   Eigen::Matrix3d K;
-  K << camera.fx, 0.0, camera.cx - 0.5, 0.0, camera.fy, camera.cy - 0.5, 0.0, 0.0, 1.0;
+  K << camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0;
   const SE3 T_camera_world = T_world_camera.inverse();
   Eigen::Matrix3d plane;  // from the floor's x, y, 1 to the camera
   plane.leftCols<2>() = T_camera_world.rotation.toRotationMatrix().leftCols<2>();

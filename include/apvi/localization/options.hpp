@@ -10,6 +10,7 @@
 #include "apvi/core/constants.hpp"
 #include "apvi/dipo/config.hpp"
 #include "apvi/fusion/config.hpp"
+#include "apvi/loop_closure/options.hpp"
 #include "apvi/vio/config.hpp"
 
 namespace apvi::localization {
@@ -61,6 +62,7 @@ struct Options {
   vio::Config vio;
   fusion::Config fusion;
   fusion::FreezeConfig freeze;
+  loop_closure::SmoothingOptions smoothing;
   double gravity = kStandardGravity;  ///< [m/s²]
   int heldout_every = 8;              ///< every N-th image is withheld from the map; 0: none
 

@@ -57,6 +57,10 @@ class System {
   Trajectory trajectory() const;
   /// The newest pose; nothing before initialization.
   std::optional<StampedPose> pose() const;
+  /// Where the odometry frame of the poses lies in the frame in which loops are closed (REP 105):
+  /// T_map_odom * T_world_body is the newest pose without the drift that loop closures have found.
+  /// Identity before the first one, and with `smoothing.enabled: false`.
+  SE3 T_map_odom() const;
 
  private:
   struct Implementation;

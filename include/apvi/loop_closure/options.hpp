@@ -5,12 +5,28 @@
 
 namespace apvi::loop_closure {
 
-struct LoopOptions {
+/// How places are stored and recognized.
+struct PlaceOptions {
   double min_age_s = 20.0;   ///< minimum time between the keyframes of a loop [s]
   int max_features = 800;    ///< per image
   int max_places = 1000;     ///< stored places; beyond this number every second one is dropped
   int min_inliers = 25;      ///< minimum number of PnP inliers
   double pixel_sigma = 1.0;  ///< of a feature, including the error of its match [px]
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("min_age_s", min_age_s, Range{10.0, 1e6}, "minimum time between the keyframes of a loop [s]");
+    v("max_features", max_features, Range{50, 100000}, "maximum features per image");
+    v("max_places", max_places, Range{2, 1000000},
+      "maximum stored keyframes; beyond it every second one is removed");
+    v("min_inliers", min_inliers, Range{6, 100000}, "minimum inliers of a relative pose");
+    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "standard deviation of a feature [px]");
+  }
+};
+
+/// Loop closure of the map.
+struct LoopOptions : PlaceOptions {
   /// Odometry drift per square root of a second, one sigma.
   double drift_m_sqrt_s = 0.004;
   double drift_deg_sqrt_s = 0.1;
@@ -18,19 +34,37 @@ struct LoopOptions {
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("min_age_s", min_age_s, Range{10.0, 1e6},
-      "pose_graph: minimum time between the keyframes of a loop [s]");
-    v("max_features", max_features, Range{50, 100000}, "pose_graph: maximum features per image");
-    v("max_places", max_places, Range{2, 1000000},
-      "pose_graph: maximum stored keyframes; beyond it every second one is removed");
-    v("min_inliers", min_inliers, Range{6, 100000},
-      "pose_graph: minimum inliers of a relative pose");
-    v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
-      "pose_graph: standard deviation of a feature [px]");
+    PlaceOptions::visit(v);
     v("drift_m_sqrt_s", drift_m_sqrt_s, Range{1e-6, 10.0},
-      "pose_graph: position drift of odometry, one sigma [m/sqrt(s)]");
+      "position drift of odometry, one sigma [m/sqrt(s)]");
     v("drift_deg_sqrt_s", drift_deg_sqrt_s, Range{1e-6, 180.0},
-      "pose_graph: heading drift of odometry, one sigma [deg/sqrt(s)]");
+      "heading drift of odometry, one sigma [deg/sqrt(s)]");
+  }
+};
+
+/// Loop closure of the trajectory: the pose graph beside the odometry.
+struct SmoothingOptions : PlaceOptions {
+  bool enabled = true;
+  double node_step_s = 1.0;   ///< time between the nodes of the graph [s]
+  int max_nodes = 2000;       ///< beyond this number every second one is dropped
+  double drift_factor = 3.0;  ///< estimators are overconfident, see docs/localization.md
+  double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
+
+  template <typename V>
+  void visit(V& v) {
+    using config::Range;
+    v("enabled", enabled,
+      "correct the trajectory by loop closures, in trajectory_smoothed.tum; needs a camera and an "
+      "IMU");
+    PlaceOptions::visit(v);
+    v("node_step_s", node_step_s, Range{0.1, 10.0}, "time between the nodes of the graph [s]");
+    v("max_nodes", max_nodes, Range{10, 1000000},
+      "maximum nodes of the graph; beyond it every second one is removed");
+    v("drift_factor", drift_factor, Range{0.01, 100.0},
+      "factor on the standard deviation of the odometry's drift");
+    v("gate", gate, Range{0.1, 1e9},
+      "largest squared Mahalanobis distance of a loop closure from the graph; 16.25 rejects 0.27 % "
+      "of the true ones (4 degrees of freedom)");
   }
 };
 

@@ -61,6 +61,8 @@ class System {
   Trajectory trajectory() const;
   /// The newest pose; nothing before initialization.
   std::optional<StampedPose> pose() const;
+  /// See localization::System. The map has loop corrections of its own.
+  SE3 T_map_odom() const;
   Status status() const;
   /// Nothing before the first keyframe is mapped.
   std::optional<MapSnapshot> map() const;

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "localization/smoother.hpp"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "vio/state_prior.hpp"
+
+namespace apvi::localization {
+namespace {
+
+constexpr double kPoseStep_s = 1.0;  // between keyframes without an image
+
+loop_closure::LoopThread thread_of(RunMode mode) {
+  switch (mode) {
+    case RunMode::sequential:
+      return loop_closure::LoopThread::none;
+    case RunMode::replay:
+      return loop_closure::LoopThread::blocking;
+    case RunMode::realtime:
+      return loop_closure::LoopThread::skipping;
+  }
+  return loop_closure::LoopThread::none;
+}
+
+cv::Mat to_gray(const cv::Mat& image) {
+  if (image.channels() != 3) return image;
+  cv::Mat gray;
+  cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
+  return gray;
+}
+
+}  // namespace
+
+Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors)
+    : T_body_camera_(rig.cameras.front().T_body_camera),
+      height_is_measured_(sensors.dvl && options.sensors.includes("pressure") &&
+                          (rig.pressure || rig.depth)),
+      drift_factor_(options.smoothing.drift_factor),
+      closer_(loop_closure::closer_options(options.smoothing), rig.cameras.front().model,
+              thread_of(options.run.mode)) {}
+
+// Poses up to scale are no odometry in meters.
+void Smoother::add(const FrameOutput& output, const std::optional<MapFrame>& news) {
+  if (!output.fusion.pose || output.vio.up_to_scale) return;
+  if (!stamps_.empty() && output.stamp <= stamps_.back()) return;
+  drift_.add(output);
+  if (news) move_window(*news);
+  const bool has_image = news && !news->image.empty() && !news->held_out;
+  if (has_image) return add_image(output, *news);
+  const bool due = !stamps_.empty() && seconds_between(stamps_.back(), output.stamp) >= kPoseStep_s;
+  if (due) add_pose(output);
+}
+
+// Keyframes of the window with their present poses; in_window_ becomes those still in it.
+void Smoother::move_window(const MapFrame& news) {
+  std::map<Stamp, std::size_t> kept;
+  for (const StampedPose& pose : news.window) {
+    const auto known = in_window_.find(pose.stamp);
+    if (known == in_window_.end()) continue;
+    kept.insert(*known);
+    Keyframe& keyframe = keyframes_[known->second];
+    keyframe.T_graph_image = T_graph_window_ * pose.T_world_body;
+    moved_.emplace_back(pose.stamp, keyframe.T_graph_image * keyframe.T_body_camera);
+  }
+  in_window_ = std::move(kept);
+}
+
+// Where odometry leads from the newest keyframe.
+SE3 Smoother::predicted(const SE3& T_odom_body) const {
+  if (keyframes_.empty()) return T_odom_body;
+  const Keyframe& last = keyframes_.back();
+  return last.T_graph_body() * last.T_odom_body.inverse() * T_odom_body;
+}
+
+void Smoother::add_image(const FrameOutput& output, const MapFrame& news) {
+  const SE3& T_odom_body = output.fusion.pose->T_world_body;
+  const SE3 T_window_body = output.vio.state.pose();
+  const bool continues = !in_window_.empty();
+  if (!continues) {
+    T_graph_window_ = vio::level_alignment(predicted(T_odom_body), T_window_body);
+  }
+  in_window_[news.stamp] = keyframes_.size();
+  push({.T_odom_body = T_odom_body,
+        .T_graph_image = T_graph_window_ * news.T_world_body,
+        .T_image_body = news.T_world_body.inverse() * T_window_body,
+        .T_body_camera = news.T_body_camera.value_or(T_body_camera_)},
+       news.stamp, news.image, continues);
+}
+
+void Smoother::add_pose(const FrameOutput& output) {
+  const SE3& T_odom_body = output.fusion.pose->T_world_body;
+  push({.T_odom_body = T_odom_body,
+        .T_graph_image = predicted(T_odom_body),
+        .T_image_body = SE3::identity(),
+        .T_body_camera = T_body_camera_},
+       output.stamp, {}, true);
+}
+
+void Smoother::push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image,
+                    bool vio_continues) {
+  keyframes_.push_back(keyframe);
+  stamps_.push_back(stamp);
+  {
+    const std::scoped_lock lock(mutex_);
+    T_graph_odom_ = keyframe.T_graph_body() * keyframe.T_odom_body.inverse();
+  }
+  loop_closure::LoopInput input;
+  input.keyframe = {.stamp = stamp,
+                    .T_world_camera = keyframe.T_graph_image * keyframe.T_body_camera,
+                    .drift = drift_.take(vio_continues) * (drift_factor_ * drift_factor_),
+                    .height_sigma_m = std::nullopt};
+  if (height_is_measured_) input.keyframe.height_sigma_m = drift_.height_sigma_m();
+  if (!image.empty()) input.gray = to_gray(image);
+  input.moved = std::exchange(moved_, {});
+  closer_.push(std::move(input));
+}
+
+void Smoother::finish() {
+  closer_.finish();
+}
+
+void Smoother::stop() {
+  closer_.stop();
+}
+
+SE3 Smoother::T_map_odom() const {
+  const SE3 T_map_graph = closer_.newest_correction();
+  const std::scoped_lock lock(mutex_);
+  return T_map_graph * T_graph_odom_;
+}
+
+// The pose as the odometry since a keyframe continues the corrected keyframe.
+SE3 Smoother::correction(const StampedPose& pose, std::size_t keyframe) const {
+  const Keyframe& k = keyframes_[keyframe];
+  const SE3 T_map_body =
+      closer().graph().corrected_pose(keyframe) * k.T_body_camera.inverse() * k.T_image_body;
+  return T_map_body * k.T_odom_body.inverse() * pose.T_world_body;
+}
+
+Trajectory Smoother::smoothed(const Trajectory& odometry) const {
+  Trajectory out = odometry;
+  const std::size_t known = std::min(keyframes_.size(), closer().graph().size());
+  if (known == 0) return out;
+  const auto end = stamps_.begin() + static_cast<std::ptrdiff_t>(known);
+  for (StampedPose& pose : out.poses) {
+    const auto after = static_cast<std::size_t>(std::upper_bound(stamps_.begin(), end, pose.stamp) -
+                                                stamps_.begin());
+    const std::size_t a = after == 0 ? 0 : after - 1;
+    const std::size_t b = std::min(after, known - 1);
+    const double span = seconds_between(stamps_[a], stamps_[b]);
+    const double u = span > 0.0 ? seconds_between(stamps_[a], pose.stamp) / span : 0.0;
+    pose.T_world_body = interpolate(correction(pose, a), correction(pose, b), u);
+  }
+  return out;
+}
+
+}  // namespace apvi::localization

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <opencv2/core/mat.hpp>
+#include <utility>
+#include <vector>
+
+#include "core/worker.hpp"
+#include "loop_closure/loop_closer.hpp"
+
+namespace apvi::loop_closure {
+
+/// A keyframe to add to the loop closer.
+struct LoopInput {
+  Keyframe keyframe;
+  cv::Mat gray;
+  std::vector<std::pair<Stamp, SE3>> moved;  ///< window keyframes with their updated poses
+};
+
+/// Where a loop closer runs.
+enum class LoopThread {
+  none,      ///< on the caller's thread
+  blocking,  ///< on a thread of its own; the same result
+  skipping,  ///< on a thread of its own that skips images when it is behind
+};
+
+/// Runs a loop closer on a thread of its own, or on the caller's.
+class AsyncLoopCloser {
+ public:
+  AsyncLoopCloser(const CloserOptions& options, const CameraModel& camera, LoopThread thread);
+
+  /// Blocks only if the thread is `blocking` and far behind. Rethrows an exception of the thread.
+  void push(LoopInput job);
+  /// Pose corrections of the oldest unread loop closure; empty when there is none, or when the
+  /// options ask for none.
+  std::vector<KeyframeCorrection> pop_corrections();
+  /// Processes all queued keyframes and publishes the last corrections. Rethrows an exception of
+  /// the worker thread.
+  void finish();
+  /// Discards what is queued.
+  void stop();
+
+  std::size_t closures() const { return closures_; }
+  /// Correction of the newest keyframe; any thread.
+  SE3 newest_correction() const;
+  /// After `finish` or `stop`.
+  const LoopCloser& closer() const { return closer_; }
+  /// Time spent on each keyframe that was searched for loops [s]. After `finish` or `stop`.
+  const std::vector<double>& seconds() const { return seconds_; }
+
+ private:
+  void process(const LoopInput& job);
+  void publish(bool changed);
+
+  LoopCloser closer_;
+  std::vector<double> seconds_;
+  bool skips_images_;
+  bool lists_corrections_;
+  std::atomic<std::size_t> closures_ = 0;
+  mutable std::mutex mutex_;
+  std::deque<std::vector<KeyframeCorrection>> corrections_;  // guarded by mutex_
+  SE3 newest_;                                               // guarded by mutex_
+  std::unique_ptr<Worker<LoopInput>> worker_;  // last member: stopped before the members it uses
+};
+
+}  // namespace apvi::loop_closure

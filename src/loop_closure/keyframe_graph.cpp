@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loop_closure/keyframe_graph.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "apvi/core/constants.hpp"
+
+namespace apvi::loop_closure {
+namespace {
+
+const EdgeSigmas kLoopSigmas{
+    .heading_rad = 0.05 * kRadiansPerDegree, .horizontal_m = 0.007, .vertical_m = 0.007};
+constexpr double kMinSigma = 1e-5;  // of odometry: the graph must stay solvable
+constexpr std::size_t kLoopsPerNode = 4;
+
+double sigma(double variance) {
+  return std::max(kMinSigma, std::sqrt(std::max(0.0, variance)));
+}
+
+// Of each pair the later one; the first and the last stay.
+template <typename T>
+void drop_every_second(std::vector<T>& all) {
+  if (all.size() < 3) return;
+  std::size_t kept = 1;
+  for (std::size_t i = 2; i + 1 < all.size(); i += 2) all[kept++] = all[i];
+  all[kept++] = all.back();
+  all.resize(kept);
+}
+
+}  // namespace
+
+DriftVariance& DriftVariance::operator+=(const DriftVariance& other) {
+  heading += other.heading;
+  horizontal += other.horizontal;
+  vertical += other.vertical;
+  return *this;
+}
+
+void KeyframeGraph::add(const Keyframe& keyframe) {
+  const std::size_t index = keyframes_.size();
+  by_stamp_[keyframe.stamp] = index;
+  const bool first = keyframes_.empty();
+  DriftVariance drift = first ? DriftVariance{} : drift_.back();
+  if (!first) drift += keyframe.drift;
+  const double moved =
+      first ? 0.0
+            : (keyframe.T_world_camera.translation - keyframes_.back().T_world_camera.translation)
+                  .norm();
+  path_m_.push_back(first ? 0.0 : path_m_.back() + moved);
+  drift_.push_back(drift);
+  keyframes_.push_back(keyframe);
+  if (!first && age_s(nodes_.back()) < options_.node_step_s) return;
+  nodes_.push_back(index);
+  corrections_.push_back(corrections_.empty() ? DriftCorrection{} : corrections_.back());
+  if (nodes_.size() > options_.max_nodes) thin_out();
+}
+
+void KeyframeGraph::thin_out() {
+  drop_every_second(nodes_);
+  drop_every_second(corrections_);
+  options_.node_step_s *= 2.0;
+}
+
+void KeyframeGraph::update_pose(Stamp stamp, const SE3& T_world_camera) {
+  const auto known = by_stamp_.find(stamp);
+  if (known != by_stamp_.end()) keyframes_[known->second].T_world_camera = T_world_camera;
+}
+
+// As with nodes, half of the loops of a long dive say as much.
+void KeyframeGraph::add(const Loop& loop) {
+  loops_.push_back(loop);
+  if (loops_.size() / kLoopsPerNode > options_.max_nodes) drop_every_second(loops_);
+}
+
+double KeyframeGraph::age_s(std::size_t keyframe) const {
+  return seconds_between(keyframes_[keyframe].stamp, keyframes_.back().stamp);
+}
+
+std::size_t KeyframeGraph::node_before(std::size_t keyframe) const {
+  const auto next = std::upper_bound(nodes_.begin(), nodes_.end(), keyframe);
+  return static_cast<std::size_t>(next - nodes_.begin()) - 1;
+}
+
+std::size_t KeyframeGraph::nearest_node(std::size_t keyframe) const {
+  const std::size_t before = node_before(keyframe);
+  if (before + 1 == nodes_.size()) return before;
+  const Stamp stamp = keyframes_[keyframe].stamp;
+  const bool nearer = seconds_between(keyframes_[nodes_[before]].stamp, stamp) <
+                      seconds_between(stamp, keyframes_[nodes_[before + 1]].stamp);
+  return nearer ? before : before + 1;
+}
+
+DriftCorrection KeyframeGraph::correction(std::size_t keyframe) const {
+  const std::size_t before = node_before(keyframe);
+  const DriftCorrection& a = corrections_[before];
+  if (before + 1 == nodes_.size()) return a;
+  const DriftCorrection& b = corrections_[before + 1];
+  const Stamp begin = keyframes_[nodes_[before]].stamp;
+  const double part = seconds_between(begin, keyframes_[keyframe].stamp) /
+                      seconds_between(begin, keyframes_[nodes_[before + 1]].stamp);
+  return {.heading = a.heading + part * (b.heading - a.heading),
+          .translation = a.translation + part * (b.translation - a.translation)};
+}
+
+SE3 KeyframeGraph::corrected_pose(std::size_t keyframe) const {
+  return correction(keyframe).transform() * keyframes_[keyframe].T_world_camera;
+}
+
+// Expressed between the nodes nearest to its keyframes; odometry drift over that interval is
+// negligible.
+Edge KeyframeGraph::edge(const Loop& loop) const {
+  const std::size_t from = nearest_node(loop.from);
+  const std::size_t to = nearest_node(loop.to);
+  const auto odometry = [this](std::size_t a, std::size_t b) {
+    return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
+  };
+  return {.from = from,
+          .to = to,
+          .T_from_to =
+              odometry(nodes_[from], loop.from) * loop.T_from_to * odometry(loop.to, nodes_[to]),
+          .sigmas = kLoopSigmas,
+          .is_loop = true};
+}
+
+Edge KeyframeGraph::edge_to_next(std::size_t node) const {
+  const std::size_t a = nodes_[node];
+  const std::size_t b = nodes_[node + 1];
+  return {.from = node,
+          .to = node + 1,
+          .T_from_to = keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera,
+          .sigmas = {.heading_rad = sigma(drift_[b].heading - drift_[a].heading),
+                     .horizontal_m = sigma(drift_[b].horizontal - drift_[a].horizontal),
+                     .vertical_m = sigma(drift_[b].vertical - drift_[a].vertical)}};
+}
+
+PoseGraph KeyframeGraph::graph() const {
+  PoseGraph graph;
+  for (std::size_t node = 0; node < nodes_.size(); ++node) {
+    const Keyframe& keyframe = keyframes_[nodes_[node]];
+    graph.odometry.push_back(keyframe.T_world_camera);
+    if (node + 1 < nodes_.size()) graph.edges.push_back(edge_to_next(node));
+    if (keyframe.height_sigma_m) {
+      graph.heights.push_back({node, std::max(kMinSigma, *keyframe.height_sigma_m)});
+    }
+  }
+  for (const Loop& loop : loops_) {
+    const Edge closed = edge(loop);
+    if (closed.from != closed.to) graph.edges.push_back(closed);
+  }
+  return graph;
+}
+
+double KeyframeGraph::residual_norm(const Loop& loop) const {
+  return loop_closure::residual_norm(graph(), corrections_, edge(loop));
+}
+
+double KeyframeGraph::squared_distance(const Loop& loop) const {
+  return loop_closure::squared_distance(graph(), corrections_, edge(loop));
+}
+
+void KeyframeGraph::optimize() {
+  loop_closure::optimize(graph(), corrections_);
+}
+
+}  // namespace apvi::loop_closure

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "apvi/core/stamp.hpp"
+#include "loop_closure/pose_graph.hpp"
+
+namespace apvi::loop_closure {
+
+/// Variance of the drift of odometry over a span, a random walk.
+struct DriftVariance {
+  double heading = 0.0;     ///< [rad²]
+  double horizontal = 0.0;  ///< of each axis [m²]
+  double vertical = 0.0;    ///< [m²]
+
+  DriftVariance& operator+=(const DriftVariance& other);
+  friend DriftVariance operator*(const DriftVariance& drift, double factor) {
+    return {drift.heading * factor, drift.horizontal * factor, drift.vertical * factor};
+  }
+};
+
+/// A keyframe as odometry sees it.
+struct Keyframe {
+  Stamp stamp;
+  SE3 T_world_camera;
+  DriftVariance drift;  ///< since the keyframe before
+  /// Standard deviation of the absolute height [m]; nothing if it is not measured.
+  std::optional<double> height_sigma_m;
+};
+
+/// Relative pose of the cameras of two keyframes, seen in their images.
+struct Loop {
+  std::size_t from = 0;
+  std::size_t to = 0;
+  SE3 T_from_to;
+};
+
+struct KeyframeGraphOptions {
+  double node_step_s = 4.0;  ///< time between nodes
+  std::size_t max_nodes = std::numeric_limits<std::size_t>::max();
+};
+
+/// The pose graph of a dive: nodes are keyframes at even times, and corrections are interpolated
+/// between them, so that the error of a single loop does not distort the path between neighboring
+/// keyframes. Beyond `max_nodes` every second node is dropped, so the work is bounded; loops are
+/// kept between keyframes and expressed between their nearest nodes.
+class KeyframeGraph {
+ public:
+  explicit KeyframeGraph(const KeyframeGraphOptions& options) : options_(options) {}
+
+  /// In order of time.
+  void add(const Keyframe& keyframe);
+  /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
+  void update_pose(Stamp stamp, const SE3& T_world_camera);
+  void add(const Loop& loop);
+
+  std::size_t size() const { return keyframes_.size(); }
+  const Keyframe& operator[](std::size_t keyframe) const { return keyframes_[keyframe]; }
+  std::size_t nodes() const { return nodes_.size(); }
+  std::size_t newest() const { return keyframes_.size() - 1; }
+  /// Time from a keyframe to the newest one [s].
+  double age_s(std::size_t keyframe) const;
+  /// Length of the way from one keyframe to a later one [m].
+  double path_m(std::size_t from, std::size_t to) const { return path_m_[to] - path_m_[from]; }
+  DriftCorrection correction(std::size_t keyframe) const;
+  SE3 corrected_pose(std::size_t keyframe) const;
+
+  /// Error of a loop in sigmas.
+  double residual_norm(const Loop& loop) const;
+  /// Squared Mahalanobis distance of a loop from the graph, see `squared_distance`.
+  double squared_distance(const Loop& loop) const;
+  void optimize();
+
+ private:
+  std::size_t node_before(std::size_t keyframe) const;
+  std::size_t nearest_node(std::size_t keyframe) const;
+  void thin_out();
+  Edge edge(const Loop& loop) const;
+  Edge edge_to_next(std::size_t node) const;
+  PoseGraph graph() const;
+
+  KeyframeGraphOptions options_;
+  std::vector<Keyframe> keyframes_;
+  std::vector<double> path_m_;        ///< by keyframe, since the first one
+  std::vector<DriftVariance> drift_;  ///< by keyframe, since the first one
+  std::map<Stamp, std::size_t> by_stamp_;
+  std::vector<std::size_t> nodes_;            ///< indices of keyframes
+  std::vector<DriftCorrection> corrections_;  ///< of the nodes
+  std::vector<Loop> loops_;
+};
+
+}  // namespace apvi::loop_closure

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/smoothed.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "apvi/core/constants.hpp"
+#include "apvi/geometry/so3.hpp"
+
+namespace apvi::runs {
+namespace {
+
+struct Largest {
+  double shift_m = 0.0;
+  double turn_deg = 0.0;
+};
+
+Largest largest_correction(const Trajectory& odometry, const Trajectory& smoothed) {
+  Largest largest;
+  for (std::size_t i = 0; i < odometry.size(); ++i) {
+    const SE3& a = odometry.poses[i].T_world_body;
+    const SE3& b = smoothed.poses[i].T_world_body;
+    largest.shift_m = std::max(largest.shift_m, (b.translation - a.translation).norm());
+    largest.turn_deg =
+        std::max(largest.turn_deg, kDegreesPerRadian * so3::angle_between(a.rotation, b.rotation));
+  }
+  return largest;
+}
+
+double quantile_ms(std::vector<double> seconds, double part) {
+  const auto at = static_cast<std::ptrdiff_t>(part * static_cast<double>(seconds.size() - 1));
+  std::nth_element(seconds.begin(), seconds.begin() + at, seconds.end());
+  return 1e3 * seconds[static_cast<std::size_t>(at)];
+}
+
+}  // namespace
+
+eval::Json smoothed_json(const localization::Smoother& smoother, const Trajectory& odometry,
+                         const Trajectory& smoothed, const eval::TrajectoryMetrics& metrics) {
+  eval::Json json = eval::to_json(metrics);
+  json["closed_loops"] = smoother.closer().closures();
+  json["rejected_loops"] = smoother.closer().rejected();
+  const Largest largest = largest_correction(odometry, smoothed);
+  json["largest_correction_m"] = largest.shift_m;
+  json["largest_correction_deg"] = largest.turn_deg;
+  const std::vector<double>& seconds = smoother.keyframe_seconds();
+  if (seconds.empty()) return json;
+  json["keyframe_ms"] = {{"median", quantile_ms(seconds, 0.5)},
+                         {"p95", quantile_ms(seconds, 0.95)}};
+  return json;
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "localization/smoother.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "apvi/geometry/so3.hpp"
+#include "support/simulated_dive.hpp"
+#include "support/textured_floor.hpp"
+
+namespace apvi::localization {
+namespace {
+
+constexpr int kLap = 100;                // frames per lap
+constexpr int kFrames = 2 * kLap;        // two laps
+constexpr double kPeriod_s = 0.5;        // of the frames
+constexpr double kTurn = 4e-4;           // heading drift per frame [rad]
+constexpr double kSigmaPerFrame = 1e-3;  // of the odometry, as reported [m, rad]
+
+Stamp stamp_of(int frame) {
+  return Stamp{} + Duration::from_seconds(kPeriod_s * frame);
+}
+
+Rig floor_rig() {
+  Rig rig;
+  CameraCalibration camera;
+  camera.model = test::floor_camera();
+  camera.T_body_camera = {Eigen::Quaterniond::Identity(), {0.1, 0.0, 0.0}};
+  rig.cameras.push_back(camera);
+  return rig;
+}
+
+SE3 truth(int frame) {
+  const double a = 2.0 * M_PI * frame / kLap;
+  return test::camera_looking_down({3.0 * std::cos(a), 3.0 * std::sin(a), 2.0}, a);
+}
+
+SE3 odometry(int frame) {
+  Eigen::Vector3d p = truth(0).translation;
+  for (int k = 0; k < frame; ++k) {
+    p += so3::exp({0.0, 0.0, kTurn * k}) * (truth(k + 1).translation - truth(k).translation);
+  }
+  return {so3::exp({0.0, 0.0, kTurn * frame}) * truth(frame).rotation, p};
+}
+
+/// A frame of a visual-inertial odometry with a window of one second, the newest frame fixed.
+FrameOutput output_of(int frame) {
+  FrameOutput output;
+  output.stamp = stamp_of(frame);
+  output.vio.status = vio::Status::tracking;
+  output.vio.window_s = 1.0;
+  const double variance = kSigmaPerFrame * kSigmaPerFrame / kPeriod_s;
+  output.vio.window_information = fusion::Matrix6::Identity() / variance;
+  const SE3 pose = odometry(frame);
+  output.vio.state.R_world_body = pose.rotation;
+  output.vio.state.p_world = pose.translation;
+  output.fusion.state = fusion::FusionState::vio_only;
+  output.fusion.pose = fusion::PoseEstimate{pose, fusion::Matrix6::Identity() * 1e-4};
+  return output;
+}
+
+MapFrame map_frame_of(int frame, const Rig& rig) {
+  MapFrame news;
+  news.stamp = news.image_stamp = stamp_of(frame);
+  news.T_world_body = odometry(frame);
+  news.image = test::render_floor(truth(frame) * rig.cameras.front().T_body_camera);
+  for (int k = std::max(0, frame - 5); k < frame; ++k) {
+    news.window.push_back({stamp_of(k), odometry(k)});
+  }
+  return news;
+}
+
+struct Result {
+  Trajectory odometry;
+  Trajectory smoothed;
+  SE3 T_map_odom;
+  std::size_t closures = 0;
+};
+
+/// `from` to `to`: frames without a usable image, which VIO bridges or, if `restarts`, does not.
+Result dive(const Options& options, int from = 0, int to = 0, bool restarts = false) {
+  const Rig rig = floor_rig();
+  Smoother smoother(options, rig, {.cameras = 1});
+  Result result;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    const FrameOutput output = output_of(frame);
+    result.odometry.poses.push_back(*output.fused());
+    const bool dark = frame >= from && frame < to;
+    std::optional<MapFrame> news;
+    if (!dark) news = map_frame_of(frame, rig);
+    if (restarts && frame == to) news->window.clear();
+    smoother.add(output, news);
+  }
+  smoother.finish();
+  result.smoothed = smoother.smoothed(result.odometry);
+  result.T_map_odom = smoother.T_map_odom();
+  result.closures = smoother.closer().closures();
+  return result;
+}
+
+double largest_error(const Trajectory& poses) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    largest = std::max(
+        largest,
+        (poses.poses[i].T_world_body.translation - truth(static_cast<int>(i)).translation).norm());
+  }
+  return largest;
+}
+
+TEST(Smoother, ClosesTheLoopOfADriftedTrajectory) {
+  const Result result = dive({});
+  EXPECT_GT(result.closures, 10U);
+  ASSERT_EQ(result.smoothed.size(), result.odometry.size());
+  ASSERT_GT(largest_error(result.odometry), 0.2);
+  EXPECT_LT(largest_error(result.smoothed), 0.3 * largest_error(result.odometry));
+  const SE3 newest = result.T_map_odom * result.odometry.poses.back().T_world_body;
+  const SE3& last = result.smoothed.poses.back().T_world_body;
+  EXPECT_LT((newest.translation - last.translation).norm(), 1e-9);
+  EXPECT_LT(so3::angle_between(newest.rotation, last.rotation), 1e-9);
+}
+
+TEST(Smoother, IsAsSmoothAsTheOdometry) {
+  const Result result = dive({});
+  for (std::size_t i = 1; i < result.smoothed.size(); ++i) {
+    const auto step = [i](const Trajectory& t) {
+      return (t.poses[i - 1].T_world_body.inverse() * t.poses[i].T_world_body).translation;
+    };
+    EXPECT_LT((step(result.smoothed) - step(result.odometry)).norm(), 0.01) << i;
+  }
+}
+
+TEST(Smoother, WithoutALoopTheTrajectoryIsThatOfTheOdometry) {
+  Options options;
+  options.smoothing.min_age_s = 1e5;
+  const Result result = dive(options);
+  EXPECT_EQ(result.closures, 0U);
+  for (std::size_t i = 0; i < result.smoothed.size(); ++i) {
+    const SE3 moved =
+        result.odometry.poses[i].T_world_body.inverse() * result.smoothed.poses[i].T_world_body;
+    EXPECT_LT(moved.translation.norm(), 1e-9) << i;
+  }
+}
+
+TEST(Smoother, AThreadOfItsOwnGivesTheSameBits) {
+  Options replay;
+  replay.run.mode = RunMode::replay;
+  const Result a = dive({});
+  const Result b = dive(replay);
+  EXPECT_EQ(a.closures, b.closures);
+  for (std::size_t i = 0; i < a.smoothed.size(); ++i) {
+    const SE3& p = a.smoothed.poses[i].T_world_body;
+    const SE3& q = b.smoothed.poses[i].T_world_body;
+    EXPECT_TRUE(p.translation == q.translation && p.rotation.coeffs() == q.rotation.coeffs());
+  }
+}
+
+TEST(Smoother, BridgesASpanWithoutImages) {
+  for (const bool restarts : {false, true}) {
+    const Result result = dive({}, 60, 90, restarts);
+    EXPECT_GT(result.closures, 5U);
+    EXPECT_LT(largest_error(result.smoothed), 0.4 * largest_error(result.odometry));
+  }
+}
+
+TEST(Smoother, PosesUpToScaleAreNoOdometry) {
+  const Rig rig = floor_rig();
+  Smoother smoother({}, rig, {.cameras = 1});
+  for (int frame = 0; frame < 5; ++frame) {
+    FrameOutput output = output_of(frame);
+    output.vio.up_to_scale = true;
+    smoother.add(output, map_frame_of(frame, rig));
+  }
+  smoother.finish();
+  EXPECT_EQ(smoother.closer().graph().size(), 0U);
+  const Trajectory some{{{stamp_of(0), odometry(7)}}};
+  EXPECT_EQ(smoother.smoothed(some).poses[0].T_world_body.translation, odometry(7).translation);
+}
+
+}  // namespace
+}  // namespace apvi::localization
