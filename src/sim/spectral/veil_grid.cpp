@@ -139,7 +139,8 @@ class Integrator {
  private:
   bool sees_sun(const Vector3f& p) const {
     const SeaState& sea = *terms_.sea;
-    return sea.sun[kBands / 2] > 0.0F && !world_.occluded(p, sea.sun_direction, kSunRange);
+    const bool shines = *std::max_element(sea.sun.begin(), sea.sun.end()) > 0.0F;
+    return shines && !world_.occluded(p, sea.sun_direction, kSunRange);
   }
   void scatter(const Vector3f& p, const Vector3f& view, bool lit, VeilStep& step) const {
     const Vector3f& sun = terms_.sea->sun_direction;
