@@ -114,7 +114,7 @@ TEST(VeilGrid, OfDaylightIsTheClosedForm) {
                         one.state.total[kBand] * std::exp(-5.0 * k_d) * one.green();
   for (const float r : {0.2F, 1.0F, 3.0F, 8.0F, 20.0F}) {
     const double expected = source * (1.0 - std::exp(-q * r)) / q;
-    EXPECT_NEAR(veil.at(32, 24, r)[1], expected, 0.015 * expected) << r;
+    EXPECT_NEAR(light.at(32, 24, r)[1], expected, 0.015 * expected) << r;
   }
 }
 
@@ -127,7 +127,7 @@ TEST(VeilGrid, OfALampIsTheIntegral) {
   const SE3 pose = looking_down({0, 0, -30});
   OneBand dark = one;
   dark.state.total[kBand] = 0.0F;
-  const VeilGrid veil(lens, 4, pose, one.sea, dark.state, one.sea.lamp_poses(pose), world);
+  const VeilGrid light(lens, 4, pose, one.sea, dark.state, one.sea.lamp_poses(pose), world);
   const FournierForand phase;
   const Vector3d view = lens.rays[lens.index(32, 24)].cast<double>();
   for (const double range : {0.4, 1.0, 2.5, 6.0}) {
@@ -145,7 +145,7 @@ TEST(VeilGrid, OfALampIsTheIntegral) {
     }
     const double expected =
         std::numbers::pi * one.state.scatter[kBand] * one.state.lamps[0][kBand] * sum * one.green();
-    EXPECT_NEAR(veil.at(32, 24, static_cast<float>(range))[1], expected, 0.03 * expected) << range;
+    EXPECT_NEAR(light.at(32, 24, static_cast<float>(range))[1], expected, 0.03 * expected) << range;
   }
 }
 

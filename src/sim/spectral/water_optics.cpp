@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kGreenBand = 7;  // 540 nm
 
-// Williamson and Hollins (2022), Crown copyright, Open Government Licence v3.0; I, IA, 7C, 9C:
+// Williamson and Hollins (2022), Crown copyright, OGL v3.0; I, IA, 7C, 9C:
 // Solonenko and Mobley (2015), linear between their wavelengths.
 const WaterOptics kTypes[] = {
     // I
