@@ -100,7 +100,7 @@ void write_rendering(const mapping::MapRendering& rendering, const gaussians::To
 
 std::size_t render_run(const RenderRequest& request) {
   const fs::path file = map_file_of(request.source);
-  const StoredMap stored = load_map(request.source);
+  const StoredMap stored = load_drawable_map(request.source);
   const mapping::Map& map = stored.map;
   if (request.restore && !map.medium) {
     log::warning("{}: the map has no medium; --restore has no effect", file.string());

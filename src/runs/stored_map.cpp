@@ -7,6 +7,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "gaussians/device.hpp"
 #include "map_io/map_file.hpp"
+#include "runs/export.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::runs {
@@ -32,8 +33,8 @@ fs::path map_file_of(const fs::path& source) {
   return fs::is_directory(source) ? source / "map.ply" : source;
 }
 
-StoredMap load_map(const fs::path& source) {
-  const map_io::MapFile stored = map_io::read_map(map_file_of(source));
+StoredMap load_drawable_map(const fs::path& source) {
+  const map_io::MapFile stored = load_map(source);
   StoredMap out;
   out.map.gaussians = stored.gaussians;
   for (torch::Tensor* tensor : out.map.gaussians.tensors())
@@ -42,10 +43,6 @@ StoredMap load_map(const fs::path& source) {
   out.map.tone_curve = stored.tone_curve;
   out.map.antialiased = stored.antialiased;
   out.origin = stored.origin;
-  if (fs::is_directory(source)) {
-    out.map.antialiased =
-        load_recorded_run_config(source / "resolved.yaml").mapping.trainer.antialiased;
-  }
   return out;
 }
 

@@ -30,6 +30,6 @@ struct StoredMap {
 /// The map file of a run folder, or the file itself.
 std::filesystem::path map_file_of(const std::filesystem::path& source);
 /// Reads the map of a run folder, or a map file. Throws InputError.
-StoredMap load_map(const std::filesystem::path& source);
+StoredMap load_drawable_map(const std::filesystem::path& source);
 
 }  // namespace apvi::runs

@@ -83,7 +83,7 @@ void describe_camera(const CameraMount& mount, viewer::SceneDescription& descrip
 }
 
 StoredScene::StoredScene(const fs::path& source) {
-  StoredMap stored = load_map(source);
+  StoredMap stored = load_drawable_map(source);
   const MapExtent extent = extent_of(stored.map);
   viewer::SceneDescription& d = description_;
   d.name = name_of(source);
