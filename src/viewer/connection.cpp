@@ -58,6 +58,7 @@ class WatcherConnection : public std::enable_shared_from_this<WatcherConnection>
     beast::get_lowest_layer(socket_).expires_never();
     socket_.set_option(websocket::stream_base::timeout{kRequestTime, kIdleTime, true});
     socket_.read_message_max(kMaxMessage);
+    socket_.auto_fragment(false);
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (!error) self->accepted();
     });

@@ -100,14 +100,14 @@ TEST(SpectralShading, ObeysBeerAndLambertInOneBand) {
   }
 }
 
-// The veil of diffuse daylight: pi b G E exp(-K depth) (1 - exp(-q r)) / q with q = smooth + K for
+// Backscatter of diffuse daylight: pi b G E exp(-K depth) (1 - exp(-q r)) / q with q = smooth + K for
 // a ray that goes down.
 TEST(VeilGrid, OfDaylightIsTheClosedForm) {
   const TriangleMesh mesh = plane(-60.0F);
   const RayCaster world(mesh);
   const OneBand one;
   const Lens lens = make_lens(small_camera(), std::nullopt);
-  const VeilGrid veil(lens, 4, looking_down({0, 0, -5}), one.sea, one.state, {}, world);
+  const VeilGrid light(lens, 4, looking_down({0, 0, -5}), one.sea, one.state, {}, world);
   const double k_d = one.state.diffuse[kBand];
   const double q = one.state.smooth[kBand] + k_d;
   const double source = std::numbers::pi * one.state.scatter[kBand] * diffuse_scatter().at(-1.0F) *
