@@ -183,14 +183,14 @@ TEST(EffectiveMedium, RecoversCoefficientsThatExist) {
   const Vector3d beta_b(0.4, 0.25, 0.2);
   const Vector3d b_inf(0.05, 0.2, 0.3);
   std::vector<SeenSurface> surfaces;
-  std::vector<SeenVeil> veils;
+  std::vector<SeenBackscatter> scattered_all;
   for (int i = 1; i <= 30; ++i) {
     const double r = 0.4 * i;
     const Vector3d clear(0.1 + 0.02 * i, 0.4, 0.7 - 0.02 * i);
     surfaces.push_back({r, clear, clear.cwiseProduct(Vector3d((-r * beta_d).array().exp()))});
-    veils.push_back({r, b_inf.cwiseProduct(Vector3d(1.0 - (-r * beta_b).array().exp()))});
+    scattered_all.push_back({r, b_inf.cwiseProduct(Vector3d(1.0 - (-r * beta_b).array().exp()))});
   }
-  const Medium medium = effective_medium(surfaces, veils);
+  const Medium medium = effective_medium(surfaces, scattered_all);
   EXPECT_TRUE(medium.beta_d.isApprox(beta_d, 1e-9));
   EXPECT_TRUE(medium.beta_b.isApprox(beta_b, 1e-5));
   EXPECT_TRUE(medium.b_inf.isApprox(b_inf, 1e-5));

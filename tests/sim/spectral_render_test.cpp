@@ -8,10 +8,10 @@
 #include "apvi/core/error.hpp"
 #include "sim/renderer.hpp"
 #include "sim/scene_config.hpp"
+#include "sim/spectral/backscatter_grid.hpp"
 #include "sim/spectral/light_field.hpp"
 #include "sim/spectral/phase_function.hpp"
 #include "sim/spectral/spectral_shading.hpp"
-#include "sim/spectral/veil_grid.hpp"
 #include "sim/world.hpp"
 #include "support/source_dir.hpp"
 
@@ -100,14 +100,14 @@ TEST(SpectralShading, ObeysBeerAndLambertInOneBand) {
   }
 }
 
-// Backscatter of diffuse daylight: pi b G E exp(-K depth) (1 - exp(-q r)) / q with q = smooth + K for
-// a ray that goes down.
-TEST(VeilGrid, OfDaylightIsTheClosedForm) {
+// Backscatter of diffuse daylight along a ray that goes down: pi b G E exp(-K depth)
+// (1 - exp(-q r)) / q with q = smooth + K.
+TEST(BackscatterGrid, OfDaylightIsTheClosedForm) {
   const TriangleMesh mesh = plane(-60.0F);
   const RayCaster world(mesh);
   const OneBand one;
   const Lens lens = make_lens(small_camera(), std::nullopt);
-  const VeilGrid light(lens, 4, looking_down({0, 0, -5}), one.sea, one.state, {}, world);
+  const BackscatterGrid light(lens, 4, looking_down({0, 0, -5}), one.sea, one.state, {}, world);
   const double k_d = one.state.diffuse[kBand];
   const double q = one.state.smooth[kBand] + k_d;
   const double source = std::numbers::pi * one.state.scatter[kBand] * diffuse_scatter().at(-1.0F) *
@@ -118,7 +118,7 @@ TEST(VeilGrid, OfDaylightIsTheClosedForm) {
   }
 }
 
-TEST(VeilGrid, OfALampIsTheIntegral) {
+TEST(BackscatterGrid, OfALampIsTheIntegral) {
   const TriangleMesh mesh = plane(-60.0F);
   const RayCaster world(mesh);
   const SpectralLampConfig lamp{.intensity = 2.0, .position_m = {0.3, -0.1, 0.0}, .spill = 0.0};
@@ -127,7 +127,7 @@ TEST(VeilGrid, OfALampIsTheIntegral) {
   const SE3 pose = looking_down({0, 0, -30});
   OneBand dark = one;
   dark.state.total[kBand] = 0.0F;
-  const VeilGrid light(lens, 4, pose, one.sea, dark.state, one.sea.lamp_poses(pose), world);
+  const BackscatterGrid light(lens, 4, pose, one.sea, dark.state, one.sea.lamp_poses(pose), world);
   const FournierForand phase;
   const Vector3d view = lens.rays[lens.index(32, 24)].cast<double>();
   for (const double range : {0.4, 1.0, 2.5, 6.0}) {
@@ -149,14 +149,14 @@ TEST(VeilGrid, OfALampIsTheIntegral) {
   }
 }
 
-TEST(VeilGrid, IsDarkerWhereTheSceneHidesTheSun) {
+TEST(BackscatterGrid, IsDarkerWhereTheSceneHidesTheSun) {
   const RayCaster open(plane(-60.0F));
   const RayCaster covered(plane(-2.0F));
   const OneBand one({}, 0.8);
   const Lens lens = make_lens(small_camera(), std::nullopt);
   const SE3 pose = looking_down({0, 0, -5});
-  const VeilGrid lit(lens, 8, pose, one.sea, one.state, {}, open);
-  const VeilGrid shaded(lens, 8, pose, one.sea, one.state, {}, covered);
+  const BackscatterGrid lit(lens, 8, pose, one.sea, one.state, {}, open);
+  const BackscatterGrid shaded(lens, 8, pose, one.sea, one.state, {}, covered);
   EXPECT_LT(shaded.at(32, 24, 4.0F)[1], 0.95F * lit.at(32, 24, 4.0F)[1]);
 }
 

@@ -20,28 +20,30 @@ double direct_coefficient(const std::vector<SeenSurface>& surfaces, int c) {
   return weight > 0.0 ? sum / weight : 0.0;
 }
 
-struct VeilFit {
+struct BackscatterFit {
   double beta = 0.0, infinity = 0.0, residual = 0.0;
 };
 
-// For a given coefficient the veil at infinity is linear.
-VeilFit fit_infinity(const std::vector<SeenVeil>& veils, int c, double beta) {
+// For a given coefficient the backscatter at infinity is linear.
+BackscatterFit fit_infinity(const std::vector<SeenBackscatter>& scattered_all, int c, double beta) {
   double xx = 0.0;
   double xy = 0.0;
   double yy = 0.0;
-  for (const SeenVeil& v : veils) {
+  for (const SeenBackscatter& v : scattered_all) {
     const double x = 1.0 - std::exp(-beta * v.range);
     xx += x * x;
-    xy += x * v.veil[c];
-    yy += v.veil[c] * v.veil[c];
+    xy += x * v.scattered[c];
+    yy += v.scattered[c] * v.scattered[c];
   }
   const double infinity = xx > 0.0 ? xy / xx : 0.0;
   return {.beta = beta, .infinity = infinity, .residual = yy - infinity * xy};
 }
 
 // Golden-section search over the logarithm of the coefficient.
-VeilFit fit_veil(const std::vector<SeenVeil>& veils, int c) {
-  const auto at = [&](double logarithm) { return fit_infinity(veils, c, std::exp(logarithm)); };
+BackscatterFit fit_backscatter(const std::vector<SeenBackscatter>& scattered_all, int c) {
+  const auto at = [&](double logarithm) {
+    return fit_infinity(scattered_all, c, std::exp(logarithm));
+  };
   const double golden = 1.0 / std::numbers::phi;
   double low = std::log(1e-3);
   double high = std::log(20.0);
@@ -60,13 +62,13 @@ VeilFit fit_veil(const std::vector<SeenVeil>& veils, int c) {
 }  // namespace
 
 Medium effective_medium(const std::vector<SeenSurface>& surfaces,
-                        const std::vector<SeenVeil>& veils) {
+                        const std::vector<SeenBackscatter>& scattered_all) {
   Medium medium;
   for (int c = 0; c < 3; ++c) {
     medium.beta_d[c] = direct_coefficient(surfaces, c);
     medium.beta_b[c] = medium.beta_d[c];
-    if (veils.empty() || veils.back().veil[c] < kDark) continue;
-    const VeilFit fit = fit_veil(veils, c);
+    if (scattered_all.empty() || scattered_all.back().scattered[c] < kDark) continue;
+    const BackscatterFit fit = fit_backscatter(scattered_all, c);
     medium.beta_b[c] = fit.beta;
     medium.b_inf[c] = fit.infinity;
   }

@@ -14,17 +14,17 @@ struct SeenSurface {
   Eigen::Vector3d clear = Eigen::Vector3d::Zero();
   Eigen::Vector3d direct = Eigen::Vector3d::Zero();  ///< what of it reaches the camera
 };
-/// The veil of daylight up to a range.
-struct SeenVeil {
+/// The backscatter of daylight up to a range.
+struct SeenBackscatter {
   double range = 0.0;  ///< [m]
-  Eigen::Vector3d veil = Eigen::Vector3d::Zero();
+  Eigen::Vector3d scattered = Eigen::Vector3d::Zero();
 };
 
 /// The coefficients of I = J exp(-beta_d r) + b_inf (1 - exp(-beta_b r)) that come nearest to
 /// spectral light, which has no such coefficients: beta_d by least squares of log(direct / clear)
-/// over range, beta_b and b_inf by least squares of the veil over range. Without a veil b_inf is 0
-/// and beta_b is beta_d.
+/// over range, beta_b and b_inf by least squares of the backscatter over range. Without a scattered
+/// b_inf is 0 and beta_b is beta_d.
 Medium effective_medium(const std::vector<SeenSurface>& surfaces,
-                        const std::vector<SeenVeil>& veils);
+                        const std::vector<SeenBackscatter>& scattered_all);
 
 }  // namespace apvi::sim

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kClasses = 3;
 constexpr std::size_t kLevels = kClasses + 1;
-constexpr double kMostScatterings = 6.0;
+constexpr double kMaxScatterings = 6.0;
 
 /// An image of one width of the blur, with pixels as large as that width allows.
 struct Level {
@@ -28,7 +28,7 @@ std::array<Level, kLevels> make_levels(const ForwardBlur& blur, const cv::Size& 
   std::array<Level, kLevels> levels;
   for (std::size_t j = 0; j < kLevels; ++j) {
     const AngleClass& angles = small_angle_classes()[std::min(j, kClasses - 1)];
-    const double times = j < kClasses ? 1.0 : kMostScatterings;
+    const double times = j < kClasses ? 1.0 : kMaxScatterings;
     levels[j].sigma = blur.focal_px * angles.rms * std::sqrt(times / 3.0);
     levels[j].step = std::clamp(static_cast<int>(levels[j].sigma / 1.5), 1, 8);
     const int step = levels[j].step;
@@ -60,7 +60,7 @@ class ShareTable {
   explicit ShareTable(const std::array<Level, kLevels>& levels) {
     for (std::size_t i = 0; i < kSteps; ++i)
       shares_[i] = shares_of(
-          levels, std::min(kMostScatterings, mean_scatterings(static_cast<double>(i) * kStep)));
+          levels, std::min(kMaxScatterings, mean_scatterings(static_cast<double>(i) * kStep)));
   }
   const std::array<float, kLevels>& at(float tau) const {
     return shares_[std::min(kSteps - 1, static_cast<std::size_t>(tau * (1.0F / kStep) + 0.5F))];

@@ -40,7 +40,7 @@ double diffuse_radiance(double m);
 const ElevationTable& diffuse_irradiance();
 /// Light scattered out of it by more than the small angle into the direction towards the camera
 /// [1/sr], by the vertical component of the direction of view; times b and the irradiance it is
-/// the source of the veil.
+/// the source of the backscatter.
 const ElevationTable& diffuse_scatter();
 /// The phase function by the cosine of the angle; within the small angle its value at the limit.
 const CosineTable<1024>& wide_phase();

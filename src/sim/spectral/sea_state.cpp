@@ -91,7 +91,7 @@ SeaState Sea::state(const Disturbance& disturbance, double time_s) const {
   sea.sharp = to_float(local.sharp());
   sea.smooth = to_float(local.smooth());
   sea.scatter = to_float(local.scattering);
-  // A cloud of murky water is local: the daylight above it stays.
+  // A cloud of turbid water is local: the daylight above it stays.
   sea.diffuse = to_float(nominal.diffuse(zenith_in_air_deg(light_.sun_elevation_deg)));
   const double slant = std::sin(light_.sun_elevation_deg * std::numbers::pi / 180.0);
   sea.sun_decay = to_float(scaled(nominal.smooth(), 1.0 / slant));

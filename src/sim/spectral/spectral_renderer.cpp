@@ -54,9 +54,9 @@ Vector3d to_rgb(const cv::Vec3f& bgr) {
 
 /// Images in raw values, BGR.
 struct SpectralRenderer::Layers {
-  cv::Mat observed, blurred;  ///< CV_32FC3: sharp light with the veil; light for the blur
-  cv::Mat clear, direct;      ///< CV_32FC3, mid-exposure: without water; without veil and blur
-  cv::Mat range, depth;       ///< CV_32F
+  cv::Mat observed, blurred;  ///< CV_32FC3: sharp light with the backscatter; light for the blur
+  cv::Mat clear, direct;  ///< CV_32FC3, mid-exposure: without water; without backscatter and blur
+  cv::Mat range, depth;   ///< CV_32F
 
   explicit Layers(const Lens& lens) {
     const cv::Size size(lens.width, lens.height);
@@ -81,7 +81,7 @@ void SpectralRenderer::Layers::add_exposed(float weight, const cv::Rect& tile, c
   }
 }
 
-// Before the veil is added.
+// Before the backscatter is added.
 void SpectralRenderer::Layers::store_middle(const Lens& lens, const cv::Rect& tile,
                                             const TileRays& rays, const Lanes (&soft)[3]) {
   for (int i = 0; i < tile.area(); ++i) {
@@ -132,8 +132,9 @@ SpectralRenderer::View SpectralRenderer::view_of(const ImageRequest& request) co
   return view;
 }
 
-void SpectralRenderer::render_tile(const View& view, const Lens& lens, const VeilGrid& veil,
-                                   int sample, const cv::Rect& tile, Layers& layers) const {
+void SpectralRenderer::render_tile(const View& view, const Lens& lens,
+                                   const BackscatterGrid& scattered, int sample,
+                                   const cv::Rect& tile, Layers& layers) const {
   TileRays rays;
   TileSurface surface;
   Lanes soft[3];  // NOLINT(cppcoreguidelines-pro-type-member-init): filled below
@@ -143,30 +144,33 @@ void SpectralRenderer::render_tile(const View& view, const Lens& lens, const Vei
   shade_spectral(view.light, surface, rays, soft);
   if (2 * sample + 1 == view.poses.samples) layers.store_middle(lens, tile, rays, soft);
   add_sky(view.light, rays);
-  veil.add_to(tile, rays);
+  scattered.add_to(tile, rays);
   if (view.light.state.silt.density > 0.0) hide_in_silt(view.light.state.silt, rays, soft);
   layers.add_exposed(1.0F / static_cast<float>(view.poses.samples), tile, rays, soft);
 }
 
 SpectralRenderer::Layers SpectralRenderer::render_layers(const View& view, const Lens& lens,
-                                                         const VeilGrid& veil, int threads) const {
+                                                         const BackscatterGrid& scattered,
+                                                         int threads) const {
   Layers layers(lens);
   const int columns = (lens.width + kTile - 1) / kTile;
   const int rows = (lens.height + kTile - 1) / kTile;
   parallel_for(columns * rows, threads, [&](int i) {
     const cv::Rect tile(i % columns * kTile, i / columns * kTile, kTile, kTile);
     const cv::Rect inside = tile & cv::Rect(0, 0, lens.width, lens.height);
-    for (int k = 0; k < view.poses.samples; ++k) render_tile(view, lens, veil, k, inside, layers);
+    for (int k = 0; k < view.poses.samples; ++k)
+      render_tile(view, lens, scattered, k, inside, layers);
   });
   return layers;
 }
 
-VeilGrid SpectralRenderer::veil_of(const View& view, const Lens& lens, int step) const {
+BackscatterGrid SpectralRenderer::backscatter_of(const View& view, const Lens& lens,
+                                                 int step) const {
   return {lens, step, view.T_world_camera, sea_, view.light.state, view.light.lamps, scene_.world};
 }
 
 void SpectralRenderer::add_particles(const ImageRequest& request, const View& view,
-                                     const VeilGrid& veil, Layers& layers) const {
+                                     const BackscatterGrid& scattered, Layers& layers) const {
   const SnowColor color = [&](const Vector3d& p_world, const Vector3d& p_camera,
                               double brightness) -> Vector3d {
     const double range = p_camera.norm();
@@ -174,7 +178,8 @@ void SpectralRenderer::add_particles(const ImageRequest& request, const View& vi
                                                         static_cast<float>(range));
     const auto pixel = scene_.camera.project(p_camera);
     if (!pixel || !scene_.camera.in_image(*pixel, 0.0)) return lit;
-    return lit + veil.at(static_cast<int>(pixel->x()), static_cast<int>(pixel->y()),
+    return lit + scattered
+                     .at(static_cast<int>(pixel->x()), static_cast<int>(pixel->y()),
                          static_cast<float>(range))
                      .cast<double>();
   };
@@ -185,7 +190,7 @@ void SpectralRenderer::add_particles(const ImageRequest& request, const View& vi
             layers.observed);
 }
 
-// From a few thousand pixels, and the daylight's veil along nine rays.
+// From a few thousand pixels, and the backscatter of daylight along nine rays.
 Medium SpectralRenderer::fit_medium(const View& view, const Layers& layers,
                                     const Eigen::Matrix3d& colors) const {
   constexpr int kEvery = 8;
@@ -199,30 +204,30 @@ Medium SpectralRenderer::fit_medium(const View& view, const Layers& layers,
                           .direct = colors * to_rgb(layers.direct.at<cv::Vec3f>(y, x))});
     }
   }
-  const VeilGrid daylight(thinned(scene_.lens, 4, 4), 1, view.T_world_camera, sea_,
-                          view.light.state, {}, scene_.world);
+  const BackscatterGrid daylight(thinned(scene_.lens, 4, 4), 1, view.T_world_camera, sea_,
+                                 view.light.state, {}, scene_.world);
   const double reach =
       std::min(20.0, 4.0 / static_cast<double>(view.light.state.smooth[kGreenBand]));
-  std::vector<SeenVeil> veils;
+  std::vector<SeenBackscatter> scattered_all;
   for (int i = 1; i <= 32; ++i) {
     const double range = reach * i / 32.0;
     Vector3f mean = Vector3f::Zero();
     for (int ray = 0; ray < 16; ++ray)
       mean += daylight.at(ray % 4, ray / 4, static_cast<float>(range)) / 16.0F;
-    veils.push_back({.range = range, .veil = colors * mean.cast<double>()});
+    scattered_all.push_back({.range = range, .scattered = colors * mean.cast<double>()});
   }
-  return effective_medium(surfaces, veils);
+  return effective_medium(surfaces, scattered_all);
 }
 
 RenderedFrame SpectralRenderer::render(const ImageRequest& request, int threads) const {
   const View view = view_of(request);
-  const VeilGrid veil = veil_of(view, scene_.lens, kTile);
-  Layers layers = render_layers(view, scene_.lens, veil, threads);
+  const BackscatterGrid scattered = backscatter_of(view, scene_.lens, kTile);
+  Layers layers = render_layers(view, scene_.lens, scattered, threads);
   const double bent = small_angle_fraction() - sharp_fraction();
   add_forward_blur({.focal_px = scene_.camera.parameters().fx,
                     .scattering = bent * static_cast<double>(view.light.state.scatter[kGreenBand])},
                    layers.blurred, layers.range, layers.observed);
-  add_particles(request, view, veil, layers);
+  add_particles(request, view, scattered, layers);
   RenderedFrame frame;
   frame.development = request.development.value_or(choose(layers.observed));
   frame.development.gain *= request.disturbance.exposure;
@@ -244,8 +249,8 @@ Development SpectralRenderer::choose(const cv::Mat& observed) const {
 Vector3d SpectralRenderer::meter(const ImageRequest& request) const {
   View view = view_of(request);
   view.poses = {.samples = 1, .poses = {view.T_world_camera}, .rows = 1};
-  const VeilGrid veil = veil_of(view, meter_lens_, 4);
-  const Layers layers = render_layers(view, meter_lens_, veil, 1);
+  const BackscatterGrid scattered = backscatter_of(view, meter_lens_, 4);
+  const Layers layers = render_layers(view, meter_lens_, scattered, 1);
   const cv::Scalar mean = cv::mean(layers.observed) + cv::mean(layers.blurred);
   return {mean[2], mean[1], mean[0]};
 }

@@ -3,9 +3,9 @@
 
 #include "sim/lens_rays.hpp"
 #include "sim/renderer.hpp"
+#include "sim/spectral/backscatter_grid.hpp"
 #include "sim/spectral/camera_pipeline.hpp"
 #include "sim/spectral/spectral_shading.hpp"
-#include "sim/spectral/veil_grid.hpp"
 
 namespace apvi::sim {
 
@@ -36,12 +36,13 @@ class SpectralRenderer {
   struct View;
 
   View view_of(const ImageRequest& request) const;
-  VeilGrid veil_of(const View& view, const Lens& lens, int step) const;
-  void render_tile(const View& view, const Lens& lens, const VeilGrid& veil, int sample,
+  BackscatterGrid backscatter_of(const View& view, const Lens& lens, int step) const;
+  void render_tile(const View& view, const Lens& lens, const BackscatterGrid& scattered, int sample,
                    const cv::Rect& tile, Layers& layers) const;
-  Layers render_layers(const View& view, const Lens& lens, const VeilGrid& veil, int threads) const;
-  void add_particles(const ImageRequest& request, const View& view, const VeilGrid& veil,
-                     Layers& layers) const;
+  Layers render_layers(const View& view, const Lens& lens, const BackscatterGrid& scattered,
+                       int threads) const;
+  void add_particles(const ImageRequest& request, const View& view,
+                     const BackscatterGrid& scattered, Layers& layers) const;
   Development choose(const cv::Mat& observed) const;
   Medium fit_medium(const View& view, const Layers& layers, const Eigen::Matrix3d& colors) const;
 

@@ -42,7 +42,7 @@ void shade_spectral(const SpectralLight& light, const TileSurface& surface, Tile
 /// there.
 void add_sky(const SpectralLight& light, TileRays& tile);
 
-/// Raw values of a white particle, lit from all sides, seen from `range` [m] away; no veil.
+/// Raw values of a white particle, lit from all sides, seen from `range` [m] away; no backscatter.
 Eigen::Vector3d light_on_particle(const SpectralLight& light, const Eigen::Vector3f& p,
                                   float range);
 

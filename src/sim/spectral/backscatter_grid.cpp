@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "sim/spectral/veil_grid.hpp"
+#include "sim/spectral/backscatter_grid.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -157,13 +157,13 @@ class Integrator {
 
 }  // namespace
 
-float VeilGrid::max_range() {
+float BackscatterGrid::max_range() {
   return node_range(kNodes - 1);
 }
 
-VeilGrid::VeilGrid(const Lens& lens, int step, const SE3& T_world_camera, const Sea& sea,
-                   const SeaState& state, const std::vector<LampPose>& lamps,
-                   const RayCaster& world)
+BackscatterGrid::BackscatterGrid(const Lens& lens, int step, const SE3& T_world_camera,
+                                 const Sea& sea, const SeaState& state,
+                                 const std::vector<LampPose>& lamps, const RayCaster& world)
     : step_(step),
       columns_((lens.width - 2 + step) / step + 1),
       rows_((lens.height - 2 + step) / step + 1),
@@ -182,17 +182,17 @@ VeilGrid::VeilGrid(const Lens& lens, int step, const SE3& T_world_camera, const 
   }
 }
 
-Vector3f VeilGrid::at(int x, int y, float range) const {
+Vector3f BackscatterGrid::at(int x, int y, float range) const {
   const Profile& profile = profiles_[vertex(std::min((x + step_ / 2) / step_, columns_ - 1),
                                             std::min((y + step_ / 2) / step_, rows_ - 1))];
   const NodePlace place = place_of(std::clamp(range, 0.0F, 0.999F * max_range()));
   const float* low = &profile[3 * place.index];
-  Vector3f veil;
-  for (int c = 0; c < 3; ++c) veil[c] = low[c] + place.fraction * (low[c + 3] - low[c]);
-  return veil;
+  Vector3f scattered;
+  for (int c = 0; c < 3; ++c) scattered[c] = low[c] + place.fraction * (low[c + 3] - low[c]);
+  return scattered;
 }
 
-void VeilGrid::add_to(const cv::Rect& area, TileRays& tile) const {
+void BackscatterGrid::add_to(const cv::Rect& area, TileRays& tile) const {
   const float end = 0.999F * max_range();
   for (int i = 0; i < area.area(); ++i) {
     const int x = area.x + i % area.width;
@@ -210,13 +210,13 @@ void VeilGrid::add_to(const cv::Rect& area, TileRays& tile) const {
     const Profile* corners[] = {
         &profiles_[vertex(column, row)], &profiles_[vertex(column + 1, row)],
         &profiles_[vertex(column, row + 1)], &profiles_[vertex(column + 1, row + 1)]};
-    float veil[3] = {};
+    float scattered[3] = {};
     for (int k = 0; k < 4; ++k) {
       const float* low = &(*corners[k])[3 * place.index];
       for (int c = 0; c < 3; ++c)
-        veil[c] += weights[k] * (low[c] + place.fraction * (low[c + 3] - low[c]));
+        scattered[c] += weights[k] * (low[c] + place.fraction * (low[c + 3] - low[c]));
     }
-    for (int c = 0; c < 3; ++c) tile.observed[c][i] += veil[c];
+    for (int c = 0; c < 3; ++c) tile.observed[c][i] += scattered[c];
   }
 }
 

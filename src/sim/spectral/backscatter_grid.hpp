@@ -19,16 +19,17 @@ namespace apvi::sim {
 /// where the source S is daylight (its direct part where the sun is not hidden by the scene, and
 /// its diffuse part) and the lamps, times the phase function. In raw values of the sensor, where a
 /// white surface in unit irradiance has 1. Ends at the surface of the water.
-class VeilGrid {
+class BackscatterGrid {
  public:
   /// Pixels between the rays of the grid: `step` px.
-  VeilGrid(const Lens& lens, int step, const SE3& T_world_camera, const Sea& sea,
-           const SeaState& state, const std::vector<LampPose>& lamps, const RayCaster& world);
+  BackscatterGrid(const Lens& lens, int step, const SE3& T_world_camera, const Sea& sea,
+                  const SeaState& state, const std::vector<LampPose>& lamps,
+                  const RayCaster& world);
 
-  /// Adds the veil to `observed`. The pixels of the tile are `area`; the rays without a surface end
-  /// at the surface of the water or at the visible range.
+  /// Adds the backscatter to `observed`. The pixels of the tile are `area`; the rays without a
+  /// surface end at the surface of the water or at the visible range.
   void add_to(const cv::Rect& area, TileRays& tile) const;
-  /// Veil of the ray nearest a pixel up to `range` [m].
+  /// Backscatter of the ray nearest a pixel up to `range` [m].
   Eigen::Vector3f at(int x, int y, float range) const;
 
   /// Range up to which the integral reaches [m].
