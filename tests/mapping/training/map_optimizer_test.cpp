@@ -49,7 +49,10 @@ TEST(MapOptimizer, MediumCreatedWhileVioFailsLearnsFaster) {
 
 TEST(MapOptimizer, AnotherToneCurveHardlyChangesTheImages) {
   const KeyframeStore keyframes = test::render_keyframes(test::gaussian_wall());
-  MapOptimizer optimizer(test::gaussian_wall(), {}, keyframes.size());
+  // Overlapping Gaussians of different colors blend differently in linear light.
+  gaussians::Gaussians wall = test::gaussian_wall();
+  wall.sh_dc = wall.means.sin();
+  MapOptimizer optimizer(wall, {}, keyframes.size());
   const auto image = [&] {
     const Map map = optimizer.full_map();
     return map.tone_curve.encode(render_map(map, keyframes.view(0, 1)).color);
@@ -67,8 +70,10 @@ TEST(MapOptimizer, AnotherToneCurveHardlyChangesTheImages) {
   estimation.fit.sigmas = torch::ones({3, 3}, torch::kFloat64);
   optimizer.apply_medium(estimation, keyframes);
   EXPECT_EQ(optimizer.tone_curve(), estimation.tone_curve);
-  const double change = (image() - before).abs().mean().item<double>();
-  EXPECT_LT(change, 0.01);
+  const torch::Tensor solid = render_map(optimizer.full_map(), keyframes.view(0, 1)).alpha > 0.99;
+  ASSERT_GT(solid.sum().item<std::int64_t>(), 100);
+  const double change = (image() - before).index({solid}).abs().mean().item<double>();
+  EXPECT_LT(change, 0.02);
 }
 
 }  // namespace
