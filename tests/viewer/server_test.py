@@ -233,7 +233,7 @@ class Malformed(Case):
     def test_requests_for_images_do_not_pile_up(self):
         page = Page(self.port)
         for k in range(2000):
-            page.look(k, width=1600, height=1200, kind="snapshot")
+            page.look(k, width=640, height=480, kind="snapshot")
             page.look(k, moving=True)
         time.sleep(1.0)
         page.close()
