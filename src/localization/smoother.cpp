@@ -2,7 +2,6 @@
 #include "localization/smoother.hpp"
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "vio/state_prior.hpp"
@@ -22,13 +21,6 @@ loop_closure::LoopThread thread_of(RunMode mode) {
       return loop_closure::LoopThread::skipping;
   }
   return loop_closure::LoopThread::none;
-}
-
-cv::Mat to_gray(const cv::Mat& image) {
-  if (image.channels() != 3) return image;
-  cv::Mat gray;
-  cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
-  return gray;
 }
 
 }  // namespace
@@ -112,7 +104,7 @@ void Smoother::push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image,
                     .drift = drift_.take(vio_continues) * (drift_factor_ * drift_factor_),
                     .height_sigma_m = std::nullopt};
   if (height_is_measured_) input.keyframe.height_sigma_m = drift_.height_sigma_m();
-  if (!image.empty()) input.gray = to_gray(image);
+  if (!image.empty()) input.gray = loop_closure::to_gray(image);
   input.moved = std::exchange(moved_, {});
   closer_.push(std::move(input));
 }

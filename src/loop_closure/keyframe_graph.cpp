@@ -134,11 +134,16 @@ Edge KeyframeGraph::edge_to_next(std::size_t node) const {
                      .vertical_m = sigma(drift_[b].vertical - drift_[a].vertical)}};
 }
 
+std::vector<SE3> KeyframeGraph::node_poses() const {
+  std::vector<SE3> poses;
+  for (const std::size_t keyframe : nodes_) poses.push_back(keyframes_[keyframe].T_world_camera);
+  return poses;
+}
+
 PoseGraph KeyframeGraph::graph() const {
-  PoseGraph graph;
+  PoseGraph graph{.odometry = node_poses(), .edges = {}};
   for (std::size_t node = 0; node < nodes_.size(); ++node) {
     const Keyframe& keyframe = keyframes_[nodes_[node]];
-    graph.odometry.push_back(keyframe.T_world_camera);
     if (node + 1 < nodes_.size()) graph.edges.push_back(edge_to_next(node));
     if (keyframe.height_sigma_m) {
       graph.heights.push_back({node, std::max(kMinSigma, *keyframe.height_sigma_m)});
@@ -152,7 +157,8 @@ PoseGraph KeyframeGraph::graph() const {
 }
 
 double KeyframeGraph::residual_norm(const Loop& loop) const {
-  return loop_closure::residual_norm(graph(), corrections_, edge(loop));
+  return loop_closure::residual_norm({.odometry = node_poses(), .edges = {}}, corrections_,
+                                     edge(loop));
 }
 
 double KeyframeGraph::squared_distance(const Loop& loop) const {

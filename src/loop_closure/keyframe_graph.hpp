@@ -82,6 +82,7 @@ class KeyframeGraph {
   void thin_out();
   Edge edge(const Loop& loop) const;
   Edge edge_to_next(std::size_t node) const;
+  std::vector<SE3> node_poses() const;
   PoseGraph graph() const;
 
   KeyframeGraphOptions options_;

@@ -94,6 +94,13 @@ double Place::reach_m() const {
   return farthest;
 }
 
+cv::Mat to_gray(const cv::Mat& image) {
+  if (image.channels() != 3) return image;
+  cv::Mat gray;
+  cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
+  return gray;
+}
+
 Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features) {
   cv::Mat equalized;
   cv::createCLAHE(kClaheClipLimit, kClaheTiles)->apply(gray, equalized);

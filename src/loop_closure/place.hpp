@@ -24,6 +24,9 @@ struct Place {
   double reach_m() const;
 };
 
+/// A BGR or gray image in gray.
+cv::Mat to_gray(const cv::Mat& image);
+
 /// Extracts at most `max_features` SIFT features (Lowe, 2004) from an 8-bit gray image after
 /// contrast equalization, as contrast decreases with distance under water. The lens need not be a
 /// pinhole: rays are undistorted.

@@ -12,6 +12,7 @@
 
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
+#include "gaussians/model/point_cloud.hpp"
 #include "runs/stored_scene.hpp"
 #include "slam/camera_conversion.hpp"
 #include "viewer/export_page.hpp"
@@ -23,9 +24,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using torch::Tensor;
-
-// Of the constant spherical harmonic, see gaussians::color_to_sh_dc.
-constexpr double kShDc = 0.28209479177387814;
 
 template <std::size_t N>
 std::array<float, N> row_of(const Tensor& values, std::int64_t i) {
@@ -42,7 +40,7 @@ std::vector<viewer::Splat> splats_of(const gaussians::Gaussians& g) {
   const Tensor means = ready(g.means);
   const Tensor sigmas = ready(g.log_scales.exp());
   const Tensor quaternions = ready(torch::nn::functional::normalize(g.quaternions));
-  const Tensor colors = ready((0.5 + kShDc * g.sh_dc).clamp_min(0.0));
+  const Tensor colors = ready(gaussians::sh_dc_to_color(g.sh_dc).clamp_min(0.0));
   const Tensor opacities = ready(g.logit_opacities.sigmoid());
   std::vector<viewer::Splat> splats;
   for (std::int64_t i = 0; i < g.size(); ++i) {

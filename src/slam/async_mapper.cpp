@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <mutex>
-#include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
@@ -295,8 +294,7 @@ void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat
   for (const StampedPose& kept : frame.window) {
     job.moved.push_back({kept.stamp, kept.T_world_body * T_body_camera_});
   }
-  job.gray = undistorted;
-  if (undistorted.channels() == 3) cv::cvtColor(undistorted, job.gray, cv::COLOR_BGR2GRAY);
+  job.gray = loop_closure::to_gray(undistorted);
   loop_closer_->push(std::move(job));
 }
 

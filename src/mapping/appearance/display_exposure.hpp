@@ -36,7 +36,7 @@ DisplayExposure display_exposure(const Map& map, const std::vector<gaussians::Vi
 torch::Tensor exposed(const torch::Tensor& restored, const DisplayExposure& exposure);
 
 /// A restored image [H,W,3] for viewing: light times the factors, as image values. Light above 0.8
-/// are compressed smoothly below 1, so that bright and distant surfaces keep some contrast instead
+/// is compressed smoothly below 1, so that bright and distant surfaces keep some contrast instead
 /// of clipping.
 torch::Tensor displayed(const torch::Tensor& restored, const DisplayExposure& exposure,
                         const gaussians::ToneCurve& curve);

@@ -80,13 +80,14 @@ gaussians::Gaussians gaussians_from_seeds(const Seeds& seeds, const KeyframeStor
   const gaussians::View camera = keyframes.view(view, 1);
   const gaussians::Intrinsics& k = camera.intrinsics;
   const std::int64_t n = seeds.size();
-  const Tensor image = keyframes.image(view, 1, gaussians::active_device()).reshape({-1, 3});
-  const auto there = [&image](const Tensor& t) { return t.to(image.device()); };
+  const Tensor bytes = keyframes[view].image.to(gaussians::active_device()).reshape({-1, 3});
+  const auto there = [&bytes](const Tensor& t) { return t.to(bytes.device()); };
   const Tensor pixels = there(seeds.pixels);
   const Tensor depths = there(seeds.depths);
   const Tensor points = in_camera(k, pixels, depths);
   const Tensor index = pixel_index(k, pixels);
-  Tensor colors = image.index_select(0, index).to(torch::kFloat64);
+  const Tensor table = keyframes.tone_curve().byte_table(bytes.device());
+  Tensor colors = to_float_image(bytes.index_select(0, index), 1, table).to(torch::kFloat64);
   if (response.defined()) {
     const Tensor all = there(response).expand({k.height, k.width, 1}).reshape({-1, 1});
     colors = (colors / all.index_select(0, index).to(torch::kFloat64)).clamp(0.0, 1.0);

@@ -90,7 +90,8 @@ class KeyframeStore {
 };
 
 /// Converts bytes [H,W,3] to float32 in [0, 1] [H/factor,W/factor,3] by averaging blocks, after
-/// looking each byte up in `table` [256] (ToneCurve::byte_table) if that is defined.
+/// looking each byte up in `table` [256] (ToneCurve::byte_table) if that is defined. With factor 1
+/// the bytes may have any shape.
 torch::Tensor to_float_image(const torch::Tensor& bytes, int factor,
                              const torch::Tensor& table = {});
 

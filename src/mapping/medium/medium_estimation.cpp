@@ -201,33 +201,40 @@ medium::Observations observe(const SampledSurfaces& s, const KeyframeStore& keyf
   return collector.observations(s.first.back(), static_cast<std::int64_t>(s.views.size()));
 }
 
-/// Compares the curves on the same surfaces, without what earlier estimations found.
-void compare_curves(const SampledSurfaces& s, const KeyframeStore& keyframes,
-                    medium::MediumPrior prior, ToneCurveEvidence& evidence) {
+/// Observations with the curve that the evidence chooses. Unless it is decided, both curves are
+/// compared first, without what earlier estimations of the medium found.
+medium::Observations observe_with_best_curve(const SampledSurfaces& s,
+                                             const KeyframeStore& keyframes,
+                                             medium::MediumPrior prior,
+                                             ToneCurveEvidence& evidence) {
+  if (evidence.is_decided()) return observe(s, keyframes, evidence.choice());
   prior.posterior = {};
-  const auto linear = medium::fit_medium(observe(s, keyframes, {}), prior);
-  const auto power = medium::fit_medium(observe(s, keyframes, kViewingCurve), prior);
-  if (linear && power) evidence.add(linear->deviance, power->deviance);
+  medium::Observations linear = observe(s, keyframes, {});
+  medium::Observations power = observe(s, keyframes, kViewingCurve);
+  const auto linear_fit = medium::fit_medium(linear, prior);
+  const auto power_fit = medium::fit_medium(power, prior);
+  if (linear_fit && power_fit) evidence.add(linear_fit->deviance, power_fit->deviance);
+  return evidence.choice().is_linear() ? linear : power;
 }
 
-/// Fits the medium to the light that the images show with this tone curve.
-std::optional<MediumEstimation> fit_with(const gaussians::ToneCurve& curve,
-                                         const SampledSurfaces& s, const KeyframeStore& keyframes,
-                                         const medium::MediumPrior& prior) {
-  const medium::Observations observations = observe(s, keyframes, curve);
-  auto fit = medium::fit_medium(observations, prior);
-  if (!fit) return std::nullopt;
+/// Fits the medium to observations with this tone curve.
+std::optional<MediumEstimation> fit(const medium::Observations& observations,
+                                    const gaussians::ToneCurve& curve, const SampledSurfaces& s,
+                                    const KeyframeStore& keyframes,
+                                    const medium::MediumPrior& prior) {
+  auto found = medium::fit_medium(observations, prior);
+  if (!found) return std::nullopt;
   MediumEstimation estimation;
   for (const SampledView& view : s.views) estimation.views.push_back(view.keyframe);
   // With a lamp, low-visibility sand is indistinguishable from open water.
   if (!prior.lamp) {
     const medium::Observations open =
-        empty_places(s.views, keyframes, curve).open_water(*fit, curve);
+        empty_places(s.views, keyframes, curve).open_water(*found, curve);
     estimation.sees_open_water = open.point_count > 0;
-    if (estimation.sees_open_water) fit = medium::fit_medium(merged(observations, open), prior);
-    if (!fit) return std::nullopt;
+    if (estimation.sees_open_water) found = medium::fit_medium(merged(observations, open), prior);
+    if (!found) return std::nullopt;
   }
-  estimation.fit = std::move(*fit);
+  estimation.fit = std::move(*found);
   estimation.tone_curve = curve;
   return estimation;
 }
@@ -242,10 +249,11 @@ std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeSt
   const torch::NoGradGuard no_grad;
   const SampledSurfaces surfaces = sample_surfaces(map, keyframes, spacing_m, prior, seed, depth);
   if (surfaces.views.size() < 2) return std::nullopt;
-  if (!evidence.is_decided()) compare_curves(surfaces, keyframes, prior, evidence);
+  const medium::Observations observations =
+      observe_with_best_curve(surfaces, keyframes, prior, evidence);
   // What was found with another curve is not valid.
   if (evidence.choice() != map.tone_curve) prior.posterior = {};
-  auto estimation = fit_with(evidence.choice(), surfaces, keyframes, prior);
+  auto estimation = fit(observations, evidence.choice(), surfaces, keyframes, prior);
   if (estimation) estimation->evidence = evidence;
   return estimation;
 }
