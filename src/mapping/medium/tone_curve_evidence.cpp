@@ -32,8 +32,7 @@ std::optional<gaussians::ToneCurve> given_curve(const ToneCurveOptions& options)
 
 }  // namespace
 
-ToneCurveEvidence::ToneCurveEvidence(const ToneCurveOptions& options)
-    : given_(given_curve(options)) {}
+ToneCurveEvidence::ToneCurveEvidence(ToneCurveOptions options) : given_(given_curve(options)) {}
 
 void ToneCurveEvidence::add(double linear_deviance, double power_deviance) {
   for_linear_ = kForgetting * for_linear_ + power_deviance - linear_deviance;

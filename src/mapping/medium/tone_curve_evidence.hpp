@@ -22,7 +22,7 @@ namespace apvi::mapping {
 /// but hardly the reverse. So the power is assumed unless the linear fit is clearly better.
 class ToneCurveEvidence {
  public:
-  explicit ToneCurveEvidence(const ToneCurveOptions& options);
+  explicit ToneCurveEvidence(ToneCurveOptions options);
 
   /// Adds an estimation: deviances (medium::MediumFit::deviance) of the same image values with both
   /// curves. Earlier estimations decay, because the map improves.
