@@ -84,8 +84,9 @@ torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, st
   torch::Tensor response = camera_gain(map, keyframes, i).view({1, 1, 1});
   const gaussians::Intrinsics camera = keyframes.view(i, factor).intrinsics;
   if (map.illumination.defined()) {
-    response = response * illumination_gain(value_of(map.illumination, keyframes, i), camera.height,
-                                            camera.width);
+    response =
+        response * illumination_gain(value_of(map.illumination, keyframes, i),
+                                     1.0 / map.tone_curve.exponent(), camera.height, camera.width);
   }
   if (map.vignetting == 0.0) return response;
   return response * lens_falloff(camera, map.vignetting, response.device());

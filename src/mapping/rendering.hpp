@@ -22,8 +22,8 @@ struct Map {
   /// [n] log gains of the keyframes: brightness of their images relative to the map; undefined: all
   /// equal.
   torch::Tensor log_gains = {};
-  /// [n,3,rows,columns] logarithms of the fields of gains of the keyframes (mapping::Illumination);
-  /// undefined: none.
+  /// [n,3,rows,columns] logarithms of the fields of gains of the keyframes, of image values
+  /// (mapping::Illumination); undefined: none.
   torch::Tensor illumination = {};
   double vignetting = 0.0;               ///< fraction of light lost in the image corners
   gaussians::ToneCurve tone_curve = {};  ///< of the camera, which makes image values of light

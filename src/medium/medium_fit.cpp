@@ -26,6 +26,7 @@ constexpr double kFixedSigma = 1e-3;        // of parameters that are fixed to t
 // Of a channel: the medium's parameters first, then those of the lamp.
 constexpr std::int64_t kMediumParameters = 3;
 constexpr std::int64_t kAttenuationParameters = 2;  // the first of these, fused over fits
+constexpr double kNoMedium = 1e-6;  // attenuation [1/m] and light of a medium without effect
 constexpr double kLampVeilingLight = 0.03;
 constexpr double kLampVeilingLightSigma = 2.0;  // of its logarithm: 0.004 to 0.2
 const auto kF64 = torch::dtype(torch::kFloat64);
@@ -114,6 +115,8 @@ class Solver {
     }
   }
 
+  double deviance() const { return equations_.deviance(); }
+
   MediumFit result(const Tensor& covariances) const {
     MediumFit fit;
     fit.medium = model_.medium(medium_parameters());
@@ -130,7 +133,7 @@ class Solver {
       fit.resolution[c].copy_(to_logs.mm(known).mm(torch::inverse(to_logs)));
       fit.sigmas[c].copy_(to_logs.mm(own).mm(to_logs.t()).diagonal().clamp_min(0.0).sqrt());
     }
-    fit.deviance = equations_.deviance();
+    fit.deviance = deviance();
     const std::array<double, 3>& noise = equations_.noise();
     fit.noise = torch::tensor({noise[0], noise[1], noise[2]}, kF64);
     return fit;
@@ -207,6 +210,18 @@ std::optional<MediumFit> fit_medium(const Observations& observations, const Medi
                       torch::isfinite(fit.log_gains).all().item<bool>() &&
                       torch::isfinite(fit.medium.beta_d).all().item<bool>();
   return finite ? std::optional(std::move(fit)) : std::nullopt;
+}
+
+double deviance_without_medium(const Observations& observations, MediumPrior prior) {
+  const torch::NoGradGuard no_grad;
+  const Tensor none = torch::full({3}, kNoMedium, kF64);
+  prior.medium = {.beta_d = none, .beta_b = none, .b_inf = none, .lamp = {}};
+  prior.beta_sigma = prior.ratio_sigma = prior.b_inf_sigma = kFixedSigma;
+  prior.lamp_backscatter = kNoMedium;
+  prior.lamp_backscatter_sigma = kFixedSigma;
+  Solver solver(observations, prior);
+  solver.solve();
+  return solver.deviance();
 }
 
 }  // namespace apvi::medium

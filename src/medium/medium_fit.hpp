@@ -83,4 +83,8 @@ struct MediumFit {
 /// few observations.
 std::optional<MediumFit> fit_medium(const Observations& observations, const MediumPrior& prior);
 
+/// `MediumFit::deviance` of the same observations explained without a medium: by colors, gains,
+/// vignetting and the lamp alone.
+double deviance_without_medium(const Observations& observations, MediumPrior prior);
+
 }  // namespace apvi::medium

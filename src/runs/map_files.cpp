@@ -152,6 +152,9 @@ void write_map_metrics(const std::filesystem::path& file, const MapMetrics& figu
       medium["error_percent"] = error_percent(*figures.medium, *figures.true_medium);
     }
   }
+  if (figures.wants_medium && !figures.medium) {
+    sections["mapping"]["medium_off"] = "the images do not show that there is water";
+  }
   if (figures.closed_loops) sections["mapping"]["closed_loops"] = *figures.closed_loops;
   if (figures.dropped_keyframes) sections["dropped"]["keyframes"] = *figures.dropped_keyframes;
   for (const auto& [why, count] : figures.not_mapped) sections["not_mapped"][why] = count;

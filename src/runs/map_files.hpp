@@ -81,6 +81,7 @@ struct MapMetrics {
   std::int64_t iterations = 0;
   double training_s = 0.0;  ///< in optimization steps
   double wall_s = 0.0;
+  bool wants_medium = false;  ///< whether a medium was to be estimated
   std::optional<medium::Medium> medium;
   std::optional<medium::Medium> true_medium;
   std::optional<std::size_t> dropped_keyframes = std::nullopt;

@@ -166,6 +166,7 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
                      .iterations = trainer.iteration(),
                      .training_s = trainer.seconds(),
                      .wall_s = watch.seconds(),
+                     .wants_medium = config.mapping.medium,
                      .medium = trainer.medium(),
                      .true_medium = truth ? truth->medium() : std::nullopt});
   return {.interrupted = !finished,

@@ -124,6 +124,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
                      .iterations = mapper.iteration(),
                      .training_s = async.training_s(),
                      .wall_s = wall_s,
+                     .wants_medium = config.mapping.medium,
                      .medium = made.medium,
                      .true_medium = truth ? truth->medium() : std::nullopt,
                      .dropped_keyframes = async.dropped_keyframes(),

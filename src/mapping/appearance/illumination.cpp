@@ -72,13 +72,13 @@ Illumination::Illumination(std::size_t views, const std::vector<std::size_t>& tr
   second_ = torch::zeros_like(logs_);
 }
 
-Tensor Illumination::apply(std::size_t view, const Tensor& image) {
+Tensor Illumination::apply(std::size_t view, const Tensor& image, double contrast) {
   leaf_ = logs_.select(0, static_cast<std::int64_t>(view)).clone().requires_grad_(true);
   auto& interpolation = interpolation_[image.size(1)];
   if (!interpolation.first.defined()) {
     interpolation = interpolation_of(leaf_, image.size(0), image.size(1));
   }
-  return image * gain_of(leaf_, interpolation);
+  return image * gain_of(leaf_ * contrast, interpolation);
 }
 
 void Illumination::step(std::size_t view) {
@@ -98,8 +98,9 @@ void Illumination::step(std::size_t view) {
   }
 }
 
-Tensor illumination_gain(const Tensor& logs, std::int64_t height, std::int64_t width) {
-  return gain_of(logs, interpolation_of(logs, height, width));
+Tensor illumination_gain(const Tensor& logs, double contrast, std::int64_t height,
+                         std::int64_t width) {
+  return gain_of(logs * contrast, interpolation_of(logs, height, width));
 }
 
 void Illumination::save(torch::serialize::OutputArchive& archive) const {

@@ -22,18 +22,19 @@ bool resolves_moving_light(const KeyframeStore& keyframes);
 /// logarithms on a coarse grid for each channel, interpolated bilinearly. Its mean over the
 /// training images is zero, so it takes no color from the map. Gains of a held-out image are
 /// interpolated in time, never taken from its own image.
+///
+/// The logarithms are those of image values, so that rate and prior suit every tone curve; of light
+/// they are `contrast` times as large (1 / ToneCurve::exponent).
 class Illumination {
  public:
   /// `training`: the images whose fields have a mean of zero.
   Illumination(std::size_t views, const std::vector<std::size_t>& training,
                const gaussians::Intrinsics& camera, const torch::Device& device);
 
-  /// The image [H,W,3] of a view times its field. Recorded by autograd for `step`.
-  torch::Tensor apply(std::size_t view, const torch::Tensor& image);
+  /// The image [H,W,3] of a view, as light, times its field. Recorded by autograd for `step`.
+  torch::Tensor apply(std::size_t view, const torch::Tensor& image, double contrast);
   /// Optimizes the field of the view that was applied last.
   void step(std::size_t view);
-  /// Multiplies the logarithms, for another tone curve.
-  void scale(double factor) { logs_.mul_(factor); }
   /// Logarithms of the gains [n,3,rows,columns].
   const torch::Tensor& logs() const { return logs_; }
 
@@ -50,7 +51,8 @@ class Illumination {
   std::map<std::int64_t, std::pair<torch::Tensor, torch::Tensor>> interpolation_;  ///< by width
 };
 
-/// Gains [height,width,3] of a field of logarithms [3,rows,columns].
-torch::Tensor illumination_gain(const torch::Tensor& logs, std::int64_t height, std::int64_t width);
+/// Gains of light [height,width,3] of a field of logarithms [3,rows,columns].
+torch::Tensor illumination_gain(const torch::Tensor& logs, double contrast, std::int64_t height,
+                                std::int64_t width);
 
 }  // namespace apvi::mapping

@@ -228,6 +228,8 @@ std::optional<MediumEstimation> fit(const medium::Observations& observations,
   for (const SampledView& view : s.views) estimation.views.push_back(view.keyframe);
   // With a lamp, low-visibility sand is indistinguishable from open water.
   if (!prior.lamp) {
+    estimation.saved_deviance =
+        medium::deviance_without_medium(observations, prior) - found->deviance;
     const medium::Observations open =
         empty_places(s.views, keyframes, curve).open_water(*found, curve);
     estimation.sees_open_water = open.point_count > 0;
@@ -249,10 +251,11 @@ std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeSt
   const torch::NoGradGuard no_grad;
   const SampledSurfaces surfaces = sample_surfaces(map, keyframes, spacing_m, prior, seed, depth);
   if (surfaces.views.size() < 2) return std::nullopt;
+  const gaussians::ToneCurve earlier = evidence.choice();
   const medium::Observations observations =
       observe_with_best_curve(surfaces, keyframes, prior, evidence);
   // What was found with another curve is not valid.
-  if (evidence.choice() != map.tone_curve) prior.posterior = {};
+  if (evidence.choice() != earlier) prior.posterior = {};
   auto estimation = fit(observations, evidence.choice(), surfaces, keyframes, prior);
   if (estimation) estimation->evidence = evidence;
   return estimation;

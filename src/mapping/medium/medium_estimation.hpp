@@ -18,7 +18,10 @@ namespace apvi::mapping {
 struct MediumEstimation {
   std::vector<std::size_t> views;  ///< keyframes used, in the order of the fit's gains
   medium::MediumFit fit;
-  bool sees_open_water = false;          ///< whether open water constrains b_inf
+  bool sees_open_water = false;  ///< whether open water constrains b_inf
+  /// By how much the medium lowers the deviance of the surfaces' colors; not known with a lamp,
+  /// whose light needs the medium's model in any case.
+  std::optional<double> saved_deviance = std::nullopt;
   gaussians::ToneCurve tone_curve = {};  ///< of the camera, with which the fit was made
   ToneCurveEvidence evidence{{.kind = ToneCurveKind::linear}};
 };

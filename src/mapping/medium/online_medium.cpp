@@ -10,7 +10,6 @@
 #include "mapping/density/seed_stream.hpp"
 #include "mapping/medium/initial_medium.hpp"
 #include "mapping/medium/medium_estimation.hpp"
-#include "medium/medium_initialization.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -61,20 +60,14 @@ bool OnlineMedium::fit(std::int64_t iteration, double extent, KeyframeStore& key
       estimate_medium(optimizer.full_map(), keyframes, kViewSpacing * extent, prior,
                       derive_seed(options_.trainer.seed, Stream::medium, iteration), options_.depth,
                       optimizer.tone_curve_evidence());
-  if (estimation) {
-    log::debug("medium estimated after {} keyframes from {} of them{}, relative sigma {:.0f} %",
-               keyframes.training().size(), estimation->views.size(),
-               estimation->sees_open_water ? " and open water" : "",
-               100.0 * estimation->fit.sigmas.mean().item<double>());
-    optimizer.apply_medium(*estimation, keyframes);
-    keyframes.set_tone_curve(optimizer.tone_curve());
-    return true;
-  }
-  if (!optimizer.medium()) {
-    optimizer.apply_medium(medium::coastal_medium(), torch::zeros({3, 3, 3}, torch::kFloat64),
-                           keyframes);
-  }
-  return false;
+  if (!estimation) return false;
+  log::debug("medium estimated after {} keyframes from {} of them{}, relative sigma {:.0f} %",
+             keyframes.training().size(), estimation->views.size(),
+             estimation->sees_open_water ? " and open water" : "",
+             100.0 * estimation->fit.sigmas.mean().item<double>());
+  optimizer.apply_medium(*estimation, keyframes);
+  keyframes.set_tone_curve(optimizer.tone_curve());
+  return true;
 }
 
 void OnlineMedium::save(torch::serialize::OutputArchive& archive) const {

@@ -66,6 +66,11 @@ std::vector<double> seconds_of(const KeyframeStore& keyframes) {
   return seconds;
 }
 
+double median_of(const Tensor& values, const std::vector<std::size_t>& among) {
+  const std::vector<std::int64_t> rows(among.begin(), among.end());
+  return values.index_select(0, torch::tensor(rows, torch::kInt64)).median().item<double>();
+}
+
 }  // namespace
 
 gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent, double progress) {
@@ -132,8 +137,9 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
        .sparse_gradient = true});
   const Tensor seen = water ? water->apply(out.color, out.depth, out.alpha) : out.color;
   const bool lit = illumination_ && settings.match_gain;
-  const Tensor image =
-      corrections_.expose(i, lit ? illumination_->apply(i, seen) : seen, /*learn=*/true);
+  const Tensor image = corrections_.expose(
+      i, lit ? illumination_->apply(i, seen, 1.0 / tone_curve_.exponent()) : seen,
+      /*learn=*/true);
   const bool add_opacity_loss = water != nullptr && store_.steps() % kOpacityInterval == 0;
   const bool needs_open_water = add_opacity_loss || (water != nullptr && updates_gain(settings));
   const RenderedView rendered = {.image = image.detach(),
@@ -346,27 +352,24 @@ void MapOptimizer::apply_medium(const medium::Medium& medium, const Tensor& reso
 void MapOptimizer::apply_medium(const MediumEstimation& estimation,
                                 const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;
-  Map after = full_map();
-  medium::Medium water = estimation.fit.medium;
   medium_posterior_ = estimation.fit.posterior;
   tone_curve_evidence_ = estimation.evidence;
-  // Logarithms of light per logarithm of light by the previous curve.
-  const double contrast = tone_curve_.exponent() / estimation.tone_curve.exponent();
-  if (illumination_) illumination_->scale(contrast);
+  if (estimation.saved_deviance) {
+    medium_support_.add(*estimation.saved_deviance);
+    log::debug("the medium lowers the deviance by {:.0f}", *estimation.saved_deviance);
+    if (!medium_support_.is_sufficient()) return remove_medium(keyframes);
+  }
   if (estimation.tone_curve != tone_curve_) {
     log::info("the images look like those of a camera with value = light^(1/{:.2g})",
               1.0 / estimation.tone_curve.exponent());
   }
+  Map after = with_curve(estimation.tone_curve);
+  medium::Medium water = estimation.fit.medium;
   if (options_.gain_compensation) {
     const Tensor logs =
-        interpolate_gains(gains_.logs().to(torch::kCPU, torch::kFloat64) * contrast,
-                          seconds_of(keyframes), estimation.views, estimation.fit.log_gains);
-    const auto& views = keyframes.training();
-    const double median =
-        logs.index_select(0, torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()),
-                                           torch::kInt64))
-            .median()
-            .item<double>();
+        interpolate_gains(after.log_gains.to(torch::kCPU, torch::kFloat64), seconds_of(keyframes),
+                          estimation.views, estimation.fit.log_gains);
+    const double median = median_of(logs, keyframes.training());
     after.log_gains = (logs - median).to(gains_.logs().options());
     water.b_inf = water.b_inf * std::exp(median);
     if (water.lamp) water.lamp->backscatter = water.lamp->backscatter * std::exp(median);
@@ -377,9 +380,25 @@ void MapOptimizer::apply_medium(const MediumEstimation& estimation,
                     .exp()
                     .clamp(kMinVeilingLight, kMaxVeilingLight);
   after.vignetting = estimation.fit.vignetting;
-  after.tone_curve = estimation.tone_curve;
   after.medium = water;
   apply_appearance(after, estimation.fit.resolution, keyframes);
+}
+
+void MapOptimizer::remove_medium(const KeyframeStore& keyframes) {
+  if (!medium_) return;
+  log::info("the images do not show that there is water: the map has no medium");
+  Map after = with_curve(tone_curve_evidence_.initial());
+  after.medium.reset();
+  apply_appearance(after, {}, keyframes);
+}
+
+Map MapOptimizer::with_curve(const gaussians::ToneCurve& curve) const {
+  // Logarithms of light per logarithm of light by the previous curve.
+  const double contrast = tone_curve_.exponent() / curve.exponent();
+  Map changed = full_map();
+  if (changed.log_gains.defined()) changed.log_gains = changed.log_gains * contrast;
+  changed.tone_curve = curve;
+  return changed;
 }
 
 void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
@@ -389,9 +408,10 @@ void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
   vignetting_ = after.vignetting;
   falloffs_.clear();
   set_tone_curve(after.tone_curve);
+  medium_views_.clear();
+  if (!after.medium) return medium_.reset();
   if (!medium_) create_medium(*after.medium);
   medium_->set_prior(*after.medium, resolution);
-  medium_views_.clear();
 }
 
 void MapOptimizer::set_tone_curve(const gaussians::ToneCurve& curve) {
@@ -454,6 +474,7 @@ void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
   child("gains", gains_);
   child("water", medium_posterior_);
   child("tone_curve_evidence", tone_curve_evidence_);
+  child("medium_support", medium_support_);
   if (illumination_) child("illumination", *illumination_);
   archive.write("vignetting", torch::IValue(vignetting_));
   archive.write("tone_curve", gaussians::to_tensor(tone_curve_));
@@ -480,6 +501,8 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   medium_posterior_.load(part);
   archive.read("tone_curve_evidence", part);
   tone_curve_evidence_.load(part);
+  archive.read("medium_support", part);
+  medium_support_.load(part);
   if (illumination_) {
     archive.read("illumination", part);
     illumination_->load(part);

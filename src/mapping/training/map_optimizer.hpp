@@ -18,6 +18,7 @@
 #include "mapping/density/densify.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "mapping/medium/medium_estimation.hpp"
+#include "mapping/medium/medium_support.hpp"
 #include "mapping/rendering.hpp"
 #include "medium/medium_optimizer.hpp"
 #include "medium/medium_view.hpp"
@@ -79,7 +80,7 @@ class MapOptimizer {
                     const KeyframeStore& keyframes);
   /// Applies a medium estimation with its gains and vignetting. Gains of keyframes it did not use
   /// are interpolated; afterwards the median gain of the training keyframes is one. The tone curve
-  /// becomes that of the estimation.
+  /// becomes that of the estimation. Without `medium_support`, the map gets no medium, or loses it.
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
@@ -113,6 +114,8 @@ class MapOptimizer {
   /// `apply_medium` and `load`.
   const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
   const ToneCurveEvidence& tone_curve_evidence() const { return tone_curve_evidence_; }
+  /// What the applied estimations tell about whether there is a medium.
+  const MediumSupport& medium_support() const { return medium_support_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
   /// Loads at most `max_gaussians`, the most important ones. Throws c10::Error when
@@ -142,6 +145,9 @@ class MapOptimizer {
                    const StepSettings& settings);
   void apply_appearance(const Map& after, const torch::Tensor& resolution,
                         const KeyframeStore& keyframes);
+  /// The map with another tone curve, which also scales the logarithms of gains.
+  Map with_curve(const gaussians::ToneCurve& curve) const;
+  void remove_medium(const KeyframeStore& keyframes);
 
   TrainerOptions options_;
   int max_gaussians_;
@@ -155,6 +161,7 @@ class MapOptimizer {
   gaussians::ToneCurve tone_curve_;
   torch::Tensor light_table_;  ///< of the tone curve, cached
   medium::MediumPosterior medium_posterior_;
+  MediumSupport medium_support_;
   std::map<int, torch::Tensor> falloffs_;  ///< by image width
   std::optional<medium::MediumOptimizer> medium_;
   bool vio_failing_ = false;

@@ -33,6 +33,7 @@ Trainer::Trainer(KeyframeStore& keyframes, const gaussians::Gaussians& initial,
       options_(options),
       extent_(scene_extent(keyframes)),
       initial_size_(initial.size()),
+      estimates_medium_(medium && options.medium_estimation == MediumEstimationMethod::fit),
       optimizer_(initial, options_, keyframes.size(), medium) {
   TORCH_CHECK(!keyframes.training().empty(), "trainer: there are no training keyframes");
   TORCH_CHECK(initial.size() > 0, "trainer: the initial map is empty");
@@ -102,8 +103,7 @@ double Trainer::step() {
 
 // Repeated during training, because the estimate improves with the map.
 void Trainer::maybe_estimate_medium() {
-  if (options_.medium_estimation == MediumEstimationMethod::gradient) return;
-  if (!medium() || medium_estimations_ >= kMediumEstimationProgress.size() ||
+  if (!estimates_medium_ || medium_estimations_ >= kMediumEstimationProgress.size() ||
       progress() < kMediumEstimationProgress[medium_estimations_]) {
     return;
   }

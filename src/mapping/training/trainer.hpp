@@ -66,6 +66,7 @@ class Trainer {
   TrainerOptions options_;
   double extent_;
   std::int64_t initial_size_;
+  bool estimates_medium_;
   MapOptimizer optimizer_;
   DeferredLossReadback losses_;
   std::int64_t iteration_ = 0;

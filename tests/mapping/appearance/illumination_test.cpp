@@ -41,7 +41,7 @@ void learn(Illumination& illumination, int steps) {
   const Tensor clear = torch::full({32, 48, 3}, 0.4F);
   for (int k = 0; k < steps; ++k) {
     const int view = k % kViews;
-    const Tensor image = illumination.apply(static_cast<std::size_t>(view), clear);
+    const Tensor image = illumination.apply(static_cast<std::size_t>(view), clear, 1.0);
     (image - clear * stripes(view, 32, 48)).abs().mean().backward();
     illumination.step(static_cast<std::size_t>(view));
   }
@@ -73,7 +73,7 @@ TEST(Illumination, LearnsLightThatMovesAndHasAMeanOfZero) {
   }());
   truth = truth - truth.mean(0, true);
   for (int view = 0; view < kViews; ++view) {
-    const Tensor found = illumination_gain(illumination.logs()[view], 32, 48).log();
+    const Tensor found = illumination_gain(illumination.logs()[view], 1.0, 32, 48).log();
     EXPECT_EQ(found.sizes(), at::IntArrayRef({32, 48, 3}));
     EXPECT_LT((found - truth[view]).abs().mean().item<double>(), 0.03) << view;
   }
