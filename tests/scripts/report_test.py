@@ -125,6 +125,7 @@ class RunFolder:
         self.run.mkdir()
         self.dataset.mkdir()
         for name, text in (("trajectory.tum", tum_lines()), ("dipo.tum", tum_lines()),
+                           ("trajectory_smoothed.tum", tum_lines()), ("vio.tum", tum_lines()),
                            ("calibration.csv", calibration_lines()), ("pings.csv", ping_lines()),
                            ("metrics.json", json.dumps(METRICS)),
                            ("log.txt", "a line of the log\n"), ("resolved.yaml", self.resolved())):
@@ -188,8 +189,8 @@ class Case(unittest.TestCase):
 
     def keep_only_poses(self):
         """Removes optional files, for speed."""
-        for name in ("dipo.tum", "calibration.csv", "pings.csv", "metrics.json", "log.txt",
-                     "resolved.yaml"):
+        for name in ("dipo.tum", "trajectory_smoothed.tum", "vio.tum", "calibration.csv", "pings.csv",
+                     "metrics.json", "log.txt", "resolved.yaml"):
             (self.folder.run / name).unlink()
 
     def assert_sections(self, html, *titles):
