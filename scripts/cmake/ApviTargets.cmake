@@ -54,7 +54,8 @@ function(apvi_add_module name)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(apvi_${name} PUBLIC ${ARG_DEPENDS}
     PRIVATE $<BUILD_INTERFACE:apvi_options> ${ARG_PRIVATE_DEPENDS})
-  install(TARGETS apvi_${name} EXPORT apviTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(TARGETS apvi_${name} EXPORT apviTargets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 endfunction()
 
 # apvi_precompile_torch(<target>): precompiles torch/torch.h, which takes 13 s to parse. All targets share
