@@ -180,7 +180,7 @@ __device__ void blend(DrawShared<kSlots, kKeep>& shared, int words, const PixelP
       best = max(best, step.finished ? kFinishedOnly : __float_as_int(step.weight));
     }
     if constexpr (kKeep) {
-      best = __reduce_max_sync(kAllLanes, best);
+      best = warp_max(best);
       if (threadIdx.x % kWarp == 0 && best != 0) {
         atomicMax(shared.statistics.weights + at, best);
         atomicOr(shared.statistics.blocks + at, 1U << (threadIdx.x / kWarp));
@@ -297,7 +297,7 @@ __device__ bool is_last_blended(const Chunk& chunk, const BinPointers& bins,
 }
 
 template <int kSlots, bool kKeep>
-__global__ void __launch_bounds__(kThreads, kDrawBlocks)
+__global__ void __launch_bounds__(kThreads, resident_blocks(kThreads, kDrawBlocks))
     draw_kernel(Frame frame, SplatPointers splats, BinPointers bins, ImagePointers image,
                 ChunkPointers chunks, float* slot_weight, float* max_weight) {
   __shared__ DrawShared<kSlots, kKeep> shared;

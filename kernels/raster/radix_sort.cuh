@@ -208,7 +208,7 @@ __device__ inline void place_digits(SortShared<kBits, Key>& shared, const SortSt
 }
 
 template <int kBits, typename Key, typename Count>
-__global__ void __launch_bounds__(kSortThreads, kBits > 8 ? 3 : 2)
+__global__ void __launch_bounds__(kSortThreads, resident_blocks(kSortThreads, kBits > 8 ? 3 : 2))
     sort_pass_kernel(SortPass<Key> in, Count count, SortState state) {
   __shared__ SortShared<kBits, Key> shared;
   if (threadIdx.x == 0) shared.block = atomicAdd(state.tickets + in.pass, 1U);

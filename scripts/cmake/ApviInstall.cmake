@@ -1,18 +1,45 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# `cmake --install` installs a package for find_package(apvi), with targets apvi::<module>.
-# tests/install builds a program against it.
+# What `cmake --install` installs, in two components:
+#   program      the program, its configurations, scripts, man page and licenses
+#   development  libraries, headers, and a package for find_package(apvi) with targets apvi::<module>
+# tests/install runs the program and builds another one against the libraries.
 
 include(CMakePackageConfigHelpers)
 
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/apvi"
-        DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/configs" DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi")
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/scripts/report"
-        DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi/scripts" PATTERN "__pycache__" EXCLUDE)
-install(PROGRAMS "${PROJECT_SOURCE_DIR}/scripts/report.py"
-        DESTINATION "${CMAKE_INSTALL_DATADIR}/apvi/scripts")
+set(apvi_data "${CMAKE_INSTALL_DATADIR}/apvi")
+set(apvi_doc "${CMAKE_INSTALL_DATADIR}/doc/apvi")
+
+# The license of the project and the notices of others, in the file where Debian looks for them.
+file(READ "${PROJECT_SOURCE_DIR}/LICENSE" apvi_license)
+file(READ "${PROJECT_SOURCE_DIR}/third_party/NOTICES.txt" apvi_notices)
+file(CONFIGURE OUTPUT "${PROJECT_BINARY_DIR}/generated/copyright" @ONLY
+     CONTENT "@apvi_license@\n@apvi_notices@")
+
+if(TARGET apvi)
+  install(DIRECTORY "${PROJECT_SOURCE_DIR}/configs" DESTINATION "${apvi_data}" COMPONENT program)
+  install(DIRECTORY "${PROJECT_SOURCE_DIR}/scripts/report" DESTINATION "${apvi_data}/scripts"
+          COMPONENT program PATTERN "__pycache__" EXCLUDE)
+  foreach(script IN ITEMS explain_run.py make_lpips_weights.py plot_calibration.py report.py)
+    install(PROGRAMS "${PROJECT_SOURCE_DIR}/scripts/${script}" DESTINATION "${apvi_data}/scripts"
+            COMPONENT program)
+  endforeach()
+  install(FILES "${PROJECT_BINARY_DIR}/generated/copyright" "${PROJECT_SOURCE_DIR}/CHANGELOG.md"
+          DESTINATION "${apvi_doc}" COMPONENT program)
+
+  # Made when installing, since it takes 10 s to ask the program for its help.
+  find_program(APVI_PYTHON python3 REQUIRED)
+  set(apvi_man_page "${PROJECT_BINARY_DIR}/generated/apvi.1.gz")
+  install(CODE "execute_process(COMMAND \"${APVI_PYTHON}\" \"${PROJECT_SOURCE_DIR}/scripts/man_page.py\"
+                  \"$<TARGET_FILE:apvi>\" \"${apvi_man_page}\" COMMAND_ERROR_IS_FATAL ANY)"
+          COMPONENT program)
+  install(FILES "${apvi_man_page}" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT program)
+endif()
+
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/apvi" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
+        COMPONENT development FILES_MATCHING PATTERN "*.hpp")
 set(APVI_INSTALL_CMAKEDIR "${CMAKE_INSTALL_LIBDIR}/cmake/apvi")
-install(EXPORT apviTargets NAMESPACE apvi:: DESTINATION "${APVI_INSTALL_CMAKEDIR}")
+install(EXPORT apviTargets NAMESPACE apvi:: DESTINATION "${APVI_INSTALL_CMAKEDIR}"
+        COMPONENT development)
 configure_package_config_file(scripts/cmake/apviConfig.cmake.in
   "${PROJECT_BINARY_DIR}/generated/cmake/apviConfig.cmake"
   INSTALL_DESTINATION "${APVI_INSTALL_CMAKEDIR}"
@@ -26,4 +53,6 @@ install(FILES
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag2.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviTorch.cmake"
-  DESTINATION "${APVI_INSTALL_CMAKEDIR}")
+  DESTINATION "${APVI_INSTALL_CMAKEDIR}" COMPONENT development)
+
+include(ApviPackage)

@@ -12,7 +12,7 @@ INK, MUTED, GRID = "#1f2933", "#67737f", "#e3e8ec"
 BLUE, ORANGE, TEAL, RED, PURPLE = "#1565b0", "#dd7a17", "#12866f", "#c4303b", "#7b53b3"
 REFERENCE = "#a3adb8"
 AXES = (BLUE, ORANGE, TEAL)  # x, y, z
-TRACKS = {"VIO": ORANGE, "DIPO": TEAL}
+TRACKS = {"Smoothed": PURPLE, "VIO": ORANGE, "DIPO": TEAL}
 VERDICTS = {  # verdict in pings.csv: (label, color)
     "accepted": ("accepted", TEAL),
     "downweighted": ("downweighted", ORANGE),

@@ -79,10 +79,17 @@ void add_commands(CLI::App& app) {
   apvi::cli::add_config(app);
 }
 
+std::string version_text() {
+  const std::string_view torch = apvi::kLibTorch;
+  return fmt::format("apvi {}\ngit revision: {}\nbackend: {}\nmapping: {}", apvi::kVersion,
+                     apvi::kGitRevision, apvi::kBackend,
+                     torch.empty() ? "off" : fmt::format("on, LibTorch {}", torch));
+}
+
 int dispatch(int argc, char** argv) {
   CLI::App app{"Acoustic-pressure-visual-inertial SLAM for underwater robots", "apvi"};
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("apvi ") + apvi::kVersion);
+  app.set_version_flag("--version", version_text());
   app.add_flag_callback(
       "-v,--verbose", [] { apvi::log::set_console_level(apvi::log::Level::debug); },
       "show debug messages");

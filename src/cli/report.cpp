@@ -43,7 +43,7 @@ void write_report(const fs::path& folder) {
     return;
   }
   const fs::path output = folder / "report.log";
-  ChildProcess child({kPython, script->string(), folder.string()}, output);
+  ChildProcess child({kPython, "-B", script->string(), folder.string()}, output);
   const ChildExit exit = wait_for(child);
   if (!exit.success()) {
     log::warning("no report.html: {}: {}", exit.text(), content(output));

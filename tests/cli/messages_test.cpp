@@ -10,6 +10,7 @@ namespace {
 
 using testing::EndsWith;
 using testing::HasSubstr;
+using testing::MatchesRegex;
 using testing::StartsWith;
 
 test::ProgramResult apvi(const std::vector<std::string>& arguments) {
@@ -47,6 +48,12 @@ TEST(Arguments, HelpAndVersionAreNoErrors) {
     EXPECT_EQ(result.err, "");
   }
   EXPECT_THAT(apvi({"run", "--help"}).out, HasSubstr("DIVE|CONFIG FILE|FOLDER REQUIRED"));
+}
+
+TEST(Arguments, VersionNamesRevisionBackendAndMapping) {
+  EXPECT_THAT(apvi({"--version"}).out,
+              MatchesRegex("apvi [0-9.]+\ngit revision: [0-9A-Za-z.-]+\n"
+                           "backend: (cpu|cuda)\nmapping: (off|on, LibTorch [0-9][0-9.]+.*)\n"));
 }
 
 TEST(RunCommand, RefusesFilesThatAreNoRecordingOrConfiguration) {

@@ -117,7 +117,7 @@ class Cluster:
 
     def ask(self, program, *arguments):
         return subprocess.run([self.programs[program], *arguments], env=self.environment, text=True,
-                              capture_output=True, timeout=60, check=False)
+                              capture_output=True, timeout=600, check=False)
 
     def wait_for(self, condition, what, *logs):
         end = time.monotonic() + PATIENCE_S

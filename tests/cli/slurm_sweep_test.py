@@ -61,7 +61,7 @@ class SlurmSweep(unittest.TestCase):
 
     def sweep(self, file, *more, out=None):
         return subprocess.run(self.command(file, *more, out=out), env=cluster.environment, text=True,
-                              capture_output=True, timeout=300, check=False)
+                              capture_output=True, timeout=900, check=False)
 
     def on_slurm(self, file, *more):
         return self.sweep(file, "--launcher", "slurm", *more)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs the given build into a temporary folder, builds the consumer against it, and runs it.
+# Installs the given build into a temporary folder, runs the program there, and builds the consumer against it.
 set -euo pipefail
 
 build="$1"
@@ -20,13 +20,5 @@ cmake -S "$(dirname "$0")" -B "$work/build" -G Ninja -DCMAKE_PREFIX_PATH="$work/
 cmake --build "$work/build"
 ctest --test-dir "$work/build" --output-on-failure
 
-# The installed configurations are found from any folder, by a command and by a file of the user.
-# A LibTorch outside the system's folders is not in the run path of an installed program.
-torch="$(sed -n 's|^Torch_DIR:[A-Z]*=\(.*\)/share/cmake/Torch$|\1/lib|p' "$build/CMakeCache.txt")"
-[[ -z $torch ]] || export LD_LIBRARY_PATH="$torch${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
-apvi="$work/prefix/bin/apvi"
-mkdir "$work/empty"
-cd "$work/empty"
-echo 'inherit: default.yaml' >own.yaml
-echo 'inherit: configs/datasets/akit.yaml' >own_akit.yaml
-"$apvi" config --check own.yaml own_akit.yaml configs/localization.yaml scenes/dam_easy.yaml sweeps/seeds.yaml
+"$(dirname "$0")/program_test.sh" "$work/prefix/bin/apvi"
+[[ -f "$work/prefix/share/man/man1/apvi.1.gz" ]] || { echo "no man page is installed" >&2; exit 1; }

@@ -16,7 +16,7 @@ namespace apvi::test {
 
 /// Polls until the condition holds; false after five seconds.
 inline bool eventually(const std::function<bool()>& condition) {
-  for (int i = 0; i < 500; ++i) {
+  for (int i = 0; i < 6000; ++i) {
     if (condition()) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

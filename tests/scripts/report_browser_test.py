@@ -34,7 +34,7 @@ def chromium(folder, *arguments):
         [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
          "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={folder}/profile",
          "--virtual-time-budget=10000", *arguments],
-        capture_output=True, text=True, timeout=120, check=False)
+        capture_output=True, text=True, timeout=600, check=False)
 
 
 class Browser(report_test.Case):

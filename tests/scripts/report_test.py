@@ -17,6 +17,7 @@ NEEDED = ("jinja2", "matplotlib", "numpy")
 MISSING = [name for name in NEEDED if not importlib.util.find_spec(name)]
 SKIPPED = 77  # exit status that ctest treats as "skipped"
 
+TRACKS = ("trajectory.tum", "trajectory_smoothed.tum", "vio.tum", "dipo.tum")
 START_NS = 1_700_000_000_000_000_000
 CALIBRATION_HEADER = (
     "#timestamp [ns],dvl_time_offset [s],dvl_time_offset_sigma [s],dvl_scale_error,"
@@ -124,7 +125,7 @@ class RunFolder:
         self.run, self.dataset = root / "run", root / "pool <1>"
         self.run.mkdir()
         self.dataset.mkdir()
-        for name, text in (("trajectory.tum", tum_lines()), ("dipo.tum", tum_lines()),
+        for name, text in (*((track, tum_lines()) for track in TRACKS),
                            ("calibration.csv", calibration_lines()), ("pings.csv", ping_lines()),
                            ("metrics.json", json.dumps(METRICS)),
                            ("log.txt", "a line of the log\n"), ("resolved.yaml", self.resolved())):
@@ -186,10 +187,8 @@ class Case(unittest.TestCase):
         from report import page, run_data  # pylint: disable=import-outside-toplevel
         return page.render(run_data.load(self.folder.run))
 
-    def keep_only_poses(self):
-        """Removes optional files, for speed."""
-        for name in ("dipo.tum", "calibration.csv", "pings.csv", "metrics.json", "log.txt",
-                     "resolved.yaml"):
+    def keep_only_poses(self):  # for speed
+        for name in (*TRACKS[1:], "calibration.csv", "pings.csv", "metrics.json", "log.txt", "resolved.yaml"):
             (self.folder.run / name).unlink()
 
     def assert_sections(self, html, *titles):

@@ -80,7 +80,7 @@ class Case(unittest.TestCase):
     def script(self, code, *arguments):
         return self.browser.execute_script(code, *arguments)
 
-    def wait_for(self, condition, seconds=20):
+    def wait_for(self, condition, seconds=120):
         end = time.monotonic() + seconds
         while not self.script(f"return Boolean({condition})"):
             self.assertLess(time.monotonic(), end, condition)
@@ -128,7 +128,7 @@ class Case(unittest.TestCase):
 
     def downloaded(self, name):
         file = self.folder / name
-        end = time.monotonic() + 20
+        end = time.monotonic() + 120
         while not file.exists() or file.stat().st_size == 0:
             self.assertLess(time.monotonic(), end, name)
             time.sleep(0.1)

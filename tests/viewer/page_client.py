@@ -35,13 +35,13 @@ class Server:
 
     def stop(self):
         self.process.send_signal(signal.SIGINT)
-        _, rest = self.process.communicate(timeout=60)
+        _, rest = self.process.communicate(timeout=600)
         self.log += rest
         return self.process.returncode
 
 
 def connect(port):
-    stream = socket.create_connection(("127.0.0.1", port), timeout=60)
+    stream = socket.create_connection(("127.0.0.1", port), timeout=600)
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return stream
 
