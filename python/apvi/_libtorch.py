@@ -49,6 +49,16 @@ def folder_of(spec: importlib.machinery.ModuleSpec | None) -> pathlib.Path | Non
     return pathlib.Path(spec.origin).parent if spec is not None and spec.origin else None
 
 
+class RefusingLoader(importlib.abc.Loader):
+    """Raises ImportError when the module is imported, but not when it is only looked for."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+
+    def exec_module(self, module: ModuleType) -> None:
+        raise ImportError(self.reason, name=module.__name__)
+
+
 class TorchGuard(importlib.abc.MetaPathFinder):
     """Refuses a later `import torch` of a package with another LibTorch."""
 
@@ -56,11 +66,12 @@ class TorchGuard(importlib.abc.MetaPathFinder):
                   target: ModuleType | None = None) -> importlib.machinery.ModuleSpec | None:
         if fullname != "torch":
             return None
-        folder = folder_of(importlib.machinery.PathFinder.find_spec(fullname, path))
-        reason = conflict(folder) if folder else None
-        if reason:
-            raise ImportError(reason, name="torch")
-        return None  # the usual finders go on
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        folder = folder_of(spec)
+        reason = conflict(folder) if spec and folder else None
+        if not spec or not reason:
+            return None  # the usual finders go on
+        return importlib.machinery.ModuleSpec(fullname, RefusingLoader(reason), origin=spec.origin)
 
 
 def prepare() -> None:

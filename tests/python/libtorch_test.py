@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The package beside the Python package torch, before and after it.
 
-Without torch, a package of that name with a LibTorch of its own stands for it. APVI_TORCH_SITE names a folder of
-site-packages with the real one."""
+Where torch is not installed, a package of that name with a LibTorch of its own stands for it."""
 import importlib.util
 import os
 import pathlib
@@ -11,14 +10,13 @@ import unittest.mock
 
 import support
 
-USE_BOTH = """
+BOTH = """
 import sys
 sys.path[:0] = sys.argv[2:]
-import numpy as np
 def ours():
-    import apvi
+    import apvi, numpy
     snapshot = apvi.MapSnapshot.read(sys.argv[1])
-    images = snapshot.render(apvi.Camera(50, 50, 31.5, 23.5, 64, 48), np.eye(4))
+    images = snapshot.render(apvi.Camera(50, 50, 31.5, 23.5, 64, 48), numpy.eye(4))
     assert images.alpha.max() > 0.5, images.alpha.max()
 def theirs():
     import torch
@@ -52,13 +50,20 @@ property float rot_3
 end_header
 0 0 2 1 0 0 4 -1 -1 -1 1 0 0 0
 """
+PRETENDED = """
+class Anything:
+    def __call__(self, *arguments, **more): return self
+    def __getattr__(self, name): return self
+    def __matmul__(self, other): return self
+randn = nn = Anything()
+"""
 ORDERS = {"first": "ours(); theirs(); ours()", "last": "theirs(); ours(); theirs()"}
 
 
 def use_both(order, *folders):
     path = support.scratch() / "one.ply"
     path.write_text(MAP)
-    result = support.python(USE_BOTH.replace("ORDER", ORDERS[order]), path, *folders)
+    result = support.python(BOTH.replace("ORDER", ORDERS[order]), path, *folders)
     return result.returncode, result.stdout, result.stderr
 
 
@@ -66,7 +71,7 @@ class OtherLibtorch(unittest.TestCase):
     def pretended(self):
         folder = support.scratch() / "pretended"
         (folder / "torch" / "lib").mkdir(parents=True, exist_ok=True)
-        (folder / "torch" / "__init__.py").touch()
+        (folder / "torch" / "__init__.py").write_text(PRETENDED)
         (folder / "torch" / "version.py").write_text("__version__ = '9.8.7+cu130'\n")
         (folder / "torch" / "lib" / "libtorch_cpu.so").touch()
         return folder
@@ -107,17 +112,14 @@ class SameLibtorch(unittest.TestCase):
             self.assertIn("torch 2.10.0", _libtorch.conflict(folder))
 
 
-SITE = os.environ.get("APVI_TORCH_SITE")
-
-
-@unittest.skipUnless(SITE or importlib.util.find_spec("torch"), "torch is not installed")
+@unittest.skipUnless(importlib.util.find_spec("torch"), "torch is not installed")
 class RealTorch(unittest.TestCase):
     def test_both_orders_work_or_the_second_import_is_refused(self):
         from apvi import _libtorch
-        folder = pathlib.Path(SITE) if SITE else pathlib.Path(importlib.util.find_spec("torch").origin).parents[1]
-        refused = _libtorch.conflict(folder / "torch") is not None
+        folder = pathlib.Path(importlib.util.find_spec("torch").origin).parent
+        refused = _libtorch.conflict(folder) is not None
         for order in ORDERS:
-            code, output, errors = use_both(order, folder)
+            code, output, errors = use_both(order)
             self.assertEqual((code, output[:7]), (0, "refused" if refused else "both wo"), errors)
 
 

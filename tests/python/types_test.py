@@ -9,6 +9,10 @@ import unittest
 import support
 
 
+# Of pybind11's classes, and of those that Python code does not make.
+OF_EVERY_CLASS = ("metaclass differs", 'does not have *args parameter "args"')
+
+
 def mypy(module, *arguments):
     done = subprocess.run([sys.executable, "-m", module, *map(str, arguments)], capture_output=True, text=True,
                           cwd=support.scratch(), check=False)
@@ -18,8 +22,10 @@ def mypy(module, *arguments):
 @unittest.skipUnless(importlib.util.find_spec("mypy"), "mypy is not installed")
 class Types(unittest.TestCase):
     def test_annotations_name_what_the_module_has(self):
-        code, output = mypy("mypy.stubtest", "apvi", "--ignore-disjoint-bases")
-        self.assertEqual(code, 0, output)
+        _, output = mypy("mypy.stubtest", "apvi", "--concise", "--ignore-disjoint-bases")
+        problems = [line for line in output.splitlines() if not line.endswith(OF_EVERY_CLASS)]
+        self.assertEqual(problems, [])
+        self.assertIn("apvi._apvi.System is inconsistent, metaclass differs", output)  # it was compared
 
     def test_examples_keep_to_the_annotations(self):
         examples = sorted((support.ROOT / "examples" / "python").glob("*.py"))
