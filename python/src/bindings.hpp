@@ -15,6 +15,7 @@ void bind_trajectory(py::module_& m);
 void bind_rig(py::module_& m);
 void bind_samples(py::module_& m);
 void bind_readers(py::module_& m);
+void bind_ros(py::module_& m);
 void bind_map(py::module_& m);
 void bind_system(py::module_& m);
 void bind_mapper(py::module_& m);

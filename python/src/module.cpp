@@ -14,6 +14,7 @@ PYBIND11_MODULE(_apvi, m) {
   bind_rig(m);
   bind_samples(m);
   bind_readers(m);
+  bind_ros(m);
   bind_map(m);
   bind_system(m);
   bind_mapper(m);
