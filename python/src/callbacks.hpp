@@ -14,14 +14,14 @@ namespace apvi::python {
 template <typename Argument, typename Convert>
 std::function<void(const Argument&)> callback(const py::object& function, const Convert& convert) {
   if (function.is_none()) return {};
-  const auto destroy = [](py::object* held) {
+  const auto destroy = [](PyObject* held) {
     const py::gil_scoped_acquire acquire;
-    delete held;
+    Py_DECREF(held);
   };
-  const std::shared_ptr<py::object> held(new py::object(function), destroy);
+  const std::shared_ptr<PyObject> held(function.inc_ref().ptr(), destroy);
   return [held, convert](const Argument& argument) {
     const py::gil_scoped_acquire acquire;
-    (*held)(*convert(argument));
+    py::handle(held.get())(*convert(argument));
   };
 }
 

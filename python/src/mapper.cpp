@@ -12,7 +12,7 @@
 namespace apvi::python {
 namespace {
 
-using release = py::call_guard<py::gil_scoped_release>;
+using Unlocked = py::call_guard<py::gil_scoped_release>;
 using slam::Mapper;
 
 std::unique_ptr<Mapper> make_mapper(const Options& options, const RigFile& rig) {
@@ -40,11 +40,11 @@ void bind_mapper(py::module_& m) {
       .def(py::init(&make_mapper), py::arg("options"), py::arg("rig"))
       .def("add", &add, py::arg("frame"), py::arg("T_world_body"),
            "Takes an image of the first camera with the pose [4,4] of the body, in order of time.")
-      .def("finish", &Mapper::finish, release(), "Completes everything taken in.")
-      .def("refine", &Mapper::refine, release(),
+      .def("finish", &Mapper::finish, Unlocked(), "Completes everything taken in.")
+      .def("refine", &Mapper::refine, Unlocked(),
            "Optimizes the finished map further: mapping.final_iterations steps.")
-      .def("stop", &Mapper::stop, release(), "Abandons what the threads have not begun.")
-      .def("map", &Mapper::map, release(), "A copy of the map, or None before the first images.")
+      .def("stop", &Mapper::stop, Unlocked(), "Abandons what the threads have not begun.")
+      .def("map", &Mapper::map, Unlocked(), "A copy of the map, or None before the first images.")
       .def("render", &render, py::arg("camera"), py::arg("T_world_camera"),
            "Renders from a pose [4,4] of a camera without distortion, or None.");
 }

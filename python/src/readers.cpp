@@ -82,16 +82,16 @@ void bind_recording(py::module_& m) {
 }  // namespace
 
 void bind_readers(py::module_& m) {
-  using release = py::call_guard<py::gil_scoped_release>;
+  using Unlocked = py::call_guard<py::gil_scoped_release>;
   bind_recording(m);
   py::class_<io::LiveSequence>(
       m, "LiveSequence", "Puts samples that threads of drivers push in order of time; an iterator.")
       .def(py::init(&make_live), py::arg("rig"), py::arg("capacity") = io::LiveOptions{}.capacity,
            py::arg("reorder_s") = io::LiveOptions{}.reorder_s)
-      .def("push", &io::LiveSequence::push, py::arg("sample"), release(),
+      .def("push", &io::LiveSequence::push, py::arg("sample"), Unlocked(),
            "From any thread; blocks while the queue is full. False after the end.")
-      .def("finish", &io::LiveSequence::finish, release(), "Ends the input.")
-      .def("stop", &io::LiveSequence::stop, release(), "Ends the sequence at once.")
+      .def("finish", &io::LiveSequence::finish, Unlocked(), "Ends the input.")
+      .def("stop", &io::LiveSequence::stop, Unlocked(), "Ends the sequence at once.")
       .def("__iter__", [](const py::object& self) { return self; })
       .def("__next__", [](io::LiveSequence& live) { return next(live); })
       .def_property_readonly("report", [](const io::LiveSequence& live) { return report(live); });

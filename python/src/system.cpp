@@ -13,7 +13,7 @@
 namespace apvi::python {
 namespace {
 
-using release = py::call_guard<py::gil_scoped_release>;
+using Unlocked = py::call_guard<py::gil_scoped_release>;
 
 py::tuple pose_arguments(const StampedPose& pose) {
   return py::make_tuple(pose.stamp.ns, to_array(pose.T_world_body));
@@ -84,14 +84,14 @@ void bind_status(py::module_& m) {
 // Results so far; from any thread.
 void bind_results(py::class_<System>& type) {
   type.def(
-          "trajectory", [](System& s) { return s.get().trajectory(); }, release())
+          "trajectory", [](System& s) { return s.get().trajectory(); }, Unlocked())
       .def("pose", &newest_pose, "The newest (stamp, T_world_body [4,4]), or None.")
       .def("T_map_odom", &map_to_odometry,
            "[4,4]; from the left, it takes the drift found so far out of the newest pose.")
       .def(
-          "status", [](System& s) { return s.get().status(); }, release())
+          "status", [](System& s) { return s.get().status(); }, Unlocked())
       .def(
-          "map", [](System& s) { return s.get().map(); }, release(),
+          "map", [](System& s) { return s.get().map(); }, Unlocked(),
           "A copy of the map, or None before the first keyframe.")
       .def("render", &render, py::arg("camera"), py::arg("T_world_camera"),
            "Renders from a pose [4,4] of a camera without distortion, or None.");
@@ -109,15 +109,15 @@ void bind_system(py::module_& m) {
            "threads of the library. Raises InputError for a rig without what the options need.")
       .def(
           "process", [](System& s, const SensorEvent& e) { s.get().process(e); }, py::arg("sample"),
-          release(), "Takes a sample; all sensors in order of time.")
+          Unlocked(), "Takes a sample; all sensors in order of time.")
       .def(
-          "finish", [](System& s) { s.get().finish(); }, release(),
+          "finish", [](System& s) { s.get().finish(); }, Unlocked(),
           "Completes everything taken in.")
       .def(
-          "refine", [](System& s) { s.get().refine(); }, release(),
+          "refine", [](System& s) { s.get().refine(); }, Unlocked(),
           "Optimizes the finished map further: mapping.final_iterations steps.")
       .def(
-          "stop", [](System& s) { s.get().stop(); }, release(),
+          "stop", [](System& s) { s.get().stop(); }, Unlocked(),
           "Abandons what the threads have not begun.");
   bind_results(type);
 }
