@@ -8,8 +8,9 @@
         system.process(sample)
     system.finish()
 """
-from . import _libtorch
+from . import _libtorch, _numpy
 
+_numpy.prepare()
 _libtorch.prepare()
 
 from ._apvi import (  # noqa: E402

@@ -2,3 +2,4 @@
 """Types of the module that CMake writes."""
 LIBTORCH: str
 TORCH_VERSION: str
+PYBIND11_VERSION: str

@@ -156,6 +156,15 @@ class Doctor(unittest.TestCase):
         self.assertIn("imu0", str(report))
 
 
+class NumpyVersions(unittest.TestCase):
+    def test_numpy_2_needs_a_pybind11_that_knows_it(self):
+        from apvi import _numpy
+        self.assertIsNone(_numpy.conflict("1.26.4", "2.10.3"))
+        self.assertIsNone(_numpy.conflict("2.4.6", "3.1.0"))
+        self.assertIsNone(_numpy.conflict("2.0.0rc1", "2.12.0"))
+        self.assertIn("numpy<2", _numpy.conflict("2.0.0", "2.10.3"))
+
+
 class Typing(unittest.TestCase):
     def test_package_is_marked_as_typed(self):
         folder = pathlib.Path(apvi.__file__).parent
