@@ -119,6 +119,7 @@ class Dive(unittest.TestCase):
 
     def test_map_is_a_cloud_of_colored_points(self):
         cloud = self.of("/apvi/map")[-1]
+        self.assertEqual(cloud.header.frame_id, "map")
         self.assertEqual([field.name for field in cloud.fields], ["x", "y", "z", "rgb"])
         points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 4)[:, :3]
         self.assertEqual(len(points), cloud.width)

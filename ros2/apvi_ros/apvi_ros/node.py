@@ -128,15 +128,16 @@ class ApviNode(Node):
         snapshot = self.estimator.system.map() if self.cloud.get_subscription_count() > 0 else None
         if snapshot is not None:
             stamp = int(snapshot.keyframes.stamps[-1])
-            self.cloud.publish(messages.cloud(stamp, snapshot, self.frames["odom"]))
+            self.cloud.publish(messages.cloud(stamp, snapshot, self.frames["map"]))
 
     def publish_image(self):
         newest = self.estimator.system.pose() if self.image.get_subscription_count() > 0 else None
         if newest is None or not self.rig.cameras:
             return
         stamp, T = newest
-        calibration = self.rig.cameras[0]
-        images = self.estimator.system.render(calibration.camera.pinhole(), T @ calibration.T_body_camera)
+        system, calibration = self.estimator.system, self.rig.cameras[0]
+        T_map_camera = system.T_map_odom() @ T @ calibration.T_body_camera  # loops are closed in the map
+        images = system.render(calibration.camera.pinhole(), T_map_camera)
         if images is not None:
             self.image.publish(messages.image(stamp, images, self.value("view"), self.frames["body"]))
 
