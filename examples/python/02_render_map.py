@@ -7,11 +7,12 @@ import pathlib
 import sys
 
 import numpy as np
+import numpy.typing as npt
 
 import apvi
 
 
-def write_ppm(path: pathlib.Path, image: np.ndarray) -> None:
+def write_ppm(path: pathlib.Path, image: npt.NDArray[np.float32]) -> None:
     """image: float RGB [h,w,3] in image values."""
     pixels = (255.0 * np.clip(image, 0.0, 1.0) + 0.5).astype(np.uint8)
     height, width = pixels.shape[:2]
