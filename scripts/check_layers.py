@@ -45,12 +45,13 @@ BELOW = {
     "viewer": ["geometry"],
     "runs": ["slam", "map_io", "io", "live", "eval", "viewer"],
     "cli": ["runs", "doctor", "importer", "sim"],
+    "python": ["runs", "doctor"],
 }
 # The mapping half, which is built without the module `config` as well (preset `island`), but may
 # include this header of it, of which it needs the templates only.
 MAPPING_HALF = {"gaussians", "medium", "depth", "map_io", "mapping"}
 FOR_MAPPING_HALF = "apvi/config/fields.hpp"
-TORCH = MAPPING_HALF | {"slam", "runs", "cli"}
+TORCH = MAPPING_HALF | {"slam", "runs", "cli", "python"}
 LOCALIZATION_LIBRARIES = set(BELOW) - MAPPING_HALF - {"core", "config"}
 # Modules of the folders in kernels/ and cpu_fallback/.
 BACKENDS = {"common": "gaussians", "raster": "gaussians", "loss": "gaussians", "optimizer": "gaussians",

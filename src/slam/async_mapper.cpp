@@ -12,6 +12,7 @@
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "slam/map_access.hpp"
 
 namespace apvi::slam {
 namespace {
@@ -236,11 +237,7 @@ MapCopy AsyncMapper::snapshot() const {
 mapping::MapRendering AsyncMapper::render(const gaussians::View& view) const {
   const std::scoped_lock lock(mutex_);
   if (mapper_.size() == 0) return {};
-  const mapping::Map map = mapper_.map();
-  mapping::MapRendering rendering = mapping::render_map(map, view);
-  rendering.color = map.tone_curve.encode(rendering.color);
-  rendering.restored = map.tone_curve.encode(rendering.restored);
-  return rendering;
+  return render_image(mapper_.map(), view);
 }
 
 std::map<std::string, double> AsyncMapper::times() const {

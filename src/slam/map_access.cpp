@@ -17,33 +17,6 @@ std::vector<float> to_vector(const Tensor& tensor) {
   return {flat.data_ptr<float>(), flat.data_ptr<float>() + flat.numel()};
 }
 
-std::array<double, 3> to_array(const Tensor& rgb) {
-  const Tensor v = rgb.detach().to(torch::kCPU, torch::kFloat64).contiguous();
-  const double* const x = v.data_ptr<double>();
-  return {x[0], x[1], x[2]};
-}
-
-MapSnapshot to_snapshot(const MapCopy& copy) {
-  const gaussians::Gaussians& g = copy.map.gaussians;
-  const Tensor sh = torch::cat({g.sh_dc.unsqueeze(1), g.sh_rest}, 1);
-  MapSnapshot out = {.iteration = copy.iteration,
-                     .count = static_cast<std::size_t>(g.size()),
-                     .means = to_vector(g.means),
-                     .log_scales = to_vector(g.log_scales),
-                     .quaternions = to_vector(g.quaternions),
-                     .logit_opacities = to_vector(g.logit_opacities),
-                     .sh_coefficients = static_cast<std::size_t>(sh.size(1)),
-                     .spherical_harmonics = to_vector(sh),
-                     .medium = std::nullopt,
-                     .keyframes = copy.keyframes};
-  if (const auto& medium = copy.map.medium) {
-    out.medium = {.beta_d = to_array(medium->beta_d),
-                  .beta_b = to_array(medium->beta_b),
-                  .b_inf = to_array(medium->b_inf)};
-  }
-  return out;
-}
-
 gaussians::View to_view(const RenderView& view) {
   const CameraModel::Parameters& camera = view.camera;
   if (camera.width <= 0 || camera.height <= 0 || camera.fx <= 0.0 || camera.fy <= 0.0) {
@@ -55,7 +28,23 @@ gaussians::View to_view(const RenderView& view) {
           .pose_delta = {}};
 }
 
+RenderedImages to_images(const mapping::MapRendering& images, const RenderView& view) {
+  return {.width = view.camera.width,
+          .height = view.camera.height,
+          .color = to_vector(images.color),
+          .restored = to_vector(images.restored),
+          .depth = to_vector(images.depth),
+          .alpha = to_vector(images.alpha)};
+}
+
 }  // namespace
+
+mapping::MapRendering render_image(const mapping::Map& map, const gaussians::View& view) {
+  mapping::MapRendering rendering = mapping::render_map(map, view);
+  rendering.color = map.tone_curve.encode(rendering.color);
+  rendering.restored = map.tone_curve.encode(rendering.restored);
+  return rendering;
+}
 
 std::optional<MapSnapshot> snapshot_of(const AsyncMapper& mapper) {
   return translate_errors([&]() -> std::optional<MapSnapshot> {
@@ -70,12 +59,20 @@ std::optional<RenderedImages> render_of(const AsyncMapper& mapper, const RenderV
   return translate_errors([&]() -> std::optional<RenderedImages> {
     const mapping::MapRendering images = mapper.render(camera);
     if (!images.color.defined()) return std::nullopt;
-    return RenderedImages{.width = view.camera.width,
-                          .height = view.camera.height,
-                          .color = to_vector(images.color),
-                          .restored = to_vector(images.restored),
-                          .depth = to_vector(images.depth),
-                          .alpha = to_vector(images.alpha)};
+    return to_images(images, view);
+  });
+}
+
+RenderedImages render(const MapSnapshot& map, const RenderView& view) {
+  RenderView relative = view;
+  relative.T_world_camera.translation -=
+      Eigen::Vector3d(map.origin[0], map.origin[1], map.origin[2]);
+  const gaussians::View camera = to_view(relative);
+  return translate_errors([&] {
+    mapping::Map drawable = to_map(map);
+    for (torch::Tensor* tensor : drawable.gaussians.tensors())
+      *tensor = tensor->to(gaussians::active_device());
+    return to_images(render_image(drawable, camera), view);
   });
 }
 

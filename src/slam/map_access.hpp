@@ -30,6 +30,14 @@ auto translate_errors(const Work& work) {
   }
 }
 
+/// Renders in image values, for a camera of gain one.
+mapping::MapRendering render_image(const mapping::Map& map, const gaussians::View& view);
+
+/// The same map in public types, and back: float32 on the CPU. The second throws InputError for
+/// arrays of contradictory sizes.
+MapSnapshot to_snapshot(const MapCopy& copy);
+mapping::Map to_map(const MapSnapshot& snapshot);
+
 /// A copy of the map; nothing before the first keyframe is mapped.
 std::optional<MapSnapshot> snapshot_of(const AsyncMapper& mapper);
 /// Nothing before the first keyframe is mapped. Throws InputError for a camera without pixels.

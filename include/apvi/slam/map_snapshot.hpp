@@ -8,18 +8,35 @@
 #include <vector>
 
 #include "apvi/geometry/trajectory.hpp"
+#include "apvi/medium/lamp.hpp"
 #include "apvi/sensors/camera_model.hpp"
 
 namespace apvi::slam {
+
+/// The light of the rig's lamp on the scene and in the water, per color channel (RGB).
+struct LampCoefficients {
+  medium::Lamp lamp;                    ///< in the frame of the first camera
+  double unit_range_m = 1.0;            ///< range at which the map's colors are those of the lamp
+  std::array<double, 3> daylight{};     ///< share of light that does not come from the lamp
+  std::array<double, 3> backscatter{};  ///< [1/m]
+};
 
 /// The water: J exp(-beta_d z) + b_inf (1 - exp(-beta_b z)) per color channel (RGB), z the range.
 struct MediumCoefficients {
   std::array<double, 3> beta_d{};  ///< attenuation [1/m]
   std::array<double, 3> beta_b{};  ///< backscatter [1/m]
   std::array<double, 3> b_inf{};   ///< veiling light
+  std::optional<LampCoefficients> lamp = std::nullopt;
 };
 
-/// A copy of the map, in the world frame of the trajectory; float arrays row by row.
+/// How the camera makes image values of light: (1 + offset) light^(1/gamma) - offset.
+struct ToneCoefficients {
+  double gamma = 1.0;
+  double offset = 0.0;
+};
+
+/// A copy of the map, in the world frame of the trajectory; float arrays row by row. It has all
+/// that `render` needs. Colors are in linear light, those of images are the tone curve's.
 struct MapSnapshot {
   std::int64_t iteration = 0;
   std::size_t count = 0;                   ///< number of Gaussians, n
@@ -31,6 +48,9 @@ struct MapSnapshot {
   std::vector<float> spherical_harmonics;  ///< [n,k,3] RGB, degree 0 first
   std::optional<MediumCoefficients> medium;
   Trajectory keyframes;  ///< body poses, corrected by loop closures
+  ToneCoefficients tone_curve = {};
+  bool antialiased = false;        ///< how opacities of small Gaussians are to be understood
+  std::array<double, 3> origin{};  ///< to be added to `means` [m]; zero unless read from a file
 };
 
 /// A pinhole camera to render from; the center of the top-left pixel is (0, 0).
@@ -39,7 +59,7 @@ struct RenderView {
   SE3 T_world_camera;              ///< looks along z, x right, y down
 };
 
-/// Rendered from one view; all arrays row by row.
+/// Rendered from one view, in image values; all arrays row by row.
 struct RenderedImages {
   int width = 0;
   int height = 0;
@@ -48,5 +68,9 @@ struct RenderedImages {
   std::vector<float> depth;     ///< [h,w] along the optical axis [m], 0 where empty
   std::vector<float> alpha;     ///< [h,w] accumulated opacity
 };
+
+/// Renders a copy of the map as System::render renders the map itself. Throws InputError for a
+/// camera without pixels or arrays of contradictory sizes.
+RenderedImages render(const MapSnapshot& map, const RenderView& view);
 
 }  // namespace apvi::slam
