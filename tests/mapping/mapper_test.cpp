@@ -356,6 +356,7 @@ TEST(Mapper, ResumesBitIdentically) {
   const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.medium = true;
+  options.trainer.medium_estimation = MediumEstimationMethod::gradient;
   options.trainer.exposure_correction.enabled = true;
   const test::TmpDir dir;
   Mapper whole(options);
@@ -378,6 +379,7 @@ TEST(Mapper, DoublesTheMediumRateWhileVioFails) {
   const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.medium = true;
+  options.trainer.medium_estimation = MediumEstimationMethod::gradient;
   Mapper mapper(options);
   swim(mapper, world, 5, 5);
   const double usual = *mapper.optimizer().medium_rate();
@@ -441,6 +443,7 @@ TEST(Mapper, ImagesOfTheMapDoNotChangeWithTheUnitOfLength) {
   const gaussians::Gaussians world = gaussian_wall();
   MapperOptions options = quick_options();
   options.medium = true;
+  options.trainer.medium_estimation = MediumEstimationMethod::gradient;
   Mapper mapper(options);
   swim(mapper, world, 6, 20);
   ASSERT_TRUE(mapper.map().medium);
