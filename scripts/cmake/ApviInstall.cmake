@@ -27,9 +27,9 @@ if(TARGET apvi)
           DESTINATION "${apvi_doc}" COMPONENT program)
 
   # Made when installing, since it takes 10 s to ask the program for its help.
-  find_program(APVI_PYTHON python3 REQUIRED)
+  find_program(APVI_MAN_PAGE_PYTHON python3 REQUIRED)
   set(apvi_man_page "${PROJECT_BINARY_DIR}/generated/apvi.1.gz")
-  install(CODE "execute_process(COMMAND \"${APVI_PYTHON}\" \"${PROJECT_SOURCE_DIR}/scripts/man_page.py\"
+  install(CODE "execute_process(COMMAND \"${APVI_MAN_PAGE_PYTHON}\" \"${PROJECT_SOURCE_DIR}/scripts/man_page.py\"
                   \"$<TARGET_FILE:apvi>\" \"${apvi_man_page}\" COMMAND_ERROR_IS_FATAL ANY)"
           COMPONENT program)
   install(FILES "${apvi_man_page}" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT program)

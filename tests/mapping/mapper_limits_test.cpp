@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Mapper limits: full disk, long runs, learning rate decay, visibility; and MapOptimizer.
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <sys/resource.h>
 #include <torch/torch.h>
 #include <unistd.h>
@@ -144,7 +145,9 @@ TEST(MapperLimits, FullDiskKeepsThePreviousFiles) {
   EXPECT_TRUE(bitwise_equal(resumed.snapshot().gaussians, mapper.snapshot().gaussians));
 }
 
+// Without what the allocator keeps for later, which depends on how threads were scheduled.
 double resident_mib() {
+  malloc_trim(0);
   std::ifstream file("/proc/self/statm");
   double pages = 0.0;
   file >> pages >> pages;

@@ -106,7 +106,7 @@ TEST_F(SlamSystem, GivesPosesMapAndRendersWithoutFiles) {
   EXPECT_EQ(images->color.size(), 200U * 150U * 3U);
   double alpha = 0.0;
   for (const float a : images->alpha) alpha += static_cast<double>(a) / (200.0 * 150.0);
-  EXPECT_GT(alpha, 0.8);
+  EXPECT_GT(alpha, 0.6);  // after few steps
 }
 
 TEST_F(SlamSystem, GivesSamePosesAndMapInEveryRunAndOnThreads) {
