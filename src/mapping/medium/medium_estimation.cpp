@@ -255,7 +255,7 @@ std::optional<MediumEstimation> estimate_medium(const Map& map, const KeyframeSt
   const medium::Observations observations =
       observe_with_best_curve(surfaces, keyframes, prior, evidence);
   // What was found with another curve is not valid.
-  if (evidence.choice() != earlier) prior.posterior = {};
+  if (!(evidence.choice() == earlier)) prior.posterior = {};
   auto estimation = fit(observations, evidence.choice(), surfaces, keyframes, prior);
   if (estimation) estimation->evidence = evidence;
   return estimation;

@@ -74,7 +74,7 @@ void MapOptimizer::apply_medium(const MediumEstimation& estimation,
     log::debug("the medium lowers the deviance by {:.0f}", *estimation.saved_deviance);
     if (!medium_support_.is_sufficient()) return remove_medium(keyframes);
   }
-  if (estimation.tone_curve != tone_curve_) {
+  if (!(estimation.tone_curve == tone_curve_)) {
     log::info("the images look like those of a camera with value = light^(1/{:.2g})",
               1.0 / estimation.tone_curve.exponent());
   }
