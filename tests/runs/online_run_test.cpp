@@ -31,6 +31,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Calls of MappingRunOptions::interrupted after which the map has hundreds of Gaussians.
+constexpr int kAskedWithMap = 1400;
+
 /// Simulates a dive over a reef with a low-resolution camera.
 void simulate_reef(const fs::path& to, std::vector<std::string> overrides) {
   overrides.insert(overrides.end(), {"rig.cam0.resolution=[240, 180]",
@@ -132,7 +135,7 @@ TEST_F(OnlineRunTest, ClosesLoopAtStartOfTrajectory) {
 TEST_F(OnlineRunTest, InterruptSavesMap) {
   int asked = 0;
   MappingRunOptions options{.folder = folder("run")};
-  options.interrupted = [&asked] { return ++asked > 1400; };
+  options.interrupted = [&asked] { return ++asked > kAskedWithMap; };
   const OnlineRunResult result = run_recording(config(), options);
   EXPECT_TRUE(result.map.interrupted);
   EXPECT_TRUE(result.localization->interrupted);
@@ -140,16 +143,20 @@ TEST_F(OnlineRunTest, InterruptSavesMap) {
   EXPECT_TRUE(fs::exists(folder("run") / "checkpoint.pt"));
 }
 
-// The folder is copied during the run, as a power cut would leave it.
+// The folder is copied during the run, as a power cut would leave it, with a checkpoint of a map
+// that has grown.
 TEST_F(OnlineRunTest, ACheckpointDuringTheRunCanBeResumed) {
   MappingRunOptions options{.folder = folder("run")};
-  options.interrupted = [this] {
+  int asked = 0;
+  options.interrupted = [this, &asked] {
     const fs::path checkpoint = folder("run") / "checkpoint.pt";
-    if (!fs::exists(checkpoint) || fs::exists(folder("cut"))) return false;
+    if (++asked == kAskedWithMap) fs::remove(checkpoint);
+    if (asked <= kAskedWithMap || !fs::exists(checkpoint) || fs::exists(folder("cut")))
+      return false;
     fs::copy(folder("run"), folder("cut"), fs::copy_options::recursive);
     return true;
   };
-  run_recording(config({"mapping.checkpoint_every_s=0.5"}), options);
+  run_recording(config({"mapping.checkpoint_every_s=0.05"}), options);
   ASSERT_TRUE(fs::exists(folder("cut")));
   const OnlineRunResult more = run_recording(config({"mapping.final_iterations=10"}),
                                              {.folder = folder("cut"), .resume = true});
