@@ -67,11 +67,12 @@ std::string to_table(const RunTrajectories& metrics) {
     table += line + "\n";
   };
   if (columns.size() > 1) add_line("", [](const std::string& name, const auto&) { return name; });
-  for (const auto& [label, cell] : rows()) {
+  for (const auto& row : rows()) {
+    const auto& cell = row.second;
     const bool any = std::any_of(columns.begin(), columns.end(),
                                  [&](const auto& column) { return cell(*column.second) != "-"; });
     if (!any) continue;  // without a reference most metrics do not apply
-    add_line(label, [&](const std::string&, const TrajectoryMetrics& m) { return cell(m); });
+    add_line(row.first, [&](const std::string&, const TrajectoryMetrics& m) { return cell(m); });
   }
   return table;
 }
