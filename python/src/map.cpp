@@ -2,9 +2,6 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "apvi/core/error.hpp"
 #include "apvi/slam/map_snapshot.hpp"
 #include "arrays.hpp"
@@ -51,22 +48,8 @@ py::array_t<float> harmonics(const MapSnapshot& s) {
   return to_array(s.spherical_harmonics, {s.count, s.sh_coefficients, 3});
 }
 
-// The constant of the spherical harmonics of degree 0.
-constexpr float kShConstant = 0.28209479F;
-
-py::array_t<float> image_colors(const MapSnapshot& s) {
-  const auto gamma = static_cast<float>(s.tone_curve.gamma);
-  const auto offset = static_cast<float>(s.tone_curve.offset);
-  std::vector<float> values;
-  values.reserve(3 * s.count);
-  for (std::size_t i = 0; i < s.count; ++i) {
-    const float* const sh = s.spherical_harmonics.data() + 3 * s.sh_coefficients * i;
-    for (int c = 0; c < 3; ++c) {
-      const float light = std::clamp(0.5F + kShConstant * sh[c], 0.0F, 1.0F);
-      values.push_back((1.0F + offset) * std::pow(light, 1.0F / gamma) - offset);
-    }
-  }
-  return to_array(values, {s.count, 3});
+py::array_t<float> colors_of(const MapSnapshot& s) {
+  return to_array(image_colors(s), {s.count, 3});
 }
 
 Numbers origin(const MapSnapshot& s) {
@@ -121,7 +104,7 @@ void bind_map(py::module_& m) {
       .def_property_readonly("logit_opacities", &opacities, "[n]")
       .def_property_readonly("spherical_harmonics", &harmonics,
                              "[n,k,3] RGB in linear light, degree 0 first")
-      .def_property_readonly("colors", &image_colors,
+      .def_property_readonly("colors", &colors_of,
                              "[n,3] RGB in image values, of the mean over all directions")
       .def_property_readonly("origin", &origin, "[3] to be added to means, m; zero unless read")
       .def_readonly("medium", &MapSnapshot::medium, "Medium, or None")

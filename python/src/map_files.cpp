@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "map_files.hpp"
 
+#include <torch/torch.h>
+
 #include "apvi/io/tum.hpp"
+#include "gaussians/model/point_cloud.hpp"
 #include "map_io/map_file.hpp"
 #include "runs/export.hpp"
 #include "slam/map_access.hpp"
@@ -33,6 +36,13 @@ void save_map(const slam::MapSnapshot& snapshot, const std::filesystem::path& pa
                              .antialiased = map.antialiased,
                              .tone_curve = map.tone_curve});
   });
+}
+
+std::vector<float> image_colors(const slam::MapSnapshot& snapshot) {
+  const mapping::Map map = slam::to_map(snapshot);
+  const torch::Tensor light = gaussians::sh_dc_to_color(map.gaussians.sh_dc).clamp(0.0, 1.0);
+  const torch::Tensor values = map.tone_curve.encode(light).to(torch::kCPU).contiguous();
+  return {values.data_ptr<float>(), values.data_ptr<float>() + values.numel()};
 }
 
 }  // namespace apvi::python

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 #include "apvi/slam/map_snapshot.hpp"
 
@@ -12,5 +13,7 @@ slam::MapSnapshot read_map(const std::filesystem::path& source);
 /// Writes a map file; the ending of its name decides the format. Throws InputError for an unknown
 /// ending, RunError when it cannot be written.
 void save_map(const slam::MapSnapshot& map, const std::filesystem::path& path);
+/// Mean colors of the Gaussians over all directions, in image values: RGB row by row.
+std::vector<float> image_colors(const slam::MapSnapshot& map);
 
 }  // namespace apvi::python

@@ -239,7 +239,7 @@ TEST(MapOptimizer, ReordersPeriodicallyAlsoAfterResuming) {
   EXPECT_TRUE(torch::equal(optimizer.map().means, again.map().means));
 }
 
-TEST(MapOptimizer, ApplyMediumKeepsTheRenderings) {
+TEST(MapOptimizer, StartMediumKeepsTheRenderings) {
   const gaussians::Gaussians flat = gaussian_wall(1500);
   gaussians::Gaussians world = flat;
   world.sh_rest = 0.1 * torch::randn({flat.size(), 3, 3});
@@ -253,10 +253,9 @@ TEST(MapOptimizer, ApplyMediumKeepsTheRenderings) {
                           .b_inf = torch::tensor({0.2 * b_inf, b_inf, b_inf})};
   };
   const auto image = [&] { return render_map(optimizer.full_map(), keyframes.view(0, 1)); };
-  const Tensor none = torch::zeros({3, 3, 3}, torch::kFloat64);
-  optimizer.apply_medium(water(0.1, 0.1), none, keyframes);
+  optimizer.start_medium(water(0.1, 0.1), keyframes);
   const MapRendering before = image();
-  optimizer.apply_medium(water(0.3, 0.2), none, keyframes);
+  optimizer.start_medium(water(0.3, 0.2), keyframes);
   const MapRendering after = image();
   const Tensor solid = before.alpha > 0.98;
   ASSERT_GT(solid.to(torch::kFloat32).mean().item<double>(), 0.5);

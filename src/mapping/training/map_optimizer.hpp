@@ -74,13 +74,11 @@ class MapOptimizer {
   /// Begins to optimize the medium, without a prior. Recolors the Gaussians so that the keyframes'
   /// renderings stay the same.
   void start_medium(const medium::Medium& medium, const KeyframeStore& keyframes);
-  /// Replaces the medium and sets it as the prior (see medium::MediumOptimizer::set_prior).
-  /// Recolors the Gaussians so that the keyframes' renderings stay the same.
-  void apply_medium(const medium::Medium& medium, const torch::Tensor& resolution,
-                    const KeyframeStore& keyframes);
-  /// Applies a medium estimation with its gains and vignetting. Gains of keyframes it did not use
-  /// are interpolated; afterwards the median gain of the training keyframes is one. The tone curve
-  /// becomes that of the estimation. Without `medium_support`, the map gets no medium, or loses it.
+  /// Applies a medium estimation with its gains and vignetting, and sets it as the prior (see
+  /// medium::MediumOptimizer::set_prior). Recolors like `start_medium`. Gains of keyframes it did
+  /// not use are interpolated; afterwards the median gain of the training keyframes is one. The
+  /// tone curve becomes that of the estimation. Without MediumSupport, the map gets no medium, or
+  /// loses it.
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
@@ -114,8 +112,6 @@ class MapOptimizer {
   /// `apply_medium` and `load`.
   const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
   const ToneCurveEvidence& tone_curve_evidence() const { return tone_curve_evidence_; }
-  /// What the applied estimations tell about whether there is a medium.
-  const MediumSupport& medium_support() const { return medium_support_; }
 
   void save(torch::serialize::OutputArchive& archive) const;
   /// Loads at most `max_gaussians`, the most important ones. Throws c10::Error when

@@ -56,14 +56,6 @@ void MapOptimizer::start_medium(const medium::Medium& medium, const KeyframeStor
   medium_views_.clear();
 }
 
-void MapOptimizer::apply_medium(const medium::Medium& medium, const Tensor& resolution,
-                                const KeyframeStore& keyframes) {
-  const torch::NoGradGuard no_grad;
-  Map after = full_map();
-  after.medium = medium;
-  apply_appearance(after, resolution, keyframes);
-}
-
 void MapOptimizer::apply_medium(const MediumEstimation& estimation,
                                 const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;
