@@ -14,6 +14,7 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "cli/commands.hpp"
+#include "cli/mapping_support.hpp"
 #include "config/renamed_keys.hpp"
 #include "eval/metrics_file.hpp"
 #include "runs/smoothed.hpp"
@@ -28,6 +29,7 @@ struct Arguments {
   fs::path run;
   fs::path reference;
   fs::path estimate;
+  fs::path patches;
   std::vector<std::string> overrides;  // "key=value" of EvalOptions
   std::optional<WorldFrame> estimate_world;
   std::optional<WorldFrame> reference_world;
@@ -232,6 +234,11 @@ void add_eval(CLI::App& app) {
   run->add_option("--reference", a.reference,
                   "trajectory file to use instead of the dataset's reference")
       ->type_name("FILE");
+  run->add_option("--patches", a.patches,
+                  "compare the colors of patches in the images, before and after removal of the "
+                  "water, with known ones: csv with timestamp, x, y, width, height, red, green, "
+                  "blue")
+      ->type_name("FILE");
   add_options(*run, a);
   CLI::App* pair = run->add_subcommand("trajectory", "compare two trajectory files");
   pair->add_option("--reference", a.reference, "TUM, EuRoC csv or gnss0/data.csv")
@@ -245,7 +252,11 @@ void add_eval(CLI::App& app) {
   run->callback([arguments, pair] {
     if (pair->parsed()) return;
     if (arguments->run.empty()) throw CLI::RequiredError("RUN");
-    eval_run(*arguments);
+    if (arguments->patches.empty()) {
+      eval_run(*arguments);
+    } else {
+      print(eval_patches(arguments->run, arguments->patches, arguments->json));
+    }
   });
 }
 

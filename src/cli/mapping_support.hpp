@@ -37,6 +37,11 @@ std::unique_ptr<runs::RunObserver> open_view(const std::filesystem::path& run,
 std::optional<runs::RunResult> localize_and_map(const runs::RunConfig& config,
                                                 io::SequenceReader& recording,
                                                 const MappingRequest& request);
+/// Compares the colors of patches in the images of a run with known ones, adds the result to its
+/// metrics.json and returns it as JSON, or as a table. Throws InputError in a build without
+/// mapping.
+std::string eval_patches(const std::filesystem::path& run, const std::filesystem::path& patches,
+                         bool json);
 /// Builds a map with given poses and logs the result. Throws InputError in a build without mapping.
 void make_map(const runs::RunConfig& config, const MappingRequest& request);
 

@@ -16,6 +16,10 @@ void make_map(const runs::RunConfig&, const MappingRequest&) {
       "(APVI_MAPPING=OFF)");
 }
 
+std::string eval_patches(const std::filesystem::path&, const std::filesystem::path&, bool) {
+  fail_input("--patches: this build has no mapping (APVI_MAPPING=OFF)");
+}
+
 std::unique_ptr<runs::RunObserver> open_view(const std::filesystem::path&,
                                              const ViewOptions& options) {
   if (options.port) fail_input("--view: this build has no mapping (APVI_MAPPING=OFF)");

@@ -102,4 +102,8 @@ NamedSource make_source(const std::string& address) {
       address);
 }
 
+bool is_video_address(const std::string& address) {
+  return is_video_scheme(SourceUrl::parse(address).scheme);
+}
+
 }  // namespace apvi::live

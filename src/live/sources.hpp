@@ -25,4 +25,7 @@ struct NamedSource {
 /// | `play://PATH`, or a path | what a recording holds |
 NamedSource make_source(const std::string& address);
 
+/// Whether an address is that of a camera's video.
+bool is_video_address(const std::string& address);
+
 }  // namespace apvi::live

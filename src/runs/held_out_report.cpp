@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <ostream>
@@ -16,13 +15,13 @@
 #include "apvi/core/log.hpp"
 #include "core/atomic_file.hpp"
 #include "gaussians/metrics/metrics.hpp"
-#include "gaussians/render/render.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "mapping/evaluation.hpp"
 #include "mapping/medium/range_bias.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
 #include "runs/simulated_truth.hpp"
+#include "runs/truth_errors.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -49,15 +48,20 @@ std::optional<mapping::DisplayExposure> exposure_of(const mapping::Map& map,
 }
 
 /// A rendering of keyframe i as image values, with the camera's response. The restored image has
-/// the exposure for viewing, or else that of the camera.
+/// the exposure for viewing, or that of the truth, or else that of the camera.
 mapping::MapRendering as_image_values(mapping::MapRendering rendering, const mapping::Map& map,
                                       const mapping::KeyframeStore& keyframes, std::size_t i,
-                                      const std::optional<mapping::DisplayExposure>& exposure) {
+                                      const std::optional<mapping::DisplayExposure>& exposure,
+                                      const std::optional<mapping::DisplayExposure>& of_truth) {
   const gaussians::ToneCurve& curve = map.tone_curve;
   rendering.color = curve.encode(rendering.color * mapping::camera_response(map, keyframes, i, 1));
-  rendering.restored =
-      exposure ? mapping::displayed(rendering.restored, *exposure, curve)
-               : curve.encode(rendering.restored * mapping::camera_gain(map, keyframes, i));
+  if (of_truth) {
+    rendering.restored = curve.encode(mapping::exposed(rendering.restored, *of_truth));
+  } else if (exposure) {
+    rendering.restored = mapping::displayed(rendering.restored, *exposure, curve);
+  } else {
+    rendering.restored = curve.encode(rendering.restored * mapping::camera_gain(map, keyframes, i));
+  }
   return rendering;
 }
 
@@ -73,50 +77,6 @@ void set_if_present(eval::Json& json, const char* key, const std::optional<doubl
   if (value) json[key] = *value;
 }
 
-// Minimum transmittance, in the channel with the least attenuation, at which a surface counts as
-// visible.
-constexpr double kMinTransmittance = 0.05;
-
-/// Where the image shows the scene, [H,W] bool: surfaces close enough, and open water.
-torch::Tensor visibility_mask(const torch::Tensor& depth, const medium::Medium& water,
-                              const gaussians::Intrinsics& camera) {
-  const double min_attenuation = water.beta_d.min().item<double>();
-  return gaussians::depth_to_range(depth, camera) < -std::log(kMinTransmittance) / min_attenuation;
-}
-
-double masked_psnr(const torch::Tensor& image, const torch::Tensor& truth,
-                   const torch::Tensor& mask) {
-  const torch::Tensor squares = (image - truth).square().mean(2);
-  const double error = squares.index({mask}).mean().item<double>();
-  return -10.0 * std::log10(std::max(1e-12, error));
-}
-
-/// Errors against simulated ground truth, of one view or all; unknown ones are absent.
-struct TruthErrors {
-  std::optional<double> depth_mean_m;  ///< of the ground truth
-  std::optional<double> depth_rmse_m;
-  std::optional<double> depth_abs_rel;
-  std::optional<double> depth_seen_rmse_m;        ///< over visible surfaces
-  std::optional<double> depth_half_pixel_rmse_m;  ///< of the ground truth shifted by half a pixel
-  std::optional<double> restored_psnr_db;
-  std::optional<double> restored_seen_psnr_db;
-};
-
-using ErrorMember = std::optional<double> TruthErrors::*;
-struct NamedError {
-  const char* name = nullptr;
-  ErrorMember value = nullptr;
-  bool is_rmse = false;
-};
-constexpr std::array<NamedError, 7> kErrorColumns = {
-    {{"depth_mean_m", &TruthErrors::depth_mean_m},
-     {"depth_rmse_m", &TruthErrors::depth_rmse_m, true},
-     {"depth_abs_rel", &TruthErrors::depth_abs_rel},
-     {"depth_seen_rmse_m", &TruthErrors::depth_seen_rmse_m, true},
-     {"depth_half_pixel_rmse_m", &TruthErrors::depth_half_pixel_rmse_m, true},
-     {"restored_psnr_db", &TruthErrors::restored_psnr_db},
-     {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
-
 struct NamedImageMetric {
   const char* name = nullptr;
   std::optional<double> mapping::ImageMetrics::*value = nullptr;
@@ -127,50 +87,6 @@ constexpr std::array<NamedImageMetric, 5> kImageColumns = {
      {"ms_ssim", &mapping::ImageMetrics::ms_ssim},
      {"lpips", &mapping::ImageMetrics::lpips},
      {"psnr_median_image_db", &mapping::ImageMetrics::psnr_median_image_db}}};
-
-TruthErrors compare(const mapping::MapRendering& rendering, const mapping::Keyframe& keyframe,
-                    const SimulatedTruth& truth, const std::optional<medium::Medium>& water) {
-  const auto cpu = [](const torch::Tensor& t) { return t.to(torch::kCPU, torch::kFloat32); };
-  TruthErrors out;
-  const auto depth = truth.depth(keyframe.name);
-  torch::Tensor visible;
-  if (depth && water) visible = visibility_mask(*depth, *water, keyframe.intrinsics);
-  if (depth) {
-    if (const auto errors = gaussians::depth_errors(cpu(rendering.depth), *depth)) {
-      out.depth_rmse_m = errors->rmse_m;
-      out.depth_abs_rel = errors->abs_rel;
-      out.depth_mean_m = depth->index({*depth > 0}).mean().item<double>();
-    }
-    out.depth_half_pixel_rmse_m = gaussians::half_pixel_depth_rmse(*depth);
-    if (visible.defined()) {
-      const auto errors = gaussians::depth_errors(cpu(rendering.depth), *depth * visible);
-      if (errors) out.depth_seen_rmse_m = errors->rmse_m;
-    }
-  }
-  if (const auto clear = truth.clear(keyframe.name)) {
-    const torch::Tensor restored = cpu(rendering.restored).clamp(0.0, 1.0);
-    const torch::Tensor expected = cpu(*clear) / 255.0;
-    out.restored_psnr_db = gaussians::psnr(restored, expected);
-    if (visible.defined() && visible.any().item<bool>()) {
-      out.restored_seen_psnr_db = masked_psnr(restored, expected, visible);
-    }
-  }
-  return out;
-}
-
-/// Mean, or root mean square for RMSE columns, over the views that have a value.
-std::optional<double> mean_of(const std::vector<TruthErrors>& views, const NamedError& column) {
-  double sum = 0.0;
-  int count = 0;
-  for (const TruthErrors& view : views) {
-    const auto& value = view.*column.value;
-    if (!value) continue;
-    sum += column.is_rmse ? *value * *value : *value;
-    ++count;
-  }
-  if (count == 0) return std::nullopt;
-  return column.is_rmse ? std::sqrt(sum / count) : sum / count;
-}
 
 std::string cell(const std::optional<double>& value) {
   return value ? fmt::format(",{:.5g}", *value) : ",";
@@ -201,12 +117,13 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
                            const std::filesystem::path& folder, const SimulatedTruth* truth) {
   const auto water = truth != nullptr ? truth->medium() : std::nullopt;
   const auto exposure = exposure_of(map, keyframes, truth);
+  const auto of_truth = truth != nullptr ? exposure_of_truth(map, keyframes, *truth) : std::nullopt;
   std::vector<TruthErrors> errors;
   for (const std::size_t i : keyframes.held_out()) {
     const gaussians::View view = keyframes.view(i, 1);
     mapping::MapRendering rendering = mapping::render_map(map, view);
     rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
-    rendering = as_image_values(rendering, map, keyframes, i, exposure);
+    rendering = as_image_values(rendering, map, keyframes, i, exposure, of_truth);
     write_renders(rendering, keyframes[i], map.medium.has_value(), folder);
     if (truth != nullptr) errors.push_back(compare(rendering, keyframes[i], *truth, water));
   }
@@ -215,6 +132,7 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
     set_if_present(json, column.name, mean_of(errors, column));
   json["tone_curve"] = {{"gamma", map.tone_curve.gamma}, {"offset", map.tone_curve.offset}};
   if (exposure) json["restored_gain"] = exposure->gains();
+  if (of_truth) json["restored_factors"] = of_truth->gains();
   if (const auto bias = mapping::range_bias(map, keyframes, keyframes.held_out()))
     json["range_bias"] = to_json(*bias);
   const auto perceptual = gaussians::Lpips::load(gaussians::LpipsNet::alex);

@@ -30,6 +30,7 @@
 #include "runs/run_folder.hpp"
 #include "runs/scale.hpp"
 #include "runs/simulated_truth.hpp"
+#include "runs/tone_curve.hpp"
 #include "slam/camera_conversion.hpp"
 #include "slam/mapper_options.hpp"
 
@@ -179,7 +180,8 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
 }  // namespace
 
 MappingRunResult run_mapping(const RunConfig& config, const MappingRunOptions& options) {
-  return with_oom_message(config, options.folder, [&] { return train_map(config, options); });
+  return with_oom_message(config, options.folder,
+                          [&] { return train_map(with_tone_curve(config), options); });
 }
 
 }  // namespace apvi::runs

@@ -14,6 +14,7 @@
 #include "runs/map_files.hpp"
 #include "runs/online_map.hpp"
 #include "runs/simulated_truth.hpp"
+#include "runs/tone_curve.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -168,8 +169,9 @@ OnlineRunResult localize_and_map(const RunConfig& config, io::SequenceReader& re
 
 OnlineRunResult run_online(const RunConfig& config, io::SequenceReader& recording,
                            const MappingRunOptions& options) {
-  return with_oom_message(config, options.folder,
-                          [&] { return localize_and_map(config, recording, options); });
+  return with_oom_message(config, options.folder, [&] {
+    return localize_and_map(with_tone_curve(config), recording, options);
+  });
 }
 
 }  // namespace apvi::runs

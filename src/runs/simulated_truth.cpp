@@ -50,6 +50,10 @@ std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) con
   return slam::to_tensor(undistort_(image));
 }
 
+bool SimulatedTruth::has_own_exposure() const {
+  return fs::exists(folder_ / "camera.json");  // spectral physics
+}
+
 std::optional<medium::Medium> SimulatedTruth::medium() const {
   const fs::path file = folder_ / "medium.json";
   std::ifstream in(file);

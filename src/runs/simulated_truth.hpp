@@ -22,9 +22,11 @@ class SimulatedTruth {
   /// Depth along the optical axis [H,W] float32 [m], 0 where there is no surface; empty without the
   /// file.
   std::optional<torch::Tensor> depth(const std::string& stamp) const;
-  /// The image without water [H,W,3] uint8.
+  /// The image without water [H,W,3] uint8, in the exposure and white balance of the camera image,
+  /// or else in one exposure for the recording (`has_own_exposure`).
   std::optional<torch::Tensor> clear(const std::string& stamp) const;
   std::optional<medium::Medium> medium() const;
+  bool has_own_exposure() const;
 
  private:
   SimulatedTruth(std::filesystem::path folder, slam::Undistorter undistort);

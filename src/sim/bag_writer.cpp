@@ -23,12 +23,14 @@ std::vector<std::uint8_t> read_bytes(const fs::path& path) {
 
 void write_images(io::BagWriter& bag, const fs::path& root, const Scene& scene,
                   const Recording& recording) {
+  const std::string_view extension = image_extension(scene.config);
+  const char* const encoding = extension == ".jpg" ? "jpeg" : "png";
   for (std::size_t camera = 0; camera < scene.rig.cameras.size(); ++camera) {
     const std::string topic = camera == 0 ? "/camera/left/image_dehazed/compressed"
                                           : "/camera/right/image_dehazed/compressed";
     for (const FrameTime& frame : recording.frames) {
-      const fs::path image = image_path(root, OutputFormat::rosbag, camera, frame.stamp);
-      bag.write_image(topic, frame.stamp, "png", read_bytes(image));
+      const fs::path image = image_path(root, OutputFormat::rosbag, camera, frame.stamp, extension);
+      bag.write_image(topic, frame.stamp, encoding, read_bytes(image));
     }
   }
 }

@@ -7,6 +7,7 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/sensors/lens.hpp"
+#include "sim/dataset_writer.hpp"
 #include "sim/formats.hpp"
 
 // COLMAP's text model: world-to-camera poses, quaternion wxyz. COLMAP's center of the first pixel
@@ -52,9 +53,9 @@ void write_colmap(const std::filesystem::path& root, const Scene& scene,
       const auto& q = T_camera_world.rotation;
       const auto& t = T_camera_world.translation;
       fmt::format_to(std::back_inserter(images),
-                     "{} {:.12f} {:.12f} {:.12f} {:.12f} {:.9f} {:.9f} {:.9f} {} cam{}/{}.png\n\n",
+                     "{} {:.12f} {:.12f} {:.12f} {:.12f} {:.9f} {:.9f} {:.9f} {} cam{}/{}{}\n\n",
                      ++id, q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z(), c + 1, c,
-                     frame.stamp.ns);
+                     frame.stamp.ns, image_extension(scene.config));
     }
   }
   const std::filesystem::path model = root / "sparse" / "0";

@@ -51,9 +51,10 @@ std::string depth_csv(const std::vector<PressureDepthSample>& samples) {
   return rows(io::kDepthCsvHeader, samples);
 }
 
-std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header) {
+std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header,
+                       std::string_view extension) {
   std::string csv = begin(header);
-  for (const FrameTime& frame : frames) append(csv, "{0},{0}.png\n", frame.stamp.ns);
+  for (const FrameTime& frame : frames) append(csv, "{0},{0}{1}\n", frame.stamp.ns, extension);
   return csv;
 }
 

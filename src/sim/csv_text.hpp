@@ -14,7 +14,8 @@ std::string imu_csv(const std::vector<ImuSample>& samples, std::string_view head
 std::string dvl_csv(const std::vector<DvlSample>& samples);
 std::string pressure_csv(const std::vector<PressureSample>& samples);
 std::string depth_csv(const std::vector<PressureDepthSample>& samples);
-std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header);
+std::string camera_csv(const std::vector<FrameTime>& frames, std::string_view header,
+                       std::string_view extension);
 /// Shutter time, ISO (100 times the gain) and white balance, as cameras report them.
 std::string exposure_csv(const std::vector<FrameTime>& frames,
                          const std::vector<Development>& exposures, double shutter_s);

@@ -93,8 +93,13 @@ void write_file(const fs::path& path, const std::string& content) {
   io::write_text_file(path, content);
 }
 
-fs::path image_path(const fs::path& root, OutputFormat format, std::size_t camera, Stamp stamp) {
-  const std::string name = fmt::format("{}.png", stamp.ns);
+std::string_view image_extension(const SceneConfig& config) {
+  return config.physics == Physics::spectral && config.spectral.jpeg_quality > 0 ? ".jpg" : ".png";
+}
+
+fs::path image_path(const fs::path& root, OutputFormat format, std::size_t camera, Stamp stamp,
+                    std::string_view extension) {
+  const std::string name = fmt::format("{}{}", stamp.ns, extension);
   switch (format) {
     case OutputFormat::folder:
     case OutputFormat::euroc:
@@ -161,7 +166,7 @@ void write_folder(const fs::path& root, const Scene& scene, const Recording& rec
   }
   for (std::size_t i = 0; i < scene.rig.cameras.size(); ++i) {
     write_file(mav / fmt::format("cam{}", i) / "data.csv",
-               camera_csv(recording.frames, io::kImageCsvHeader));
+               camera_csv(recording.frames, io::kImageCsvHeader, image_extension(scene.config)));
   }
   write_file(mav / "state_groundtruth_estimate0" / "data.csv",
              truth_csv(recording.imu, kTruthHeader));

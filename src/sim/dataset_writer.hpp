@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sim/scene_config.hpp"
@@ -17,10 +18,13 @@ namespace apvi::sim {
 /// and a text model with the ground-truth poses.
 enum class OutputFormat { folder, euroc, rosbag, tank, colmap };
 
+/// ".jpg" for a camera that stores JPEG (spectral.jpeg_quality), else ".png".
+std::string_view image_extension(const SceneConfig& config);
+
 /// Path of a frame below the dataset folder. Frames for a bag are kept in `frames` until the bag is
 /// written.
 std::filesystem::path image_path(const std::filesystem::path& root, OutputFormat format,
-                                 std::size_t camera, Stamp stamp);
+                                 std::size_t camera, Stamp stamp, std::string_view extension);
 
 /// Writes everything except images and ground truth: the sensor files and calibration of the
 /// format. For `rosbag` and `colmap` the frames must exist. Throws RunError when a file cannot be

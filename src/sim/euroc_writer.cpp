@@ -4,6 +4,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/sensors/lens.hpp"
 #include "sim/csv_text.hpp"
+#include "sim/dataset_writer.hpp"
 #include "sim/formats.hpp"
 
 // EuRoC layout as published: mav0/<sensor>/{sensor.yaml, data.csv} and mav0/body.yaml, with the
@@ -74,7 +75,8 @@ void write_euroc(const std::filesystem::path& root, const Scene& scene,
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     const std::filesystem::path camera = mav / fmt::format("cam{}", i);
     write_file(camera / "sensor.yaml", camera_yaml(rig.cameras[i]));
-    write_file(camera / "data.csv", camera_csv(recording.frames, "#timestamp [ns],filename"));
+    write_file(camera / "data.csv", camera_csv(recording.frames, "#timestamp [ns],filename",
+                                               image_extension(scene.config)));
   }
   if (rig.dvl) {
     write_file(mav / "dvl0" / "sensor.yaml",

@@ -54,6 +54,14 @@ std::string png_bytes(const cv::Mat& image) {
   return {buffer.begin(), buffer.end()};
 }
 
+// With halved color resolution, as cameras do.
+std::string jpeg_bytes(const cv::Mat& image, int quality) {
+  std::vector<uchar> buffer;
+  if (!cv::imencode(".jpg", image, buffer, {cv::IMWRITE_JPEG_QUALITY, quality}))
+    fail_run("cannot encode a JPEG image");
+  return {buffer.begin(), buffer.end()};
+}
+
 // Portable float map: rows from bottom to top, little endian (negative scale).
 std::string pfm_bytes(const cv::Mat& depth) {
   std::string bytes = fmt::format("Pf\n{} {}\n-1.0\n", depth.cols, depth.rows);
@@ -105,12 +113,14 @@ class FrameRenderer {
     ImageRequest request = request_at(job.camera, job.frame.truth);
     request.frame = job.frame.index + (static_cast<std::uint64_t>(job.camera) << kCameraBit);
     request.truth = wants_truth(job);
-    if (!tracks_.empty())
-      request.development =
-          tracks_[job.camera].at(seconds_between(kSimulationStart, job.frame.truth));
+    if (!tracks_.empty()) {
+      const ExposureTrack& track = tracks_[job.camera];
+      request.development = track.at(seconds_between(kSimulationStart, job.frame.truth));
+      request.clear_development = track.clear();
+    }
     const RenderedFrame rendered = renderers_[job.camera].render(request);
     if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
-    write_atomically(job.image, png_bytes(rendered.image));
+    write_atomically(job.image, image_bytes(rendered.image));
   }
 
   /// Exposure and white balance of the frames of cam0; none with paper physics.
@@ -151,6 +161,11 @@ class FrameRenderer {
       tracks_.emplace_back(meterings, scene_.config.camera.effects, scene_.config.spectral,
                            renderers_[camera].fixed_white_balance());
     }
+  }
+  std::string image_bytes(const cv::Mat& image) const {
+    return image_extension(scene_.config) == ".jpg"
+               ? jpeg_bytes(image, scene_.config.spectral.jpeg_quality)
+               : png_bytes(image);
   }
   bool wants_truth(const Job& job) const {
     const auto every = static_cast<std::uint64_t>(scene_.config.truth.image_every);
@@ -221,7 +236,8 @@ Exposures render_frames(const fs::path& root, OutputFormat format, const Scene& 
   std::vector<Job> jobs;
   for (std::size_t camera = 0; camera < scene.rig.cameras.size(); ++camera) {
     for (const FrameTime& frame : recording.frames) {
-      const fs::path image = image_path(root, format, camera, frame.stamp);
+      const fs::path image =
+          image_path(root, format, camera, frame.stamp, image_extension(scene.config));
       if (!fs::exists(image)) jobs.push_back({camera, frame, image});
     }
   }

@@ -184,7 +184,7 @@ Renderer::~Renderer() = default;
 Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
-Vector3d Renderer::meter(const ImageRequest& request) const {
+MeanLight Renderer::meter(const ImageRequest& request) const {
   return impl_->spectral->meter(request);
 }
 

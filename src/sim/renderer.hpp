@@ -29,6 +29,7 @@ struct ImageRequest {
   Disturbance disturbance;
   /// Exposure and white balance that the camera chose; null: as this frame asks for. Spectral only.
   std::optional<Development> development{};
+  std::optional<Development> clear_development{};  ///< of `clear`; null: as of the image
   bool truth = true;  ///< spectral: whether to fit the effective medium
 };
 
@@ -36,7 +37,7 @@ struct RenderedFrame {
   cv::Mat image;  ///< CV_8UC3 BGR, the camera image
   cv::Mat depth;  ///< CV_32F, meters along the optical axis at mid-exposure, 0 for no surface
   cv::Mat range;  ///< CV_32F, meters along the ray in the water, 0 for no surface
-  cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J with gain and response of this frame
+  cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J
   /// Of this frame; b_inf in image units (includes gain and white balance). Spectral: effective.
   Medium medium;
   double gain = 1.0;
@@ -67,8 +68,8 @@ class Renderer {
 
   /// Renders one frame, with its tiles distributed over `threads` threads.
   RenderedFrame render(const ImageRequest& request, int threads = 1) const;
-  /// Spectral physics: mean raw values of the image (see SpectralRenderer).
-  Eigen::Vector3d meter(const ImageRequest& request) const;
+  /// Spectral physics: mean light of the image (see SpectralRenderer).
+  MeanLight meter(const ImageRequest& request) const;
   /// Spectral physics: white balance of the modes other than automatic.
   Eigen::Vector3d fixed_white_balance() const;
 

@@ -19,6 +19,7 @@
 #include "runs/export.hpp"
 #include "runs/image_files.hpp"
 #include "runs/local_origin.hpp"
+#include "runs/patch_colors.hpp"
 #include "runs/render_run.hpp"
 #include "slam/camera_conversion.hpp"
 #include "support/out_of_memory.hpp"
@@ -117,6 +118,56 @@ TEST_F(MappingRunTest, WritesAllRunFiles) {
   }
   EXPECT_FALSE(fs::exists(run_folder() / "medium.json"));
   EXPECT_EQ(map_io::read_ply(run_folder() / "map.ply").size(), result.gaussians);
+}
+
+TEST_F(MappingRunTest, RestoredImagesAreComparedUpToOneFactorPerChannel) {
+  const mapping::KeyframeStore images = test::render_keyframes(test::gaussian_wall());
+  const torch::Tensor factors = torch::tensor({0.5, 1.0, 0.8});
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const torch::Tensor clear = (images[i].image * factors).round().to(torch::kUInt8);
+    cv::imwrite(data_.write("truth/clear/" + images[i].name + ".png", "").string(),
+                slam::to_image(clear));
+  }
+  run_mapping(config(200), options());
+  const eval::Json absolute =
+      eval::read_metrics(run_folder() / "metrics.json").value("mapping", eval::Json());
+  EXPECT_FALSE(absolute.contains("restored_factors"));
+  data_.write("truth/camera.json", "{}");  // as spectral physics leaves it
+  run_mapping(config(200), {.folder = run_folder(), .overwrite = true});
+  const eval::Json relative =
+      eval::read_metrics(run_folder() / "metrics.json").value("mapping", eval::Json());
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(relative["restored_factors"][c].get<double>(),
+                factors[static_cast<std::int64_t>(c)].item<double>(), 0.03);
+  }
+  EXPECT_GT(relative["restored_psnr_db"].get<double>(), 18.0);
+  EXPECT_GT(relative["restored_psnr_db"].get<double>(),
+            absolute["restored_psnr_db"].get<double>() + 3.0);
+}
+
+TEST_F(MappingRunTest, PatchesOfTheImagesHaveTheColorsOfTheMap) {
+  RunConfig with_curve = config(200);
+  with_curve.mapping.trainer.tone_curve.kind = mapping::ToneCurveKind::srgb;
+  run_mapping(with_curve, options());
+  const mapping::KeyframeStore images = test::render_keyframes(test::gaussian_wall());
+  std::vector<Patch> patches;
+  for (const std::size_t i : {0U, 3U, 8U}) {
+    const torch::Tensor region = images[i].image.slice(0, 10, 20).slice(1, 12, 24);
+    const torch::Tensor light = gaussians::kSrgb.decode(region.to(torch::kFloat64) / 255.0);
+    const torch::Tensor mean = light.reshape({-1, 3}).mean(0);
+    patches.push_back(
+        {.stamp_ns = images[i].stamp_ns,
+         .rectangle = {12, 10, 12, 10},
+         .reference = {mean[0].item<double>(), mean[1].item<double>(), mean[2].item<double>()}});
+  }
+  patches.push_back({.stamp_ns = 17, .rectangle = {0, 0, 4, 4}, .reference = {1.0, 1.0, 1.0}});
+  const std::vector<PatchColor> measured = measure_patches(run_folder(), patches);
+  ASSERT_EQ(measured.size(), 3U);  // the recording has no image 17
+  const PatchErrors errors = errors_of(measured);
+  EXPECT_NEAR(errors.image_deg, 0.0, 1e-3);
+  EXPECT_LT(*errors.restored_balanced_deg, 4.0);
+  patches.erase(patches.begin(), patches.begin() + 3);
+  EXPECT_THROW(measure_patches(run_folder(), patches), InputError);
 }
 
 TEST_F(MappingRunTest, MetricsReportReducedGaussianLimit) {

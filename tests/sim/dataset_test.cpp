@@ -145,6 +145,42 @@ TEST(Dataset, WritesGroundTruth) {
   EXPECT_GT(fs::file_size(truth / "mesh.ply"), 10000U);
 }
 
+std::uintmax_t image_bytes(const fs::path& data, const char* extension) {
+  std::uintmax_t sum = 0;
+  for (const auto& entry : fs::directory_iterator(data)) {
+    EXPECT_EQ(entry.path().extension(), extension);
+    sum += entry.file_size();
+  }
+  return sum;
+}
+
+TEST(Dataset, ACameraThatStoresJpegLeavesJpegFiles) {
+  const test::TmpDir dir;
+  const auto spectral = [](int quality) {
+    Scene made = scene({"physics=spectral", "duration_s=1"});
+    made.config.spectral.jpeg_quality = quality;
+    return made;
+  };
+  for (const int quality : {0, 40, 95})
+    simulate(spectral(quality), dir.path() / std::to_string(quality), {});
+  const auto data = [&](const char* set) { return dir.path() / set / "mav0/cam0/data"; };
+  EXPECT_LT(image_bytes(data("40"), ".jpg"), image_bytes(data("95"), ".jpg"));
+  EXPECT_LT(image_bytes(data("95"), ".jpg"), image_bytes(data("0"), ".png"));
+  EXPECT_EQ(read_back(dir.path() / "95").images, 21U);
+}
+
+TEST(Dataset, ClearImagesOfSpectralPhysicsHaveOneExposure) {
+  const test::TmpDir dir;
+  const fs::path out = dir.path() / "set";
+  simulate(scene({"physics=spectral", "truth.image_every=1", "duration_s=1.5"}), out, {});
+  const auto brightness = [&](const char* stamp) {
+    return cv::mean(cv::imread((out / "truth/clear" / (std::string(stamp) + ".png")).string()))[1];
+  };
+  // The blackout darkens camera images only for a while, and the clear ones not at all.
+  EXPECT_NEAR(brightness("1700000000100000000"), brightness("1700000000200000000"), 10.0);
+  EXPECT_GT(brightness("1700000000100000000"), 40.0);
+}
+
 TEST(Dataset, OutputIsIndependentOfThreadCount) {
   const test::TmpDir dir;
   simulate(scene(), dir.path() / "one", {.threads = 1});

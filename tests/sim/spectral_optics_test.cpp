@@ -157,7 +157,7 @@ TEST(ToneCurve, RisesFromBlackToWhite) {
 TEST(Exposure, FollowsWithItsLag) {
   std::vector<Metering> meterings;
   for (int i = 0; i <= 100; ++i)  // the light drops to a fourth after 2 s
-    meterings.push_back({0.1 * i, Vector3d::Constant(i < 20 ? 0.4 : 0.1)});
+    meterings.push_back({0.1 * i, {.behind_lens = Vector3d::Constant(i < 20 ? 0.4 : 0.1)}});
   CameraEffectsConfig effects;
   effects.target_mean = 0.2;
   effects.max_gain = 100.0;
@@ -166,6 +166,39 @@ TEST(Exposure, FollowsWithItsLag) {
   EXPECT_NEAR(track.at(1.0).gain, 0.5, 1e-12);
   EXPECT_NEAR(track.at(2.9).gain, 0.5 * std::pow(4.0, 1.0 - std::exp(-1.0)), 0.02);
   EXPECT_NEAR(track.at(10.0).gain, 2.0, 0.01);
+}
+
+TEST(Exposure, OfClearImagesIsOneForTheRecording) {
+  std::vector<Metering> meterings;
+  for (int i = 0; i <= 10; ++i)
+    meterings.push_back(
+        {0.1 * i,
+         {.behind_lens = Vector3d(0.1, 0.2, 0.1), .clear = Vector3d::Constant(0.1 * (i + 1))}});
+  CameraEffectsConfig effects;
+  effects.target_mean = 0.3;
+  const ExposureTrack track(meterings, effects, {}, Vector3d(1.0, 1.0, 3.0));
+  const SpectralConfig fixed{.white_balance = WhiteBalance::preset};
+  const ExposureTrack preset(meterings, effects, fixed, Vector3d(1.0, 1.0, 3.0));
+  EXPECT_EQ(preset.clear().white_balance, Vector3d(1.0, 1.0, 3.0));
+  EXPECT_NEAR(preset.clear().gain, 0.3 / (0.6 * 1.5), 1e-12);  // median 0.6, level 0.25, 0.5, 0.75
+  EXPECT_EQ(track.clear().white_balance, track.at(0.5).white_balance);
+}
+
+TEST(Exposure, IsMeteredBehindTheLens) {
+  const Sensor sensor = make_sensor(SensorType::nikon_d5100);
+  Lens lens{.width = 40, .height = 30, .rays = {}, .origins = {}, .angle = {}};
+  for (int i = 0; i < 40 * 30; ++i) {
+    lens.rays.push_back(
+        Eigen::Vector3f((i % 40 - 19.5F) / 20.0F, (i / 40 - 14.5F) / 20.0F, 1.0F).normalized());
+    lens.angle.push_back(0.05F);
+  }
+  const CameraPipeline pipeline({}, {.lens_shading = 0.0}, sensor, lens);
+  double cos4 = 0.0;
+  for (const auto& ray : lens.rays) cos4 += std::pow(static_cast<double>(ray.z()), 4.0) / 1200.0;
+  const cv::Mat even(30, 40, CV_32FC3, cv::Scalar::all(0.5));
+  EXPECT_NEAR(pipeline.mean_behind_lens(even)[1], 0.5 * cos4, 1e-6);
+  const cv::Mat small(15, 20, CV_32FC3, cv::Scalar::all(0.5));
+  EXPECT_NEAR(pipeline.mean_behind_lens(small)[1], 0.5 * cos4, 1e-3);
 }
 
 TEST(Exposure, AutomaticWhiteBalanceGoesTowardGray) {
@@ -251,16 +284,6 @@ TEST(ForwardBlur, LeavesEvenLightEven) {
   cv::minMaxLoc(image.reshape(1), &low, &high);
   EXPECT_NEAR(low, 0.3, 0.006);
   EXPECT_NEAR(high, 0.3, 0.006);
-}
-
-TEST(Jpeg, KeepsTheSizeAndLosesMoreAtLowQuality) {
-  cv::Mat image(121, 163, CV_8UC3);
-  cv::randu(image, cv::Scalar::all(0), cv::Scalar::all(255));
-  const cv::Mat fine = through_jpeg(image, 95);
-  const cv::Mat coarse = through_jpeg(image, 40);
-  EXPECT_EQ(fine.size(), image.size());
-  EXPECT_EQ(fine.type(), image.type());
-  EXPECT_LT(cv::norm(fine, image), cv::norm(coarse, image));
 }
 
 }  // namespace

@@ -3,10 +3,8 @@
 
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <vector>
+#include <opencv2/imgproc.hpp>
 
-#include "apvi/core/error.hpp"
 #include "sim/noise_texture.hpp"
 
 namespace apvi::sim {
@@ -38,17 +36,9 @@ void shade_lens(const cv::Mat& shading, float gain, cv::Mat& raw) {
 
 }  // namespace
 
-cv::Mat through_jpeg(const cv::Mat& image, int quality) {
-  std::vector<uchar> bytes;
-  if (!cv::imencode(".jpg", image, bytes, {cv::IMWRITE_JPEG_QUALITY, quality}))
-    fail_run("cannot encode a JPEG image");
-  return cv::imdecode(bytes, cv::IMREAD_COLOR);
-}
-
 CameraPipeline::CameraPipeline(const CameraEffectsConfig& effects, const SpectralConfig& spectral,
                                const Sensor& sensor, const Lens& lens)
     : effects_(effects),
-      jpeg_quality_(spectral.jpeg_quality),
       colors_(Eigen::Matrix3d::Identity() +
               spectral.color_correction * (color_matrix(sensor) - Eigen::Matrix3d::Identity())),
       tone_(spectral.tone, effects.gamma),
@@ -80,13 +70,20 @@ cv::Mat CameraPipeline::image(cv::Mat& raw, const Development& development, std:
   if (effects_.lens_blur_px > 0.0) gaussian_blur(raw, effects_.lens_blur_px);
   if (effects_.noise) raw = with_sensor_noise(raw, effects_, development.gain, seed, frame);
   const Eigen::Matrix3d colors = linear(development) / development.gain;
-  const cv::Mat image = to_bytes(raw, colors);
-  return jpeg_quality_ > 0 ? through_jpeg(image, jpeg_quality_) : image;
+  return to_bytes(raw, colors);
 }
 
 cv::Mat CameraPipeline::clear_image(cv::Mat& raw, const Development& development) const {
   if (effects_.lens_blur_px > 0.0) gaussian_blur(raw, effects_.lens_blur_px);
   return to_bytes(raw, linear(development));
+}
+
+cv::Scalar CameraPipeline::mean_behind_lens(const cv::Mat& raw) const {
+  cv::Mat shading;
+  cv::resize(shading_, shading, raw.size(), 0.0, 0.0, cv::INTER_AREA);
+  cv::Mat behind = raw.clone();
+  shade_lens(shading, 1.0F, behind);
+  return cv::mean(behind);
 }
 
 }  // namespace apvi::sim

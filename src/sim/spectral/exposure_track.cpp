@@ -13,6 +13,20 @@ double follow(double state, double goal, double elapsed_s, double lag_s) {
   return state * std::pow(goal / state, 1.0 - std::exp(-elapsed_s / lag_s));
 }
 
+double level(const Eigen::Vector3d& raw, const Development& development) {
+  return Eigen::Vector3d(0.25, 0.5, 0.25).dot(raw.cwiseProduct(development.white_balance));
+}
+
+double clear_gain(const std::vector<Metering>& meterings, const Development& development,
+                  double target_mean) {
+  std::vector<double> levels;
+  for (const Metering& metering : meterings)
+    levels.push_back(level(metering.light.clear, development));
+  const auto middle = levels.begin() + static_cast<std::ptrdiff_t>(levels.size() / 2);
+  std::nth_element(levels.begin(), middle, levels.end());
+  return target_mean / std::max(1e-9, *middle);
+}
+
 double between(double a, double b, double part) {
   return a * std::pow(b / a, part);
 }
@@ -30,8 +44,7 @@ Development aim(const Eigen::Vector3d& raw, const CameraEffectsConfig& effects, 
     goal.white_balance.y() = 1.0;
   }
   if (effects.auto_gain) {
-    const double level = Eigen::Vector3d(0.25, 0.5, 0.25).dot(raw.cwiseProduct(goal.white_balance));
-    goal.gain = std::min(effects.max_gain, effects.target_mean / std::max(1e-9, level));
+    goal.gain = std::min(effects.max_gain, effects.target_mean / std::max(1e-9, level(raw, goal)));
   }
   return goal;
 }
@@ -41,7 +54,8 @@ ExposureTrack::ExposureTrack(const std::vector<Metering>& meterings,
                              const Eigen::Vector3d& fixed) {
   Development state;
   for (const Metering& metering : meterings) {
-    const Development goal = aim(metering.raw, effects, spectral.white_balance, fixed);
+    const Development goal =
+        aim(metering.light.behind_lens, effects, spectral.white_balance, fixed);
     if (times_.empty()) state = goal;
     const double elapsed = times_.empty() ? 0.0 : metering.time_s - times_.back();
     state.gain = follow(state.gain, goal.gain, elapsed, spectral.exposure_lag_s);
@@ -51,6 +65,9 @@ ExposureTrack::ExposureTrack(const std::vector<Metering>& meterings,
     times_.push_back(metering.time_s);
     states_.push_back(state);
   }
+  if (states_.empty()) return;
+  clear_.white_balance = states_[states_.size() / 2].white_balance;
+  clear_.gain = clear_gain(meterings, clear_, effects.target_mean);
 }
 
 Development ExposureTrack::at(double time_s) const {

@@ -10,10 +10,10 @@
 
 namespace apvi::sim {
 
-/// Mean raw values of the image at one instant.
+/// What the exposure control sees at one instant, and what it would see without water.
 struct Metering {
   double time_s = 0.0;
-  Eigen::Vector3d raw = Eigen::Vector3d::Ones();  ///< red, green, blue
+  MeanLight light;
 };
 
 /// What the camera aims at for a mean: the gain that brings it to `target_mean`, at most
@@ -31,8 +31,13 @@ class ExposureTrack {
                 const SpectralConfig& spectral, const Eigen::Vector3d& fixed);
 
   Development at(double time_s) const;
+  /// One exposure for all images without water, so that a surface has one brightness in them: the
+  /// white balance of the middle of the recording, and the gain that brings their median to
+  /// `target_mean`.
+  const Development& clear() const { return clear_; }
 
  private:
+  Development clear_;
   std::vector<double> times_;
   std::vector<Development> states_;
 };

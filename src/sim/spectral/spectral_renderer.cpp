@@ -46,6 +46,10 @@ void hide_in_silt(const SiltCloud& silt, TileRays& rays, Lanes (&soft)[3]) {
   add_silt(silt, rays);
 }
 
+Vector3d to_rgb(const cv::Scalar& bgr) {
+  return {bgr[2], bgr[1], bgr[0]};
+}
+
 Vector3d to_rgb(const cv::Vec3f& bgr) {
   return {static_cast<double>(bgr[2]), static_cast<double>(bgr[1]), static_cast<double>(bgr[0])};
 }
@@ -234,25 +238,25 @@ RenderedFrame SpectralRenderer::render(const ImageRequest& request, int threads)
   frame.gain = frame.development.gain;
   if (request.truth) frame.medium = fit_medium(view, layers, pipeline_.linear(frame.development));
   frame.image = pipeline_.image(layers.observed, frame.development, scene_.seed, request.frame);
-  frame.clear = pipeline_.clear_image(layers.clear, frame.development);
+  frame.clear =
+      pipeline_.clear_image(layers.clear, request.clear_development.value_or(frame.development));
   frame.range = layers.range;
   frame.depth = layers.depth;
   return frame;
 }
 
 Development SpectralRenderer::choose(const cv::Mat& observed) const {
-  const cv::Scalar mean = cv::mean(observed);
-  return aim({mean[2], mean[1], mean[0]}, scene_.config.camera,
+  return aim(to_rgb(pipeline_.mean_behind_lens(observed)), scene_.config.camera,
              scene_.config.spectral.white_balance, fixed_white_balance());
 }
 
-Vector3d SpectralRenderer::meter(const ImageRequest& request) const {
+MeanLight SpectralRenderer::meter(const ImageRequest& request) const {
   View view = view_of(request);
   view.poses = {.samples = 1, .poses = {view.T_world_camera}, .rows = 1};
   const BackscatterGrid scattered = backscatter_of(view, meter_lens_, 4);
   const Layers layers = render_layers(view, meter_lens_, scattered, 1);
-  const cv::Scalar mean = cv::mean(layers.observed) + cv::mean(layers.blurred);
-  return {mean[2], mean[1], mean[0]};
+  return {.behind_lens = to_rgb(pipeline_.mean_behind_lens(layers.observed + layers.blurred)),
+          .clear = to_rgb(cv::mean(layers.clear, layers.range > 0.0))};
 }
 
 }  // namespace apvi::sim

@@ -26,8 +26,8 @@ class SpectralRenderer {
   explicit SpectralRenderer(const RenderScene& scene);
 
   RenderedFrame render(const ImageRequest& request, int threads) const;
-  /// Mean raw values of the image, from a small and sharp rendering of it.
-  Eigen::Vector3d meter(const ImageRequest& request) const;
+  /// Mean light of the image, from a small and sharp rendering of it.
+  MeanLight meter(const ImageRequest& request) const;
   /// White balance of the modes other than automatic.
   Eigen::Vector3d fixed_white_balance() const;
 
