@@ -88,7 +88,7 @@ torch::Tensor camera_response(const Map& map, const KeyframeStore& keyframes, st
         response * illumination_gain(value_of(map.illumination, keyframes, i),
                                      1.0 / map.tone_curve.exponent(), camera.height, camera.width);
   }
-  if (map.vignetting == 0.0) return response;
+  if (map.vignetting.is_none()) return response;
   return response * lens_falloff(camera, map.vignetting, response.device());
 }
 

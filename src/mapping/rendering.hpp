@@ -11,6 +11,7 @@
 #include "gaussians/render/view.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "medium/medium.hpp"
+#include "medium/vignetting.hpp"
 
 namespace apvi::mapping {
 
@@ -25,7 +26,7 @@ struct Map {
   /// [n,3,rows,columns] logarithms of the fields of gains of the keyframes, of image values
   /// (mapping::Illumination); undefined: none.
   torch::Tensor illumination = {};
-  double vignetting = 0.0;               ///< fraction of light lost in the image corners
+  medium::Vignetting vignetting = {};
   gaussians::ToneCurve tone_curve = {};  ///< of the camera, which makes image values of light
 };
 

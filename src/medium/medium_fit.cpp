@@ -31,7 +31,8 @@ constexpr double kLampVeilingLight = 0.03;
 constexpr double kLampVeilingLightSigma = 2.0;  // of its logarithm: 0.004 to 0.2
 const auto kF64 = torch::dtype(torch::kFloat64);
 
-/// Parameters: those of the medium by channel, the vignetting, the logarithms of the views' gains.
+/// Parameters: those of the medium by channel, those of the vignetting, the logarithms of the
+/// views' gains.
 class Solver {
  public:
   Solver(const Observations& observations, const MediumPrior& prior)
@@ -40,7 +41,7 @@ class Solver {
         own_(model_.parameters()),
         equations_(s_, own_),
         vignetting_(3 * own_),
-        gains_(vignetting_ + 1) {
+        gains_(vignetting_ + kVignettingParameters) {
     const auto n = gains_ + s_.view_count;
     mean_ = torch::zeros({n}, kF64);
     sigma_ = torch::full({n}, prior.gain_sigma, kF64);
@@ -48,7 +49,7 @@ class Solver {
       mean_.slice(0, own_ * c, own_ * (c + 1)).copy_(model_.mean(c));
       sigma_.slice(0, own_ * c, own_ * (c + 1)).copy_(model_.sigma());
     }
-    sigma_[vignetting_] = prior.vignetting_sigma;
+    sigma_.slice(0, vignetting_, gains_).fill_(prior.vignetting_sigma);
     theta_ = mean_.clone();
     prior_information_ =
         torch::diag(model_.sigma().slice(0, 0, kMediumParameters).square().reciprocal());
@@ -63,6 +64,7 @@ class Solver {
       theta_ += step;
       Tensor water = medium_parameters();
       model_.confine(water);
+      confine_vignetting();
       information_ = A;
       if (step.abs().max().item<double>() < kStepTolerance) return;
     }
@@ -120,7 +122,7 @@ class Solver {
   MediumFit result(const Tensor& covariances) const {
     MediumFit fit;
     fit.medium = model_.medium(medium_parameters());
-    fit.vignetting = std::clamp(theta_[vignetting_].item<double>(), 0.0, 0.9);
+    fit.vignetting = vignetting();
     fit.log_gains = theta_.slice(0, gains_).clone();
     fit.resolution = torch::empty({3, 3, 3}, kF64);
     fit.sigmas = torch::empty({3, 3}, kF64);
@@ -147,9 +149,18 @@ class Solver {
     Tensor part = all.slice(0, own_ * c, own_ * c + count);
     return all.dim() == 1 ? part : part.slice(1, own_ * c, own_ * c + count);
   }
-  Tensor falloff() const { return 1.0 - theta_[vignetting_] * s_.corners2; }
+  Vignetting vignetting() const {
+    return {.square = theta_[vignetting_].item<double>(),
+            .fourth = theta_[vignetting_ + 1].item<double>()};
+  }
+  void confine_vignetting() {
+    const Vignetting valid = vignetting().confined();
+    theta_[vignetting_] = valid.square;
+    theta_[vignetting_ + 1] = valid.fourth;
+  }
   Tensor responses() const {
-    return theta_.slice(0, gains_).exp().index_select(0, s_.views) * falloff();
+    return theta_.slice(0, gains_).exp().index_select(0, s_.views) *
+           vignetting().factor(s_.corners2);
   }
 
   /// Information matrix and gradient, with the points' colors eliminated.
@@ -157,10 +168,9 @@ class Solver {
     const Tensor precision = sigma_.square().reciprocal();
     Tensor A = torch::diag(precision);
     Tensor b = precision * (theta_ - mean_);
-    const Tensor lens = falloff();
     const std::vector<ChannelModel> models = model_.evaluate(medium_parameters(), responses());
     for (std::int64_t c = 0; c < 3; ++c) {
-      equations_.add(c, models[static_cast<std::size_t>(c)], lens, A, b);
+      equations_.add(c, models[static_cast<std::size_t>(c)], A, b);
     }
     const auto views = static_cast<double>(s_.view_count);
     A.slice(0, gains_).slice(1, gains_).add_(kMeanGainPrecision / (views * views));

@@ -8,6 +8,7 @@
 
 #include "medium/medium.hpp"
 #include "medium/medium_posterior.hpp"
+#include "medium/vignetting.hpp"
 
 namespace apvi::medium {
 
@@ -39,7 +40,7 @@ struct MediumPrior {
   double ratio_sigma = 0.15;
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's exposure gain
-  double vignetting_sigma = 0.3;  ///< of the relative light loss in the corners
+  double vignetting_sigma = 0.7;  ///< of both coefficients of Vignetting
   /// Lamp on the vehicle; without it, all light is daylight. Its intensity at one meter is a free
   /// parameter.
   std::optional<Lamp> lamp = std::nullopt;
@@ -61,7 +62,7 @@ MediumPrior default_medium_prior(const std::optional<Lamp>& lamp = std::nullopt,
 struct MediumFit {
   Medium medium;            ///< float64, at the mean gain of the views
   torch::Tensor log_gains;  ///< [view_count] float64, of zero mean
-  double vignetting = 0.0;  ///< relative light loss in the corners
+  Vignetting vignetting;
   /// [3,3,3] float64, by channel: model resolution matrix of the logarithms of beta_d, beta_b and
   /// b_inf, 1 - covariance * prior information: the identity where the data determine the
   /// parameters, zero in directions that only the prior constrains, for example with all
@@ -73,9 +74,9 @@ struct MediumFit {
   MediumPosterior posterior;  ///< that of the prior, updated with this fit
 };
 
-/// Maximum a posteriori estimate of the medium. Each observation follows I = g (1 - v r^2) (J
-/// exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) with a color J per point, a gain g per view and one
-/// vignetting coefficient v. With a lamp, the direct light is L J and the backscatter of the lamp
+/// Maximum a posteriori estimate of the medium. Each observation follows I = g v (J
+/// exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) with a color J per point, a gain g per view and the
+/// lens's vignetting v. With a lamp, the direct light is L J and the backscatter of the lamp
 /// is added (LampLight); L includes the lamp's angle of incidence on the surface. Robust
 /// Gauss-Newton with the colors eliminated (variable projection). Directions that the observations
 /// do not constrain keep the prior. If the prior contains a posterior of earlier fits, attenuation

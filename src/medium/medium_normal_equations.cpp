@@ -52,20 +52,18 @@ Observations sorted_by_point(const Observations& s) {
 struct MediumNormalEquations::Channel {
   Index first_column;
   Tensor colors;  ///< minus the backscatter
-  const double *seen, *direct, *backscatter, *corners2, *falloff;
+  const double *seen, *direct, *backscatter, *corners2;
   double* weights;
   std::vector<const double*> direct_derivatives,
       backscatter_derivatives;  ///< by parameter; null: zero
 
-  Channel(const Observations& s, Index column, Index c, const ChannelModel& model,
-          const Tensor& lens, const Tensor& w)
+  Channel(const Observations& s, Index column, Index c, const ChannelModel& model, const Tensor& w)
       : first_column(column),
         colors(s.colors.select(1, c) - model.backscatter),
         seen(data_of(colors)),
         direct(data_of(model.direct)),
         backscatter(data_of(model.backscatter)),
         corners2(data_of(s.corners2)),
-        falloff(data_of(lens)),
         weights(w.data_ptr<double>()) {
     for (const Tensor& part : model.direct_derivatives) direct_derivatives.push_back(data_of(part));
     for (const Tensor& part : model.backscatter_derivatives)
@@ -126,14 +124,13 @@ MediumNormalEquations::MediumNormalEquations(const Observations& observations, I
 /// minus g g^T / s.
 void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index end,
                                       Sums& sums) const {
-  const auto shared = static_cast<std::size_t>(own_ + 1);
+  const auto own = static_cast<std::size_t>(own_);
+  const auto shared = static_cast<std::size_t>(own_ + kVignettingParameters);
   const auto [s, J] = channel.color(begin, end);
   const Index* views = s_.views.data_ptr<Index>();
   std::vector<Index> columns(shared + 1);
-  for (std::size_t k = 0; k + 1 < shared; ++k) {
-    columns[k] = channel.first_column + static_cast<Index>(k);
-  }
-  columns[shared - 1] = 3 * own_;
+  for (std::size_t k = 0; k < own; ++k) columns[k] = channel.first_column + static_cast<Index>(k);
+  for (std::size_t k = own; k < shared; ++k) columns[k] = 2 * own_ + static_cast<Index>(k);
   std::vector<double> D(shared + 1);
   std::vector<Index> all_columns(columns.begin(), columns.end() - 1);
   std::vector<double> g(shared, 0.0);
@@ -141,15 +138,16 @@ void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index
     const double w = kInformationScale * channel.weights[i];
     const double a = channel.direct[i];
     const double predicted = a * J + channel.backscatter[i];
-    for (std::size_t k = 0; k + 1 < shared; ++k) {
+    for (std::size_t k = 0; k < own; ++k) {
       D[k] =
           (channel.direct_derivatives[k] != nullptr ? J * channel.direct_derivatives[k][i] : 0.0) +
           (channel.backscatter_derivatives[k] != nullptr ? channel.backscatter_derivatives[k][i]
                                                          : 0.0);
     }
-    D[shared - 1] = -predicted * channel.corners2[i] / channel.falloff[i];
+    D[own] = -predicted * channel.corners2[i];
+    D[own + 1] = D[own] * channel.corners2[i];
     D[shared] = predicted;  // by the logarithm of the view's gain
-    columns[shared] = 3 * own_ + 1 + views[i];
+    columns[shared] = 3 * own_ + kVignettingParameters + views[i];
     sums.add(w, columns, D);
     // The residual is orthogonal to a, so g does not contribute to the gradient.
     sums.add_gradient(-w * (channel.seen[i] - a * J), columns, D);
@@ -169,11 +167,10 @@ void MediumNormalEquations::add_points(const Channel& channel, Index part, Sums&
   }
 }
 
-void MediumNormalEquations::add(Index c, const ChannelModel& model, const Tensor& falloff,
-                                Tensor& A, Tensor& b) {
+void MediumNormalEquations::add(Index c, const ChannelModel& model, Tensor& A, Tensor& b) {
   const auto number = static_cast<std::size_t>(c);
   Tensor& weights = weights_[number];
-  const Channel channel(s_, own_ * c, c, model, falloff, weights);
+  const Channel channel(s_, own_ * c, c, model, weights);
   Tensor residual = channel.colors.clone();
   for (std::size_t p = 0; p + 1 < first_.size(); ++p) {
     const double J = channel.color(first_[p], first_[p + 1]).second;

@@ -12,22 +12,23 @@
 
 namespace apvi::medium {
 
+/// Coefficients of Vignetting.
+inline constexpr std::int64_t kVignettingParameters = 2;
+
 /// The same observations, sorted by point and then by view.
 Observations sorted_by_point(const Observations& observations);
 
 /// Robust normal equations of the observations with the points' colors eliminated (variable
-/// projection). Parameters: `own` per channel, the vignetting, the logarithms of the views' gains.
-/// Each point involves few of these, so sums only run over the affected columns.
+/// projection). Parameters: `own` per channel, those of the vignetting, the logarithms of the
+/// views' gains. Each point involves few of these, so sums only run over the affected columns.
 class MediumNormalEquations {
  public:
   /// `observations` must be sorted by `sorted_by_point` and outlive this.
   MediumNormalEquations(const Observations& observations, std::int64_t own);
 
   /// Adds channel c to the information matrix A [m,m] and the gradient b [m] of half the weighted
-  /// sum of squares, float64. Weights follow from the residuals of the last call. `falloff` [n] is
-  /// the vignetting of each observation.
-  void add(std::int64_t c, const ChannelModel& model, const torch::Tensor& falloff,
-           torch::Tensor& A, torch::Tensor& b);
+  /// sum of squares, float64. Weights follow from the residuals of the last call.
+  void add(std::int64_t c, const ChannelModel& model, torch::Tensor& A, torch::Tensor& b);
 
   /// Noise of an observation in image values, by channel.
   const std::array<double, 3>& noise() const { return noise_; }

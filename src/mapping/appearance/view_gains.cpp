@@ -43,12 +43,12 @@ Tensor corners2(const gaussians::Intrinsics& camera, const Tensor& x, const Tens
   return (dx2 + dy2) / corner2 * (1.0 + t * (a + t * (b + t * c)));
 }
 
-Tensor lens_falloff(const gaussians::Intrinsics& camera, double vignetting, const Tensor& x,
-                    const Tensor& y) {
-  return (1.0 - vignetting * corners2(camera, x, y)).clamp_min(kMinFalloff);
+Tensor lens_falloff(const gaussians::Intrinsics& camera, const medium::Vignetting& vignetting,
+                    const Tensor& x, const Tensor& y) {
+  return vignetting.factor(corners2(camera, x, y)).clamp_min(kMinFalloff);
 }
 
-Tensor lens_falloff(const gaussians::Intrinsics& camera, double vignetting,
+Tensor lens_falloff(const gaussians::Intrinsics& camera, const medium::Vignetting& vignetting,
                     const torch::Device& device) {
   const auto options = torch::dtype(torch::kFloat32).device(device);
   const Tensor x = torch::arange(camera.width, options) + 0.5;

@@ -8,6 +8,7 @@
 
 #include "gaussians/render/view.hpp"
 #include "mapping/training/step_backend.hpp"
+#include "medium/vignetting.hpp"
 
 namespace torch::serialize {
 class InputArchive;
@@ -21,13 +22,13 @@ namespace apvi::mapping {
 torch::Tensor corners2(const gaussians::Intrinsics& camera, const torch::Tensor& x,
                        const torch::Tensor& y);
 
-/// Vignetting factor at pixels: 1 - `vignetting` r^2 with r = 1 in the corners; `x` and `y` [px]
-/// broadcast.
-torch::Tensor lens_falloff(const gaussians::Intrinsics& camera, double vignetting,
-                           const torch::Tensor& x, const torch::Tensor& y);
+/// Vignetting factor at pixels; `x` and `y` [px] broadcast.
+torch::Tensor lens_falloff(const gaussians::Intrinsics& camera,
+                           const medium::Vignetting& vignetting, const torch::Tensor& x,
+                           const torch::Tensor& y);
 /// The same at every pixel [H,W,1].
-torch::Tensor lens_falloff(const gaussians::Intrinsics& camera, double vignetting,
-                           const torch::Device& device);
+torch::Tensor lens_falloff(const gaussians::Intrinsics& camera,
+                           const medium::Vignetting& vignetting, const torch::Device& device);
 
 /// A rendered view.
 struct RenderedView {

@@ -104,7 +104,7 @@ medium::Observations OpenWaterCandidates::open_water(const medium::MediumFit& fi
   const Tensor corners = joined(corners2_);
   const Tensor colors = joined(colors_);
   const Tensor response =
-      fit.log_gains.exp().index_select(0, views) * (1.0 - fit.vignetting * corners);
+      fit.log_gains.exp().index_select(0, views) * fit.vignetting.factor(corners);
   const Tensor water = fit.medium.b_inf;
   const Tensor ratios = (colors / response.unsqueeze(1) / water).clamp_min(1e-6).log();
   Tensor which = uniform_water(ratios, water, joined(above_), kSkyThresholds);

@@ -225,6 +225,7 @@ std::optional<MediumEstimation> fit(const medium::Observations& observations,
   auto found = medium::fit_medium(observations, prior);
   if (!found) return std::nullopt;
   MediumEstimation estimation;
+  estimation.observations = observations.ranges.size(0);
   for (const SampledView& view : s.views) estimation.views.push_back(view.keyframe);
   // With a lamp, low-visibility sand is indistinguishable from open water.
   if (!prior.lamp) {

@@ -62,7 +62,7 @@ Tensor response_of(const Map& map, const KeyframeStore& keyframes,
   std::vector<Tensor> gains;
   for (const std::size_t i : views)
     gains.push_back(camera_gain(map, keyframes, i).to(torch::kCPU, torch::kFloat64));
-  const Tensor falloff = (1.0 - map.vignetting * o.corners2).clamp_min(0.05);
+  const Tensor falloff = map.vignetting.factor(o.corners2).clamp_min(0.05);
   return (torch::cat(gains).index_select(0, o.views) * falloff).unsqueeze(1);
 }
 

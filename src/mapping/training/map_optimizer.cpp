@@ -161,9 +161,9 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
   const StepBackend& backend = step_backend(device);
   TargetInput input = {.image = keyframes[i].image.to(device),
                        .reduction = settings.reduction,
-                       .falloff = vignetting_ > 0.0
-                                      ? falloff(keyframes.view(i, settings.reduction).intrinsics)
-                                      : Tensor(),
+                       .falloff = vignetting_.is_none()
+                                      ? Tensor()
+                                      : falloff(keyframes.view(i, settings.reduction).intrinsics),
                        .log_gain = {},
                        .light = light_table(device)};
   if (options_.gain_compensation) {
@@ -288,7 +288,7 @@ void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {
       step_backend(rendered.alpha.device())
           .target({.image = keyframes[i].image.to(rendered.alpha.device()),
                    .reduction = kGainReduction,
-                   .falloff = vignetting_ > 0.0 ? falloff(camera.intrinsics) : Tensor(),
+                   .falloff = vignetting_.is_none() ? Tensor() : falloff(camera.intrinsics),
                    .log_gain = {},
                    .light = light_table(rendered.alpha.device())});
   gains_.initialize(i,
@@ -356,7 +356,8 @@ void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
   child("tone_curve_evidence", tone_curve_evidence_);
   child("medium_support", medium_support_);
   if (illumination_) child("illumination", *illumination_);
-  archive.write("vignetting", torch::IValue(vignetting_));
+  archive.write("vignetting_square", torch::IValue(vignetting_.square));
+  archive.write("vignetting_fourth", torch::IValue(vignetting_.fourth));
   archive.write("tone_curve", gaussians::to_tensor(tone_curve_));
   if (medium_) child("medium", *medium_);
   archive.write("has_medium", torch::IValue(medium_.has_value()));
@@ -387,7 +388,8 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
     archive.read("illumination", part);
     illumination_->load(part);
   }
-  vignetting_ = gaussians::read_double(archive, "vignetting");
+  vignetting_ = {.square = gaussians::read_double(archive, "vignetting_square"),
+                 .fourth = gaussians::read_double(archive, "vignetting_fourth")};
   Tensor curve;
   archive.read("tone_curve", curve);
   set_tone_curve(gaussians::tone_curve_of(curve));

@@ -152,7 +152,7 @@ class MapOptimizer {
   ViewCorrections corrections_;
   ViewGains gains_;
   std::optional<Illumination> illumination_;
-  double vignetting_ = 0.0;
+  medium::Vignetting vignetting_;
   ToneCurveEvidence tone_curve_evidence_;
   gaussians::ToneCurve tone_curve_;
   torch::Tensor light_table_;  ///< of the tone curve, cached

@@ -62,8 +62,9 @@ void MapOptimizer::apply_medium(const MediumEstimation& estimation,
   medium_posterior_ = estimation.fit.posterior;
   tone_curve_evidence_ = estimation.evidence;
   if (estimation.saved_deviance) {
-    medium_support_.add(*estimation.saved_deviance);
-    log::debug("the medium lowers the deviance by {:.0f}", *estimation.saved_deviance);
+    medium_support_.add(*estimation.saved_deviance, estimation.observations);
+    log::debug("the medium lowers the deviance of {} observations by {:.0f}",
+               estimation.observations, *estimation.saved_deviance);
     if (!medium_support_.is_sufficient()) return remove_medium(keyframes);
   }
   if (!(estimation.tone_curve == tone_curve_)) {

@@ -172,7 +172,7 @@ TEST(CameraGain, IsInterpolatedInTimeForHeldOutImages) {
   EXPECT_NEAR(std::log(camera_gain(map, store, 1).item<float>()), 0.2, 1e-6);
   EXPECT_NEAR(std::log(camera_gain(map, store, 2).item<float>()), 0.4, 1e-6);
   EXPECT_NEAR(std::log(camera_gain(map, store, 0).item<float>()), 0.2, 1e-6);
-  map.vignetting = 0.5;
+  map.vignetting = {.square = 0.7};
   const Tensor response = camera_response(map, store, 1, 1);
   EXPECT_EQ(response.sizes(), at::IntArrayRef({4, 4, 1}));
   EXPECT_LT(response[0][0].item<float>(), 0.85F * response[1][1].item<float>());

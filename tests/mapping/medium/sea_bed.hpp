@@ -17,12 +17,13 @@
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "medium/lamp.hpp"
 #include "medium/medium.hpp"
+#include "medium/vignetting.hpp"
 
 namespace apvi::mapping {
 
 using torch::Tensor;
 
-inline constexpr double kVignetting = 0.2;
+inline constexpr medium::Vignetting kVignetting{.square = 0.2, .fourth = 0.05};
 inline constexpr double kRelief = 0.1;  // [m] of the sea bed
 
 inline medium::Medium true_water() {
