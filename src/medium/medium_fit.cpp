@@ -199,12 +199,25 @@ MediumPrior default_medium_prior(const std::optional<Lamp>& lamp,
   return prior;
 }
 
+namespace {
+
+// Veiling light is of the brightness of images, which the exposure control and the tone curve
+// determine.
+MediumPrior relative_to(const Observations& observations, MediumPrior prior) {
+  constexpr double kUsualLight = 0.4;  // mean of linear images for which the prior is
+  if (prior.lamp) return prior;
+  prior.medium.b_inf = prior.medium.b_inf * (observations.colors.mean() / kUsualLight);
+  return prior;
+}
+
+}  // namespace
+
 std::optional<MediumFit> fit_medium(const Observations& observations, const MediumPrior& prior) {
   if (!observations.ranges.defined() || observations.ranges.size(0) < kMinObservations) {
     return std::nullopt;
   }
   const torch::NoGradGuard no_grad;
-  Solver solver(observations, prior);
+  Solver solver(observations, relative_to(observations, prior));
   solver.solve();
   Tensor covariances = solver.covariances();
   if (!torch::isfinite(covariances).all().item<bool>()) return std::nullopt;

@@ -30,14 +30,15 @@ struct Observations {
 
 /// Prior of the medium and camera parameters. Logarithms are normally distributed.
 struct MediumPrior {
-  Medium medium;            ///< median
+  Medium medium;            ///< median; by daylight b_inf is for images of mean light 0.4
   double beta_sigma = 1.0;  ///< of log(beta_d)
   /// Of log(beta_b / beta_d). Light scattered forward by a few degrees, 0.3 to 0.5 of all scattered
   /// light (Petzold, "Volume scattering functions for selected ocean waters", 1972), attenuates the
-  /// direct signal but does not contribute to the veiling light. Scattering is a tenth of the
-  /// attenuation in clear water and two thirds in turbid water.
-  double log_ratio = -0.12;
-  double ratio_sigma = 0.15;
+  /// direct signal but does not contribute to the veiling light: less than 1. Along a ray that
+  /// looks down, daylight weakens with depth, so that the veiling light saturates sooner: more
+  /// than 1.
+  double log_ratio = 0.0;
+  double ratio_sigma = 0.3;
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's exposure gain
   double vignetting_sigma = 0.7;  ///< of both coefficients of Vignetting

@@ -70,7 +70,8 @@ struct MediumNormalEquations::Channel {
       backscatter_derivatives.push_back(data_of(part));
   }
 
-  /// Sum of w a^2 over the observations of a point, and the point's weighted least-squares color.
+  /// Sum of w a^2 over the observations of a point, and the point's weighted least-squares color; 0
+  /// instead of a negative one, which would explain too strong a backscatter.
   std::pair<double, double> color(Index begin, Index end) const {
     double aa = 0.0;
     double ay = 0.0;
@@ -79,7 +80,7 @@ struct MediumNormalEquations::Channel {
       ay += weights[i] * direct[i] * seen[i];
     }
     aa = std::max(1e-12, aa);
-    return {aa, ay / aa};
+    return {aa, std::max(0.0, ay / aa)};
   }
 };
 
@@ -121,7 +122,7 @@ MediumNormalEquations::MediumNormalEquations(const Observations& observations, I
 
 /// Sum over i of w_i P_i P_i^T, where P_i = D_i - a_i g / s are the derivatives with the color
 /// eliminated, g the sum of w_i a_i D_i and s that of w_i a_i^2. Equals the sum over w_i D_i D_i^T
-/// minus g g^T / s.
+/// minus g g^T / s. A color of 0 is at its limit: it is a constant, and nothing is eliminated.
 void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index end,
                                       Sums& sums) const {
   const auto own = static_cast<std::size_t>(own_);
@@ -149,13 +150,13 @@ void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index
     D[shared] = predicted;  // by the logarithm of the view's gain
     columns[shared] = 3 * own_ + kVignettingParameters + views[i];
     sums.add(w, columns, D);
-    // The residual is orthogonal to a, so g does not contribute to the gradient.
+    // The residual is orthogonal to a (or the color constant), so g does not contribute.
     sums.add_gradient(-w * (channel.seen[i] - a * J), columns, D);
     for (std::size_t k = 0; k < shared; ++k) g[k] += w * a * D[k];
     g.push_back(w * a * predicted);
     all_columns.push_back(columns[shared]);
   }
-  sums.add(-1.0 / (kInformationScale * s), all_columns, g);
+  if (J > 0.0) sums.add(-1.0 / (kInformationScale * s), all_columns, g);
 }
 
 void MediumNormalEquations::add_points(const Channel& channel, Index part, Sums& sums) const {

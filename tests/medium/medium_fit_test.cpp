@@ -192,17 +192,38 @@ TEST(FitMedium, AttenuationIsWrongWhenLampIsNotModeled) {
 }
 
 TEST(FitMedium, KeepsPriorWhenAllRangesAreEqual) {
-  const auto fit = fit_medium(observe(2.0, 2.0), default_medium_prior());
+  const Observations images = observe(2.0, 2.0);
+  MediumPrior weak = default_medium_prior();
+  weak.medium.b_inf = 0.1 * weak.medium.b_inf;  // darker than the darkest surface
+  const auto fit = fit_medium(images, weak);
   ASSERT_TRUE(fit);
-  const Medium prior = coastal_medium();
+  const Medium prior = weak.medium;
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, prior.beta_d), 0.02);
   const double ratio = std::exp(default_medium_prior().log_ratio);
   EXPECT_LT(worst_relative_error(fit->medium.beta_b, ratio * prior.beta_d), 0.02);
-  EXPECT_LT(worst_relative_error(fit->medium.b_inf, prior.b_inf), 0.02);
+  const Tensor b_inf = prior.b_inf * images.colors.mean() / 0.4;
+  EXPECT_LT(worst_relative_error(fit->medium.b_inf, b_inf), 0.02);
   EXPECT_LT(fit->resolution.abs().max().item<double>(), 0.05);
   // Gains and vignetting are still observable.
   expect_vignetting(fit->vignetting, 0.01);
   EXPECT_LT((fit->log_gains - true_log_gains()).abs().max().item<double>(), 0.01);
+}
+
+TEST(FitMedium, BackscatterIsNotBrighterThanBlackSurfaces) {
+  const double range_m = 2.0;
+  Observations s = observe(range_m, range_m);
+  const Medium water = lake_water();
+  const Tensor scattered = 0.7 * water.b_inf * (1.0 - torch::exp(-water.beta_b * range_m));
+  const Tensor gains = true_log_gains().exp().index_select(0, s.views);
+  const Tensor black = (s.points % 2 == 0).unsqueeze(1);  // half of the surfaces
+  const Tensor response = (gains * kVignetting.factor(s.corners2)).unsqueeze(1);
+  s.colors = torch::where(black, scattered * response, s.colors);
+  MediumPrior prior = default_medium_prior();
+  prior.b_inf_sigma = 3.0;  // at one range, only the black surfaces tell
+  const auto fit = fit_medium(s, prior);
+  ASSERT_TRUE(fit);
+  const Tensor found = fit->medium.b_inf * (1.0 - torch::exp(-fit->medium.beta_b * range_m));
+  EXPECT_LT((found / scattered).max().item<double>(), 1.2);
 }
 
 TEST(FitMedium, ReportsLargeUncertaintyWhenRangesHardlyVary) {
