@@ -27,6 +27,11 @@ fusion::VioEstimate estimate_of(const vio::Result& result) {
   return vio;
 }
 
+// With a DVL, images alone serve after so long without bottom lock.
+constexpr Duration kDvlPatience{2'000'000'000};
+// How long the DVL may take to show their scale.
+constexpr Duration kScaleSearch{10'000'000'000};
+
 fusion::Config scale_to_camera(fusion::Config config, const Rig& rig) {
   if (rig.cameras.empty()) return config;
   fusion::DegeneracyCheckConfig& fine = config.discriminator.degeneracy;
@@ -64,7 +69,7 @@ FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
       p_body_camera_(rig.cameras.front().T_body_camera.translation),
       scale_finder_(rig, sensors),
       height_is_measured_(rig.pressure || rig.depth) {
-  if (!sensors.dvl && vio.visual.enabled) images_alone_.emplace(vio, rig);
+  if (vio.visual.enabled) images_alone_.emplace(vio, rig);
 }
 
 FrameOutput FusionStage::process(const FrameJob& job,
@@ -84,7 +89,8 @@ FrameOutput FusionStage::process(const FrameJob& job,
 
   FrameOutput output;
   output.stamp = job.stamp;
-  const std::optional<vio::StatePrior> dipo = to_output_frame(job.dipo);
+  const std::optional<vio::StatePrior> acoustic = acoustic_prior(job);
+  const std::optional<vio::StatePrior> dipo = to_output_frame(acoustic);
   if (!tracked) {
     output.dropped = true;
     if (dipo) output.dipo = dipo->state.pose();
@@ -97,8 +103,10 @@ FrameOutput FusionStage::process(const FrameJob& job,
   output.vio = with_prior && prior
                    ? estimator_.process(*tracked, prior)
                    : estimator_.process(*tracked, std::nullopt, restart_pose(prior));
-  if (with_dvl_) output.vio.earlier.clear();  // the DVL's poses of these frames have been output
-  if (images_alone_) use_images_alone(*tracked, output);
+  const bool by_images = images_alone_ && images_may_serve(job, acoustic.has_value());
+  // The DVL's poses of these frames have been output.
+  if (with_dvl_ && !by_images) output.vio.earlier.clear();
+  if (by_images) use_images_alone(*tracked, output);
   if (output.vio.status == vio::Status::lost) {
     log::warning("VIO lost at {:.2f} s: {}", seconds_between(*first_frame_, job.stamp),
                  output.vio.detail);
@@ -106,15 +114,15 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (output.vio.has_state() && !vio_init_time_s_) {
     vio_init_time_s_ = seconds_between(*first_frame_, job.stamp);
   }
-  if (job.dipo && std::exchange(align_pending_, false)) {
+  if (acoustic && std::exchange(align_pending_, false)) {
     const bool initialized_from_dipo = output.vio.status == vio::Status::started && with_prior;
-    align_dipo(*job.dipo, output.vio, output.vio.has_state() && !initialized_from_dipo);
+    align_dipo(*acoustic, output.vio, output.vio.has_state() && !initialized_from_dipo);
   }
   fusion::FusionInput input;
   input.stamp = job.stamp;
   input.statistics = output.statistics;
   input.vio_includes_dipo = tight_;
-  if (const auto here = to_output_frame(job.dipo)) {
+  if (const auto here = to_output_frame(acoustic)) {
     input.dipo = estimate_of(*here);
     output.dipo = input.dipo->T_world_body;
   }
@@ -128,6 +136,34 @@ FrameOutput FusionStage::process(const FrameJob& job,
   output.timing.marginalize_s = output.vio.marginalize_s;
   output.timing.localize_s = watch.seconds();
   return output;
+}
+
+// Without bottom lock at the start, images alone serve first. The DVL then shows their scale, and
+// DIPO continues at the last pose.
+std::optional<vio::StatePrior> FusionStage::acoustic_prior(const FrameJob& job) {
+  if (!job.dipo || !last_pose_ || T_output_dipo_) return job.dipo;
+  if (scale_finder_.is_waiting()) {
+    if (!dipo_waits_since_) dipo_waits_since_ = job.stamp;
+    if (job.stamp - *dipo_waits_since_ < kScaleSearch) return std::nullopt;
+    log::warning("poses before {:.2f} s stay up to scale: the DVL does not agree with the images",
+                 seconds_between(*first_frame_, job.stamp));
+    scale_finder_.give_up();
+  }
+  if (estimator_.started()) return job.dipo;
+  SE3 before = job.dipo->state.pose();
+  before.translation -=
+      seconds_between(last_pose_stamp_, job.stamp) * (before.rotation * job.dipo->state.v_body);
+  T_output_dipo_ = vio::level_alignment(last_pose_->T_world_body, before);
+  align_pending_ = false;
+  if (images_alone_) images_alone_->reset();
+  return job.dipo;
+}
+
+bool FusionStage::images_may_serve(const FrameJob& job, bool with_dipo) const {
+  if (!with_dvl_) return true;
+  if (with_dipo || T_output_dipo_) return false;
+  return scale_finder_.is_waiting() || images_alone_->started() ||
+         job.stamp - *first_frame_ > kDvlPatience;
 }
 
 // Visual-inertial odometry is preferred: it knows the scale.

@@ -45,8 +45,8 @@ struct FrameOutput {
 };
 
 /// The last stage: visual-inertial odometry, failure detection, fusion, and freezing of the window.
-/// Without a DVL, odometry by images alone gives poses up to scale until visual-inertial odometry
-/// is initialized, and always without an IMU.
+/// Without a DVL, or while it has no bottom lock at the start, odometry by images alone gives poses
+/// up to scale until visual-inertial odometry is initialized, and always without an IMU.
 ///
 /// The output frame is the world frame of whichever estimator initialized first. If that was VIO,
 /// DIPO's poses are aligned to it once, by the yaw and translation between the two at the first
@@ -75,6 +75,8 @@ class FusionStage {
   void add(const ImuSample& sample);
   void use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output);
   void hand_over(FrameOutput& output);
+  std::optional<vio::StatePrior> acoustic_prior(const FrameJob& job);
+  bool images_may_serve(const FrameJob& job, bool with_dipo) const;
   void use_scale(const ScaleFound& found, vio::Result& vio);
   void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
@@ -99,9 +101,10 @@ class FusionStage {
   Eigen::Vector3d p_body_camera_;
   ScaleFinder scale_finder_;
   bool height_is_measured_;
-  bool align_pending_ = true;         // the segment has no pose of DIPO yet
-  bool segment_began_ = false;        // after a gap, and has no pose yet
-  dipo::SegmentError segment_error_;  // of the poses of the current one
+  bool align_pending_ = true;              // the segment has no pose of DIPO yet
+  bool segment_began_ = false;             // after a gap, and has no pose yet
+  dipo::SegmentError segment_error_;       // of the poses of the current one
+  std::optional<Stamp> dipo_waits_since_;  // for the scale of images alone
   std::optional<Stamp> last_imu_;
   std::optional<Stamp> first_frame_;
   std::optional<double> vio_init_time_s_;

@@ -11,7 +11,7 @@ namespace {
 // A pose is interpolated between neighbors that are at most so far apart.
 constexpr Duration kMaxGap{500'000'000};
 constexpr std::size_t kKeptPoses = 64;
-constexpr std::size_t kKeptDepths = 1024;
+constexpr std::size_t kKeptDepths = 64;
 
 // Waves and drift act on many samples alike: so many of them per second count as independent.
 constexpr double kIndependentPerSecond = 1.0;
@@ -32,13 +32,17 @@ PressureScale::PressureScale(const Rig& rig, double tilt_sigma)
       camera_to_sensor_(sensor_position(rig) - p_body_camera_),
       tilt_sigma_(tilt_sigma) {}
 
+void PressureScale::add(const vio::PressureDepthMeasurement& depth) {
+  depths_.push_back(depth);
+  if (depths_.size() > kKeptDepths) depths_.pop_front();
+}
+
 std::optional<double> PressureScale::add(const StampedPose& pose) {
   recent_.poses.push_back(pose);
   while (!depths_.empty() && depths_.front().stamp <= pose.stamp) {
     compare(depths_.front());
     depths_.pop_front();
   }
-  if (depths_.size() > kKeptDepths) depths_.pop_front();
   if (recent_.size() > kKeptPoses) recent_.poses.erase(recent_.poses.begin());
   return solve();
 }

@@ -25,7 +25,7 @@ class PressureScale {
   /// `tilt_sigma`: error of the vertical of the poses [rad].
   PressureScale(const Rig& rig, double tilt_sigma);
 
-  void add(const vio::PressureDepthMeasurement& depth) { depths_.push_back(depth); }
+  void add(const vio::PressureDepthMeasurement& depth);
   /// The next pose. Returns the scale [m per unit] once it is known to a few percent.
   std::optional<double> add(const StampedPose& pose);
   /// Forgets everything, as when images start anew.

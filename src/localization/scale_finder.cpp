@@ -47,7 +47,7 @@ std::optional<double> scale_between(const std::deque<StampedPose>& up_to_scale,
 
 ScaleFinder::ScaleFinder(const Rig& rig, const ActiveSensors& sensors)
     : p_body_camera_(rig.cameras.front().T_body_camera.translation) {
-  if (sensors.dvl_scale) dvl_.emplace(*rig.dvl, p_body_camera_);
+  if (sensors.dvl || sensors.dvl_scale) dvl_.emplace(*rig.dvl, p_body_camera_);
   if (sensors.pressure_scale) pressure_.emplace(rig, sensors.imu ? kLeveledSigma : kAssumedSigma);
 }
 

@@ -211,7 +211,7 @@ bool has_unknown_scale(const VioService& vio) {
 }
 
 bool has_unknown_scale(const Evidence& evidence) {
-  return evidence.vio && !evidence.acoustic && has_unknown_scale(*evidence.vio);
+  return evidence.vio && !dipo_served(evidence) && has_unknown_scale(*evidence.vio);
 }
 
 bool vio_served(const Evidence& evidence) {

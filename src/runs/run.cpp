@@ -383,8 +383,10 @@ eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
 
 eval::Json scale_section(ScaleSource expected, const localization::ActiveSensors& sensors,
                          const Pass& pass, const Evidence& evidence) {
-  const ScaleSource source = pass.scale_by ? source_of(*pass.scale_by) : expected;
-  eval::Json json = scale_json(has_unknown_scale(evidence) ? ScaleSource::images : source);
+  ScaleSource source = pass.scale_by ? source_of(*pass.scale_by) : expected;
+  if (evidence.acoustic && !dipo_served(evidence)) source = ScaleSource::accelerometer;
+  if (has_unknown_scale(evidence)) source = ScaleSource::images;
+  eval::Json json = scale_json(source);
   json["vertical"] = sensors.imu ? "accelerometer" : "assumed";
   return json;
 }
