@@ -18,7 +18,7 @@ constexpr double kIndependentPerSecond = 1.0;
 constexpr double kMinSpan_s = 2.0;
 constexpr int kMinDepths = 10;
 constexpr int kRounds = 4;
-constexpr double kMaxSigma = 0.03;  // relative
+constexpr double kMaxSigma = 0.05;  // relative
 
 Eigen::Vector3d sensor_position(const Rig& rig) {
   return rig.pressure ? rig.pressure->p_body_sensor : rig.depth->p_body_sensor;
