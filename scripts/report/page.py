@@ -162,7 +162,8 @@ def make_sections(run):
 def scale_note(scale):
     """What to know about the scale of a run (section `scale` of metrics.json); empty if nothing."""
     if not scale.get("known", True):
-        return "scale unknown: distances are in units of the given poses, not meters"
+        unit = "the first scene" if scale.get("source") == "images" else "the given poses"
+        return f"scale unknown: distances are in units of {unit}, not meters"
     if scale.get("source") == "accelerometer":
         return "scale from the accelerometer alone: distances are uncertain"
     return ""

@@ -25,6 +25,7 @@ VERDICTS = {  # verdict in pings.csv: (label, color)
 POSES = {  # `state` in health.csv: (label, color), from most to least trusted
     "fused": ("fused", TEAL),
     "vio_only": ("vision alone", "#7fb8a8"),
+    "up_to_scale": ("vision alone, up to scale", PURPLE),
     "dipo_only": ("DVL alone", "#e2b366"),
     "frozen": ("frozen", BLUE),
     "dropped": ("dropped", RED),

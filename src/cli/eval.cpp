@@ -207,7 +207,8 @@ void eval_run(const Arguments& a) {
       .fused = metrics_of(fused, a, context),
       .dipo = metrics_of_estimator(a.run / "dipo.tum", a, context),
       .vio = metrics_of_estimator(a.run / "vio.tum", a, context),
-      .smoothed = metrics_of_estimator(a.run / runs::kSmoothedFile, a, context)};
+      .smoothed = metrics_of_estimator(a.run / runs::kSmoothedFile, a, context),
+      .in_meters = !has_unknown_scale(a.run / "metrics.json")};
   if (context.reference) {
     check_matched(metrics.fused, *context.reference, fused,
                   options_for(a, *context.reference, context.options, context.world),

@@ -20,6 +20,7 @@ struct RunTrajectories {
   std::optional<TrajectoryMetrics> dipo;
   std::optional<TrajectoryMetrics> vio;
   std::optional<TrajectoryMetrics> smoothed = std::nullopt;  ///< the fused one with loops closed
+  bool in_meters = true;  ///< the estimates; otherwise their unit is unknown
 };
 
 /// ate_rmse_m, ate_first_pose_rmse_m, ate_percent_of_path, rot_rmse_deg, rpe_1s_rmse_m,

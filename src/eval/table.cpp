@@ -28,7 +28,8 @@ Cell number(std::optional<T> TrajectoryMetrics::*value, const char* format) {
   };
 }
 
-std::vector<std::pair<std::string, Cell>> rows() {
+std::vector<std::pair<std::string, Cell>> rows(bool in_meters) {
+  const std::string unit = in_meters ? "[m]" : "[units]";
   using M = TrajectoryMetrics;
   return {{"ATE RMSE [m]", statistic(&M::ate, &Statistics::rmse)},
           {"ATE mean [m]", statistic(&M::ate, &Statistics::mean)},
@@ -45,8 +46,8 @@ std::vector<std::pair<std::string, Cell>> rows() {
           {"coverage", number(&M::coverage, "{:.4f}")},
           {"matched poses", number(&M::matched, "{}")},
           {"path of the reference [m]", number(&M::path_length_m, "{:.2f}")},
-          {"path of the estimate [m]", number(&M::estimate_length_m, "{:.2f}")},
-          {"end to start [m]", number(&M::end_to_start_m, "{:.3f}")}};
+          {"path of the estimate " + unit, number(&M::estimate_length_m, "{:.2f}")},
+          {"end to start " + unit, number(&M::end_to_start_m, "{:.3f}")}};
 }
 
 }  // namespace
@@ -67,7 +68,7 @@ std::string to_table(const RunTrajectories& metrics) {
     table += line + "\n";
   };
   if (columns.size() > 1) add_line("", [](const std::string& name, const auto&) { return name; });
-  for (const auto& row : rows()) {
+  for (const auto& row : rows(metrics.in_meters)) {
     const auto& cell = row.second;
     const bool any = std::any_of(columns.begin(), columns.end(),
                                  [&](const auto& column) { return cell(*column.second) != "-"; });

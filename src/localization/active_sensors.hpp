@@ -11,8 +11,9 @@ namespace apvi::localization {
 /// The sensors of a run: enabled in the options, described by the rig, and present in the source.
 struct ActiveSensors {
   bool imu = true;
-  bool dvl = false;        ///< never without an IMU
-  bool dvl_scale = false;  ///< without an IMU: gives the scale of poses by images
+  bool dvl = false;             ///< never without an IMU
+  bool dvl_scale = false;       ///< without an IMU: gives the scale of poses by images
+  bool pressure_scale = false;  ///< without a DVL and an IMU: the same, of a sensor of depth too
   std::size_t cameras = 0;
 };
 

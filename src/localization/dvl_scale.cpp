@@ -14,10 +14,16 @@ constexpr Duration kHalfSpan{100'000'000};
 constexpr Duration kMaxGap{500'000'000};
 constexpr Duration kHistory{2'000'000'000};
 
+constexpr std::size_t kKeptPings = 64;
 constexpr int kMinPings = 10;
 constexpr double kMaxSigma = 0.03;  // relative
 
 }  // namespace
+
+void DvlScale::add(const vio::DvlMeasurement& ping) {
+  pings_.push_back(ping);
+  if (pings_.size() > kKeptPings) pings_.pop_front();
+}
 
 std::optional<double> DvlScale::add(const StampedPose& pose) {
   recent_.poses.push_back(pose);

@@ -20,7 +20,7 @@ class DvlScale {
         p_body_camera_(p_body_camera),
         camera_to_dvl_(dvl.T_body_dvl.translation - p_body_camera) {}
 
-  void add(const vio::DvlMeasurement& ping) { pings_.push_back(ping); }
+  void add(const vio::DvlMeasurement& ping);
   /// The next pose. Returns the scale [m per unit] once it is known to a few percent.
   std::optional<double> add(const StampedPose& pose);
   /// Forgets everything, as when images start anew.

@@ -27,36 +27,10 @@ fusion::VioEstimate estimate_of(const vio::Result& result) {
   return vio;
 }
 
-// Frames of which the poses by images alone are kept: more than VIO needs to initialize.
-constexpr Duration kStartHistory{10'000'000'000};
-
-double spread(const std::vector<Eigen::Vector3d>& points) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : points) mean += p / static_cast<double>(points.size());
-  double sum = 0.0;
-  for (const Eigen::Vector3d& p : points) sum += (p - mean).squaredNorm();
-  return std::sqrt(sum);
-}
-
-// Ratio of the spreads of the camera's positions at equal stamps; nullopt with fewer than three of
-// them, or at rest.
-std::optional<double> scale_between(const std::deque<StampedPose>& up_to_scale,
-                                    const std::vector<StampedPose>& metric,
-                                    const Eigen::Vector3d& p_body_camera) {
-  std::vector<Eigen::Vector3d> from;
-  std::vector<Eigen::Vector3d> to;
-  for (const StampedPose& pose : metric) {
-    const auto same = [&](const StampedPose& p) { return p.stamp == pose.stamp; };
-    const auto found = std::ranges::find_if(up_to_scale, same);
-    if (found == up_to_scale.end()) continue;
-    from.push_back(found->T_world_body * p_body_camera);
-    to.push_back(pose.T_world_body * p_body_camera);
-  }
-  if (from.size() < 3) return std::nullopt;
-  const double up_to_scale_spread = spread(from);
-  if (!(up_to_scale_spread > 0.0)) return std::nullopt;
-  return spread(to) / up_to_scale_spread;
-}
+// With a DVL, images alone serve after so long without bottom lock.
+constexpr Duration kDvlPatience{2'000'000'000};
+// How long the DVL may take to show their scale.
+constexpr Duration kScaleSearch{10'000'000'000};
 
 fusion::Config scale_to_camera(fusion::Config config, const Rig& rig) {
   if (rig.cameras.empty()) return config;
@@ -72,6 +46,14 @@ std::optional<StampedPose> FrameOutput::fused() const {
   return StampedPose{stamp, fusion.pose->T_world_body};
 }
 
+bool FrameOutput::is_up_to_scale() const {
+  return fusion.state == fusion::FusionState::vio_only && vio.has_state() && vio.up_to_scale;
+}
+
+std::string_view FrameOutput::pose_source() const {
+  return is_up_to_scale() ? "up_to_scale" : fusion::to_string(fusion.state);
+}
+
 FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
                          const fusion::FreezeConfig& freeze, const Rig& rig,
                          const ActiveSensors& sensors, double segment_gap_s)
@@ -85,9 +67,9 @@ FusionStage::FusionStage(const vio::Config& vio, const fusion::Config& fusion,
       segment_gap_s_(segment_gap_s),
       with_dvl_(sensors.dvl),
       p_body_camera_(rig.cameras.front().T_body_camera.translation),
+      scale_finder_(rig, sensors),
       height_is_measured_(rig.pressure || rig.depth) {
-  if (!sensors.dvl && vio.visual.enabled) images_alone_.emplace(vio, rig);
-  if (sensors.dvl_scale) dvl_scale_.emplace(*rig.dvl, p_body_camera_);
+  if (vio.visual.enabled) images_alone_.emplace(vio, rig);
 }
 
 FrameOutput FusionStage::process(const FrameJob& job,
@@ -96,14 +78,19 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (!first_frame_) first_frame_ = job.stamp;
   for (const ImuSample& sample : job.imu) add(sample);
   for (const vio::DvlMeasurement& ping : job.pings) {
-    dvl_scale_ ? dvl_scale_->add(ping) : estimator_.add(ping);
+    scale_finder_.add(ping);
+    estimator_.add(ping);
   }
-  for (const vio::PressureDepthMeasurement& depth : job.depths) estimator_.add(depth);
+  for (const vio::PressureDepthMeasurement& depth : job.depths) {
+    scale_finder_.add(depth);
+    estimator_.add(depth);
+  }
   for (const dipo::Report& report : job.reports) fuser_.add(report);
 
   FrameOutput output;
   output.stamp = job.stamp;
-  const std::optional<vio::StatePrior> dipo = to_output_frame(job.dipo);
+  const std::optional<vio::StatePrior> acoustic = acoustic_prior(job);
+  const std::optional<vio::StatePrior> dipo = to_output_frame(acoustic);
   if (!tracked) {
     output.dropped = true;
     if (dipo) output.dipo = dipo->state.pose();
@@ -116,8 +103,10 @@ FrameOutput FusionStage::process(const FrameJob& job,
   output.vio = with_prior && prior
                    ? estimator_.process(*tracked, prior)
                    : estimator_.process(*tracked, std::nullopt, restart_pose(prior));
-  if (with_dvl_) output.vio.earlier.clear();  // the DVL's poses of these frames have been output
-  if (images_alone_) use_images_alone(*tracked, output);
+  const bool by_images = images_alone_ && images_may_serve(job, acoustic.has_value());
+  // The DVL's poses of these frames have been output.
+  if (with_dvl_ && !by_images) output.vio.earlier.clear();
+  if (by_images) use_images_alone(*tracked, output);
   if (output.vio.status == vio::Status::lost) {
     log::warning("VIO lost at {:.2f} s: {}", seconds_between(*first_frame_, job.stamp),
                  output.vio.detail);
@@ -125,15 +114,15 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (output.vio.has_state() && !vio_init_time_s_) {
     vio_init_time_s_ = seconds_between(*first_frame_, job.stamp);
   }
-  if (job.dipo && std::exchange(align_pending_, false)) {
+  if (acoustic && std::exchange(align_pending_, false)) {
     const bool initialized_from_dipo = output.vio.status == vio::Status::started && with_prior;
-    align_dipo(*job.dipo, output.vio, output.vio.has_state() && !initialized_from_dipo);
+    align_dipo(*acoustic, output.vio, output.vio.has_state() && !initialized_from_dipo);
   }
   fusion::FusionInput input;
   input.stamp = job.stamp;
   input.statistics = output.statistics;
   input.vio_includes_dipo = tight_;
-  if (const auto here = to_output_frame(job.dipo)) {
+  if (const auto here = to_output_frame(acoustic)) {
     input.dipo = estimate_of(*here);
     output.dipo = input.dipo->T_world_body;
   }
@@ -149,77 +138,82 @@ FrameOutput FusionStage::process(const FrameJob& job,
   return output;
 }
 
+// Without bottom lock at the start, images alone serve first. The DVL then shows their scale, and
+// DIPO continues at the last pose.
+std::optional<vio::StatePrior> FusionStage::acoustic_prior(const FrameJob& job) {
+  if (!job.dipo || !last_pose_ || T_output_dipo_) return job.dipo;
+  if (scale_finder_.is_waiting()) {
+    if (!dipo_waits_since_) dipo_waits_since_ = job.stamp;
+    if (job.stamp - *dipo_waits_since_ < kScaleSearch) return std::nullopt;
+    log::warning("poses before {:.2f} s stay up to scale: the DVL does not agree with the images",
+                 seconds_between(*first_frame_, job.stamp));
+    scale_finder_.give_up();
+  }
+  if (estimator_.started()) return job.dipo;
+  SE3 before = job.dipo->state.pose();
+  before.translation -=
+      seconds_between(last_pose_stamp_, job.stamp) * (before.rotation * job.dipo->state.v_body);
+  T_output_dipo_ = vio::level_alignment(last_pose_->T_world_body, before);
+  align_pending_ = false;
+  if (images_alone_) images_alone_->reset();
+  return job.dipo;
+}
+
+bool FusionStage::images_may_serve(const FrameJob& job, bool with_dipo) const {
+  if (!with_dvl_) return true;
+  if (with_dipo || T_output_dipo_) return false;
+  return scale_finder_.is_waiting() || images_alone_->started() ||
+         job.stamp - *first_frame_ > kDvlPatience;
+}
+
 // Visual-inertial odometry is preferred: it knows the scale.
 void FusionStage::use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output) {
   vio::Result& vio = output.vio;
-  if (vio.has_state()) {
-    output.scale_found = find_scale(vio);
-    if (first_up_to_scale_ && !output.scale_found) {
-      log::warning("poses before {:.2f} s stay up to scale: no image relates them to later ones",
-                   seconds_between(*first_frame_, vio.stamp));
-    }
-    first_up_to_scale_.reset();
-    return images_alone_->reset();
-  }
+  if (vio.has_state()) return hand_over(output);
   const auto last = last_pose_ ? std::optional(last_pose_->T_world_body) : std::nullopt;
   vio::Result found = images_alone_->process(tracked, last);
   if (last_imu_) found.detail = vio.detail;  // what keeps the scale unknown
   if (!found.has_state() && last_imu_) return;
   vio = std::move(found);
-  if (dvl_scale_) output.scale_found = find_scale_by_dvl(vio);
-  if (!vio.up_to_scale) return;
-  if (!vio_init_time_s_ || first_up_to_scale_) remember_up_to_scale(vio);
+  const bool was_waiting = scale_finder_.is_waiting();
+  output.scale_found = scale_finder_.add(vio);
+  if (output.scale_found) return use_scale(*output.scale_found, vio);
+  if (was_waiting || !scale_finder_.is_waiting()) return;
+  log::info("poses up to scale from {:.2f} s on, by images alone",
+            seconds_between(*first_frame_, scale_finder_.since()));
 }
 
-void FusionStage::remember_up_to_scale(const vio::Result& vio) {
-  if (!vio.has_state()) return;
-  for (const StampedPose& earlier : vio.earlier) recent_up_to_scale_.push_back(earlier);
-  recent_up_to_scale_.push_back({vio.stamp, vio.state.pose()});
-  if (!first_up_to_scale_) first_up_to_scale_ = recent_up_to_scale_.front();
-  const Stamp oldest = vio.stamp - kStartHistory;
-  while (recent_up_to_scale_.front().stamp < oldest) recent_up_to_scale_.pop_front();
-}
-
-// Compares the frames that both know. The first pose stays where it is; the poses of
-// visual-inertial odometry move accordingly.
-std::optional<ScaleFound> FusionStage::find_scale(vio::Result& vio) {
-  if (!first_up_to_scale_ || vio.earlier.empty()) return std::nullopt;
-  const auto scale = scale_between(recent_up_to_scale_, vio.earlier, p_body_camera_);
-  if (!scale) return std::nullopt;
-  ScaleFound found = scale_found(*scale);
-  const StampedPose& newest = vio.earlier.back();
-  const auto known = std::ranges::find(recent_up_to_scale_, newest.stamp, &StampedPose::stamp);
-  if (known == recent_up_to_scale_.end()) return std::nullopt;
-  const Eigen::Vector3d shift = found.to_meters * (known->T_world_body * p_body_camera_) -
-                                newest.T_world_body * p_body_camera_;
-  estimator_.shift(shift);
-  vio.state.p_world += shift;
-  for (StampedPose& pose : vio.earlier) pose.T_world_body.translation += shift;
-  log::info("scale found at {:.2f} s: the unit so far was {:.3g} m",
-            seconds_between(*first_frame_, vio.stamp), *scale);
-  return found;
-}
-
-ScaleFound FusionStage::scale_found(double scale) const {
-  return {first_up_to_scale_->stamp,
-          {scale, first_up_to_scale_->T_world_body * p_body_camera_},
-          p_body_camera_};
+// From images alone to visual-inertial odometry.
+void FusionStage::hand_over(FrameOutput& output) {
+  vio::Result& vio = output.vio;
+  const auto scale = scale_finder_.compare(vio);
+  if (scale) {
+    estimator_.shift(scale->shift);
+    vio.state.p_world += scale->shift;
+    for (StampedPose& pose : vio.earlier) pose.T_world_body.translation += scale->shift;
+    output.scale_found = scale->found;
+    log::info("scale found by the IMU at {:.2f} s: the unit so far was {:.3g} m",
+              seconds_between(*first_frame_, vio.stamp), scale->found.to_meters.scale);
+  } else if (scale_finder_.is_waiting()) {
+    log::warning("poses before {:.2f} s stay up to scale: no image relates them to later ones",
+                 seconds_between(*first_frame_, vio.stamp));
+  }
+  scale_finder_.give_up();
+  images_alone_->follow(estimator_.window());
 }
 
 // The poses so far, this one included, change their unit.
-std::optional<ScaleFound> FusionStage::find_scale_by_dvl(vio::Result& found) {
-  if (!found.has_state() || !found.up_to_scale) return std::nullopt;
-  if (found.status == vio::Status::started) dvl_scale_->reset();
-  const auto scale = dvl_scale_->add({found.stamp, found.state.pose()});
-  if (!scale || !first_up_to_scale_) return std::nullopt;
-  ScaleFound result = scale_found(*scale);
-  images_alone_->change_scale(result.to_meters);
-  found.state.p_world = changed(result.to_meters, found.state.pose(), p_body_camera_).translation;
-  found.up_to_scale = false;
-  first_up_to_scale_.reset();
-  log::info("scale found by the DVL at {:.2f} s: the unit so far was {:.3g} m",
-            seconds_between(*first_frame_, found.stamp), *scale);
-  return result;
+void FusionStage::use_scale(const ScaleFound& found, vio::Result& vio) {
+  images_alone_->change_scale(found.to_meters);
+  vio.state.p_world = changed(found.to_meters, vio.state.pose(), p_body_camera_).translation;
+  for (StampedPose& pose : vio.earlier) {
+    pose.T_world_body = changed(found.to_meters, pose.T_world_body, p_body_camera_);
+  }
+  vio.up_to_scale = false;
+  scale_finder_.give_up();
+  log::info("scale found by the {} at {:.2f} s: the unit so far was {:.3g} m",
+            found.by == ScaleSensor::dvl ? "DVL" : "depth",
+            seconds_between(*first_frame_, vio.stamp), found.to_meters.scale);
 }
 
 // Nothing relates the poses before a long gap to those after it.

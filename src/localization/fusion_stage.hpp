@@ -2,15 +2,15 @@
 #pragma once
 
 #include <cstddef>
-#include <deque>
 #include <optional>
+#include <string_view>
 
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/localization/system.hpp"
 #include "fusion/fuser.hpp"
 #include "localization/active_sensors.hpp"
-#include "localization/dvl_scale.hpp"
 #include "localization/frame_job.hpp"
+#include "localization/scale_finder.hpp"
 #include "vio/estimator.hpp"
 #include "vio/visual/visual_odometry.hpp"
 
@@ -38,11 +38,15 @@ struct FrameOutput {
   FrameTiming timing;
 
   std::optional<StampedPose> fused() const;
+  /// Whether the fused pose is by images alone, in an unknown unit.
+  bool is_up_to_scale() const;
+  /// Where the fused pose is from: `up_to_scale`, or the state of the fusion.
+  std::string_view pose_source() const;
 };
 
 /// The last stage: visual-inertial odometry, failure detection, fusion, and freezing of the window.
-/// Without a DVL, odometry by images alone gives poses up to scale until visual-inertial odometry
-/// is initialized, and always without an IMU.
+/// Without a DVL, or while it has no bottom lock at the start, odometry by images alone gives poses
+/// up to scale until visual-inertial odometry is initialized, and always without an IMU.
 ///
 /// The output frame is the world frame of whichever estimator initialized first. If that was VIO,
 /// DIPO's poses are aligned to it once, by the yaw and translation between the two at the first
@@ -70,10 +74,10 @@ class FusionStage {
  private:
   void add(const ImuSample& sample);
   void use_images_alone(const vio::TrackedFrame& tracked, FrameOutput& output);
-  std::optional<ScaleFound> find_scale(vio::Result& vio);
-  std::optional<ScaleFound> find_scale_by_dvl(vio::Result& found);
-  ScaleFound scale_found(double scale) const;
-  void remember_up_to_scale(const vio::Result& vio);
+  void hand_over(FrameOutput& output);
+  std::optional<vio::StatePrior> acoustic_prior(const FrameJob& job);
+  bool images_may_serve(const FrameJob& job, bool with_dipo) const;
+  void use_scale(const ScaleFound& found, vio::Result& vio);
   void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
   std::optional<SE3> restart_pose(const std::optional<vio::StatePrior>& dipo) const;
@@ -87,9 +91,6 @@ class FusionStage {
   bool unfreeze_;
   vio::Estimator estimator_;
   std::optional<vio::VisualOdometry> images_alone_;
-  std::optional<DvlScale> dvl_scale_;
-  std::optional<StampedPose> first_up_to_scale_;  // of the run's poses, until the scale is known
-  std::deque<StampedPose> recent_up_to_scale_;    // of the last seconds
   fusion::Fuser fuser_;
   std::optional<SE3> T_output_dipo_;
   std::optional<fusion::PoseEstimate> last_pose_;  // fused
@@ -98,10 +99,12 @@ class FusionStage {
   double segment_gap_s_;
   bool with_dvl_;
   Eigen::Vector3d p_body_camera_;
+  ScaleFinder scale_finder_;
   bool height_is_measured_;
-  bool align_pending_ = true;         // the segment has no pose of DIPO yet
-  bool segment_began_ = false;        // after a gap, and has no pose yet
-  dipo::SegmentError segment_error_;  // of the poses of the current one
+  bool align_pending_ = true;              // the segment has no pose of DIPO yet
+  bool segment_began_ = false;             // after a gap, and has no pose yet
+  dipo::SegmentError segment_error_;       // of the poses of the current one
+  std::optional<Stamp> dipo_waits_since_;  // for the scale of images alone
   std::optional<Stamp> last_imu_;
   std::optional<Stamp> first_frame_;
   std::optional<double> vio_init_time_s_;

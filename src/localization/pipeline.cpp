@@ -42,6 +42,8 @@ ActiveSensors select_sensors(const Options& options, const Rig& rig,
     sensors.cameras = std::min<std::size_t>(rig.cameras.size(), options.vio.stereo ? 2 : 1);
   }
   sensors.dvl_scale = !sensors.imu && options.sensors.includes("dvl") && rig.dvl.has_value();
+  sensors.pressure_scale = !sensors.dvl && options.sensors.includes("pressure") &&
+                           (rig.pressure.has_value() || rig.depth.has_value());
   if (sensors.dvl || sensors.cameras > 0) return sensors;
   fail_input(
       "no odometry possible: needs a camera, or a DVL and an IMU, both in the recording and in "

@@ -104,6 +104,10 @@ void check_scale(const Evidence& evidence, Warnings& warnings) {
     warnings.push_back(
         "scale: unknown, as too few velocities of the DVL agree with the images; check its "
         "mounting and its stamps with `apvi doctor`");
+  } else if (evidence.streams.contains("pressure") || evidence.streams.contains("depth")) {
+    warnings.push_back(
+        "scale: unknown, as the depth did not show it: without an IMU the camera must move up and "
+        "down and in both horizontal directions");
   }
 }
 
@@ -202,9 +206,12 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) 
   return warnings;
 }
 
+bool has_unknown_scale(const VioService& vio) {
+  return vio.with_pose > 0 && vio.up_to_scale == vio.with_pose;
+}
+
 bool has_unknown_scale(const Evidence& evidence) {
-  if (!evidence.vio || evidence.acoustic) return false;
-  return evidence.vio->with_pose > 0 && evidence.vio->up_to_scale == evidence.vio->with_pose;
+  return evidence.vio && !dipo_served(evidence) && has_unknown_scale(*evidence.vio);
 }
 
 bool vio_served(const Evidence& evidence) {

@@ -18,9 +18,7 @@ bool is_used(dipo::Verdict verdict) {
 
 bool is_trusted(const localization::FrameOutput& output) {
   const FusionState state = output.fusion.state;
-  const bool up_to_scale =
-      state == FusionState::vio_only && output.vio.has_state() && output.vio.up_to_scale;
-  return state != FusionState::dropped && state != FusionState::waiting && !up_to_scale;
+  return state != FusionState::dropped && state != FusionState::waiting && !output.is_up_to_scale();
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ void LiveScene::add(const StampedPose& pose, const std::string& state) {
 }
 
 void LiveScene::add(const localization::FrameOutput& output) {
-  const std::string state(fusion::to_string(output.fusion.state));
+  const std::string state(output.pose_source());
   const bool rewrites = output.scale_found || !output.vio.earlier.empty();
   if (rewrites) {
     Trajectory path;

@@ -135,7 +135,7 @@ void LiveView::frame(const localization::FrameOutput& output) {
   implementation_->scene.add(output);
   const std::scoped_lock lock(implementation_->mutex);
   Newest& newest = implementation_->newest;
-  newest.state = fusion::to_string(output.fusion.state);
+  newest.state = output.pose_source();
   newest.corners = output.statistics.tracked;
   newest.frame_s = output.timing.track_s + output.timing.localize_s;
   ++newest.frames;

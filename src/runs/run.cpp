@@ -101,6 +101,7 @@ struct Pass {
   std::vector<double> frame_s;  // tracking and estimation time per frame
   SampleStatistics samples;
   VioService vio_service;
+  std::optional<localization::ScaleSensor> scale_by;  // of poses by images alone
   std::optional<Stamp> first;
   Stamp last;
   bool interrupted = false;
@@ -220,6 +221,7 @@ class Runner {
     localization::apply(found, pass_.fused);
     localization::apply(found, pass_.vio);
     pass_.vio_service.up_to_scale = 0;
+    pass_.scale_by = found.by;
   }
 
   void count(const localization::FrameOutput& output) {
@@ -242,7 +244,8 @@ class Runner {
     const std::scoped_lock lock(mutex_);
     if (!pass_.fused.empty()) {
       const std::string map = map_ == nullptr ? "" : ", " + map_->status();
-      return fmt::format("{} poses, {:.1f} m{}", pass_.fused.size(), pass_.length_m, map);
+      const char* unit = has_unknown_scale(pass_.vio_service) ? "units, up to scale" : "m";
+      return fmt::format("{} poses, {:.1f} {}{}", pass_.fused.size(), pass_.length_m, unit, map);
     }
     const localization::Synchronizer& synchronizer = pipeline_.synchronizer();
     if (synchronizer.has_acoustic_odometry() &&
@@ -355,8 +358,9 @@ eval::RunTrajectories evaluate_against(const std::optional<Trajectory>& referenc
                                        const RunConfig& config, const Rig& rig, const Pass& pass,
                                        const Evidence& evidence) {
   eval::RunTrajectories metrics;
+  metrics.in_meters = !has_unknown_scale(evidence);
   const auto metrics_of = [&](const Trajectory& estimate) {
-    return evaluate(config, rig, reference, estimate, !has_unknown_scale(evidence));
+    return evaluate(config, rig, reference, estimate, metrics.in_meters);
   };
   metrics.fused = metrics_of(pass.fused);
   if (dipo_served(evidence)) metrics.dipo = metrics_of(pass.dipo);
@@ -375,6 +379,16 @@ eval::RunTrajectories evaluate(const RunConfig& config, const Rig& rig,
     log::warning("no evaluation against the reference: {}", e.what());
     return evaluate_against(std::nullopt, config, rig, pass, evidence);
   }
+}
+
+eval::Json scale_section(ScaleSource expected, const localization::ActiveSensors& sensors,
+                         const Pass& pass, const Evidence& evidence) {
+  ScaleSource source = pass.scale_by ? source_of(*pass.scale_by) : expected;
+  if (evidence.acoustic && !dipo_served(evidence)) source = ScaleSource::accelerometer;
+  if (has_unknown_scale(evidence)) source = ScaleSource::images;
+  eval::Json json = scale_json(source);
+  json["vertical"] = sensors.imu ? "accelerometer" : "assumed";
+  return json;
 }
 
 // Without pauses of all sensors, which may be a clock that was set.
@@ -440,13 +454,12 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
-  eval::Json sections{
-      {"trajectory", eval::to_json(result.metrics)},
-      {"warnings", result.warnings},
-      {"scale", scale_json(has_unknown_scale(evidence) ? ScaleSource::images : scale)},
-      {"counts", counts},
-      {"speed", speed},
-      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
+  eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
+                      {"warnings", result.warnings},
+                      {"scale", scale_section(scale, sensors, pass, evidence)},
+                      {"counts", counts},
+                      {"speed", speed},
+                      {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
     eval::Json calibration = self_calibration(folder, rig_node, *visual, pass);

@@ -78,7 +78,7 @@ std::string frame_line(const localization::FrameOutput& o) {
       "{},{},{},{},{:.4g},{:.4g},{},{},{},{},{:.3f},{:.1f},{},{},{:.3f},{:.4g},{:.4g},{:.4g},{:.4g}"
       ","
       "{:.4g},{:.4g},{},{:.4g},{},{},{:.3f}\n",
-      o.stamp.ns, fusion::to_string(f.state), fusion::to_string(f.verdict.level),
+      o.stamp.ns, o.pose_source(), fusion::to_string(f.verdict.level),
       fusion::to_string(f.verdict.reason), f.verdict.measured, f.verdict.threshold,
       vio::to_string(o.vio.status), statistics.tracked, statistics.detected, statistics.stable,
       statistics.spread, statistics.brightness, o.vio.landmarks, o.vio.observations,

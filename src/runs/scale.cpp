@@ -15,6 +15,8 @@ const char* name_of(ScaleSource source) {
       return "dvl";
     case ScaleSource::stereo:
       return "stereo";
+    case ScaleSource::pressure:
+      return "pressure";
     case ScaleSource::accelerometer:
       return "accelerometer";
     case ScaleSource::images:
@@ -31,9 +33,21 @@ const char* name_of(ScaleSource source) {
 
 ScaleSource scale_of(const Rig& rig, const localization::ActiveSensors& sensors) {
   if (sensors.dvl || sensors.dvl_scale) return ScaleSource::dvl;
-  if (!sensors.imu) return ScaleSource::images;
+  if (!sensors.imu) return sensors.pressure_scale ? ScaleSource::pressure : ScaleSource::images;
   return sensors.cameras > 1 && rig.cameras.size() > 1 ? ScaleSource::stereo
                                                        : ScaleSource::accelerometer;
+}
+
+ScaleSource source_of(localization::ScaleSensor sensor) {
+  switch (sensor) {
+    case localization::ScaleSensor::imu:
+      return ScaleSource::accelerometer;
+    case localization::ScaleSensor::dvl:
+      return ScaleSource::dvl;
+    case localization::ScaleSensor::pressure:
+      break;
+  }
+  return ScaleSource::pressure;
 }
 
 ScaleSource scale_of_given_poses(const std::filesystem::path& recording,
@@ -58,6 +72,10 @@ void warn_about_scale(ScaleSource source) {
   if (source == ScaleSource::accelerometer) {
     log::warning(
         "scale: from the accelerometer alone, since there is no DVL; distances are uncertain");
+  }
+  if (source == ScaleSource::pressure) {
+    log::warning(
+        "scale: from changes of depth alone; unknown until the camera has moved up or down");
   }
   if (source == ScaleSource::images) {
     log::warning(

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <string>
 
+#include "apvi/localization/system.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "eval/metrics_file.hpp"
 #include "localization/active_sensors.hpp"
@@ -14,6 +15,7 @@ namespace apvi::runs {
 enum class ScaleSource {
   dvl,
   stereo,
+  pressure,       ///< one camera and its changes of depth
   accelerometer,  ///< one camera and an IMU: uncertain
   images,         ///< one camera alone: unknown
   given_poses,
@@ -21,6 +23,7 @@ enum class ScaleSource {
 };
 
 ScaleSource scale_of(const Rig& rig, const localization::ActiveSensors& sensors);
+ScaleSource source_of(localization::ScaleSensor sensor);
 bool is_known(ScaleSource source);
 /// Of a map with given poses: unknown if they are the recording's and its import.yaml says so.
 /// `poses_file` replaces the recording's poses; may be empty.

@@ -58,6 +58,7 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig);
 std::vector<std::string> check_result(const Evidence& evidence, const Trajectory& fused);
 
 /// Whether all poses are by images alone.
+bool has_unknown_scale(const VioService& vio);
 bool has_unknown_scale(const Evidence& evidence);
 
 /// Whether a pose of VIO was used, and a ping by DIPO. Figures of an estimator that never served

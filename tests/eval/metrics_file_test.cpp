@@ -122,5 +122,15 @@ TEST(MetricsTable, ShowsOnlyKnownMetricsWithoutReference) {
   EXPECT_THAT(table, HasSubstr("end to start [m]"));
 }
 
+TEST(MetricsTable, NamesNoMetersWhenTheScaleIsUnknown) {
+  const auto pair = test::synthetic_pair();
+  const std::string table = to_table({.fused = evaluate_without_reference(pair.estimate),
+                                      .dipo = {},
+                                      .vio = {},
+                                      .smoothed = {},
+                                      .in_meters = false});
+  EXPECT_THAT(table, testing::Not(HasSubstr("[m]")));
+}
+
 }  // namespace
 }  // namespace apvi::eval

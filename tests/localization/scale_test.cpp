@@ -12,13 +12,34 @@
 namespace apvi::localization {
 namespace {
 
-// A dive with one camera, and an IMU or a DVL or neither.
+// What the dive has besides its camera.
+struct DiveOptions {
+  bool imu = false;
+  bool dvl = false;
+  bool depth = false;
+  bool imu_shows_scale = true;
+  double bottom_lock_from_s = 0.0;
+  double duration_s = 12.0;
+};
+
+ActiveSensors sensors_of(const DiveOptions& options) {
+  return {.imu = options.imu,
+          .dvl = options.imu && options.dvl,
+          .dvl_scale = !options.imu && options.dvl,
+          .pressure_scale = options.depth && !(options.imu && options.dvl),
+          .cameras = 1};
+}
+
 class CameraDive {
  public:
-  explicit CameraDive(bool imu, bool dvl = false)
-      : sensors_{.imu = imu, .dvl_scale = dvl, .cameras = 1},
+  explicit CameraDive(const DiveOptions& options)
+      : options_(options),
+        sensors_(sensors_of(options)),
+        dive_({.duration_s = options.duration_s,
+               .gyro_bias = Eigen::Vector3d::Zero(),
+               .accel_bias = Eigen::Vector3d::Zero()}),
         synchronizer_({}, test::SimulatedDive::rig(), sensors_),
-        stage_(vio_config(), {}, {}, test::SimulatedDive::rig(), sensors_) {
+        stage_(vio_config(options), {}, {}, test::SimulatedDive::rig(), sensors_) {
     for (int k = 0; k < dive_.frames(); ++k) record(k);
   }
 
@@ -47,13 +68,14 @@ class CameraDive {
   bool ends_up_to_scale = false;
 
  private:
-  static vio::Config vio_config() {
+  static vio::Config vio_config(const DiveOptions& options) {
     vio::Config config;
     config.window.max_solve_s = 1e3;
     config.visual.min_parallax_deg = 1.0;  // starts before visual-inertial odometry does
     // The dive accelerates little, which shows the scale to a calibrated IMU only.
     config.initialization_without_dvl.accel_bias_sigma = 0.01;
     config.initialization_without_dvl.pixel_sigma = 0.5;
+    if (!options.imu_shows_scale) config.initialization_without_dvl.max_scale_sigma = 1e-4;
     return config;
   }
 
@@ -63,11 +85,17 @@ class CameraDive {
     image.stamp = tracked.stamp;
     image.decode = [] { return cv::Mat(); };
     process(image, tracked);
-    if (sensors_.dvl_scale && k % 4 == 0) {
+    if (options_.depth && k % 2 == 0) {
+      PressureDepthSample depth;
+      depth.stamp = tracked.stamp;
+      depth.depth_m = dive_.depth(tracked.stamp).depth_m;
+      process(depth, tracked);
+    }
+    if (options_.dvl && k % 4 == 0) {
       DvlSample ping;
       ping.stamp = tracked.stamp;
       ping.velocity = dive_.ping(tracked.stamp).velocity;
-      ping.valid = true;
+      ping.valid = k >= options_.bottom_lock_from_s * test::SimulatedDive::kFrameRate;
       process(ping, tracked);
     }
     for (const ImuSample& sample : dive_.imu_until(k)) {
@@ -89,16 +117,15 @@ class CameraDive {
     }
   }
 
+  DiveOptions options_;
   ActiveSensors sensors_;
-  test::SimulatedDive dive_{{.duration_s = 12.0,
-                             .gyro_bias = Eigen::Vector3d::Zero(),
-                             .accel_bias = Eigen::Vector3d::Zero()}};
+  test::SimulatedDive dive_;
   Synchronizer synchronizer_;
   FusionStage stage_;
 };
 
 TEST(Scale, WithoutAnIMUEveryFrameHasAPoseUpToScale) {
-  const CameraDive dive(false);
+  const CameraDive dive({});
   EXPECT_EQ(dive.path.size(), dive.frames());
   EXPECT_TRUE(dive.ends_up_to_scale);
   EXPECT_EQ(dive.scales_found, 0);
@@ -106,7 +133,7 @@ TEST(Scale, WithoutAnIMUEveryFrameHasAPoseUpToScale) {
 }
 
 TEST(Scale, PosesUpToScaleBecomeMetricWhenTheIMUShowsTheScale) {
-  const CameraDive dive(true);
+  const CameraDive dive({.imu = true});
   EXPECT_EQ(dive.scales_found, 1);
   EXPECT_GT(dive.poses_before_scale, 3U);
   EXPECT_FALSE(dive.ends_up_to_scale);
@@ -114,14 +141,45 @@ TEST(Scale, PosesUpToScaleBecomeMetricWhenTheIMUShowsTheScale) {
 }
 
 TEST(Scale, PosesUpToScaleBecomeMetricByTheDvlWithoutAnIMU) {
-  const CameraDive dive(false, true);
+  const CameraDive dive({.dvl = true});
   EXPECT_EQ(dive.scales_found, 1);
   EXPECT_FALSE(dive.ends_up_to_scale);
   EXPECT_LT(dive.error_m(false), 0.15);
 }
 
+TEST(Scale, PosesUpToScaleBecomeMetricByTheDepthWithoutAnIMU) {
+  const CameraDive dive({.depth = true, .duration_s = 25.0});
+  EXPECT_EQ(dive.scales_found, 1);
+  EXPECT_FALSE(dive.ends_up_to_scale);
+  EXPECT_LT(dive.error_m(false), 0.25);
+}
+
+TEST(Scale, PosesUpToScaleBecomeMetricByTheDepthWhenTheIMUDoesNotShowTheScale) {
+  const CameraDive dive({.imu = true, .depth = true, .imu_shows_scale = false, .duration_s = 25.0});
+  EXPECT_EQ(dive.scales_found, 1);
+  EXPECT_FALSE(dive.ends_up_to_scale);
+  EXPECT_LT(dive.error_m(false), 0.25);
+}
+
+TEST(Scale, PosesStayUpToScaleWithoutBottomLock) {
+  const CameraDive dive(
+      {.imu = true, .dvl = true, .imu_shows_scale = false, .bottom_lock_from_s = 100.0});
+  EXPECT_EQ(dive.scales_found, 0);
+  EXPECT_TRUE(dive.ends_up_to_scale);
+  EXPECT_GT(dive.path.size(), dive.frames() - 60U);  // all but the first three seconds
+}
+
+TEST(Scale, PosesBeforeBottomLockBecomeMetricByTheDvl) {
+  const CameraDive dive(
+      {.imu = true, .dvl = true, .imu_shows_scale = false, .bottom_lock_from_s = 4.0});
+  EXPECT_EQ(dive.scales_found, 1);
+  EXPECT_GT(dive.poses_before_scale, 30U);
+  EXPECT_FALSE(dive.ends_up_to_scale);
+  EXPECT_LT(dive.error_m(false), 0.15);
+}
+
 TEST(Scale, TheFirstPoseStaysWhereItIs) {
-  const CameraDive dive(true);
+  const CameraDive dive({.imu = true});
   EXPECT_LT(dive.path.poses.front().T_world_body.translation.norm(), 0.05);
 }
 

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "apvi/io/tum.hpp"
@@ -98,6 +99,47 @@ TEST_F(RealImages, SmoothedTrajectoryIsNoWorseAndCanBeTurnedOff) {
   EXPECT_FALSE(run_with("off", {"smoothing.enabled=false"}).metrics.smoothed);
   EXPECT_FALSE(fs::exists(tmp_.path() / "off" / "trajectory_smoothed.tum"));
   EXPECT_EQ(text("run/trajectory.tum"), text("off/trajectory.tum"));
+}
+
+// A reef filmed with an action camera, too evenly for a scale by its IMU.
+class Reef : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto folder = test::real_data("reef_gopro");
+    if (!folder) GTEST_SKIP() << "no real recordings: set APVI_TEST_DATA";
+    data_ = *folder;
+  }
+
+  RunResult run_with(const std::string& sensors) {
+    const RunConfig config =
+        load_run_config(test::source_dir() / "configs/localization.yaml",
+                        {"dataset.path=" + data_.string(), "sensors.use=" + sensors});
+    return run(config, {.folder = tmp_.path() / "run"});
+  }
+  nlohmann::json scale() const {
+    std::ifstream file(tmp_.path() / "run" / "metrics.json");
+    return nlohmann::json::parse(file)["scale"];
+  }
+
+  fs::path data_;
+  TmpDir tmp_;
+};
+
+constexpr std::size_t kReefFrames = 211;
+
+TEST_F(Reef, CameraAloneFindsTheShapeOfThePath) {
+  const RunResult result = run_with("[camera]");
+  EXPECT_GE(result.poses, kReefFrames * 95 / 100);
+  EXPECT_LT(*result.metrics.fused.ate_percent_of_path, 2.0);
+  EXPECT_FALSE(scale()["known"]);
+  EXPECT_EQ(scale()["vertical"], "assumed");
+}
+
+TEST_F(Reef, CameraAndImuFindTheShapeOfThePathAndTheVertical) {
+  const RunResult result = run_with("[camera, imu]");
+  EXPECT_GE(result.poses, kReefFrames * 95 / 100);
+  EXPECT_LT(*result.metrics.fused.ate_percent_of_path, 2.0);
+  EXPECT_EQ(scale()["vertical"], "accelerometer");
 }
 
 }  // namespace

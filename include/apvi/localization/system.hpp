@@ -13,12 +13,16 @@
 
 namespace apvi::localization {
 
+/// What shows the scale of poses by images alone.
+enum class ScaleSensor { imu, dvl, pressure };
+
 /// The scale of poses by images alone has become known: earlier poses, from stamp `since` on, and
 /// everything made with them are to be changed.
 struct ScaleFound {
   Stamp since;
   ScaleChange to_meters;  ///< of positions of the camera and of what it sees
   Eigen::Vector3d p_body_camera = Eigen::Vector3d::Zero();  ///< [m]
+  ScaleSensor by = ScaleSensor::imu;
 };
 /// Changes the poses of the body.
 void apply(const ScaleFound& found, Trajectory& poses);

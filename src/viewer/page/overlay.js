@@ -4,6 +4,7 @@
 const STATES = {
   fused: ["fused", "#2fc0a2"],
   vio_only: ["vision alone", "#a6dccf"],
+  up_to_scale: ["vision alone, up to scale", "#c9b6e4"],
   dipo_only: ["DVL alone", "#eab85f"],
   frozen: ["frozen", "#5f9ff0"],
   dropped: ["dropped", "#f0606b"],

@@ -7,6 +7,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "vio/initialization/start_problem.hpp"
+#include "vio/visual/depth_profile.hpp"
 #include "vio/visual/resection.hpp"
 #include "vio/visual/two_view.hpp"
 #include "vio/window/graph.hpp"
@@ -18,6 +19,7 @@ namespace {
 constexpr int kRounds = 2;  // solve, reject outliers, triangulate the rest, solve again
 constexpr int kIterations = 20;
 constexpr std::size_t kMinFrames = 4;
+constexpr double kGoodShare = 0.5;   // of the largest error of a landmark that fits [squared]
 constexpr double kMaxSolve_s = 1.0;  // the choice of a motion needs converged solutions
 
 // Points in the first camera, scaled so that their median depth is `distance`; `motion` is scaled
@@ -38,22 +40,22 @@ PointsById triangulate_all(const Matches& matches, double distance, SE3& motion)
   return points;
 }
 
-StartFit fit_of(const Window& window, const Rig& rig, double max_error_px) {
+// Every landmark has the depth that fits best, so that far points, which are not triangulated,
+// count as much as near ones.
+StartFit fit_of(const Window& window, double focal, double max_error_px) {
   double sum = 0.0;
   std::size_t count = 0;
   std::size_t landmarks = 0;
   std::size_t good = 0;
   for (const auto& [id, landmark] : window.landmarks) {
     if (landmark.observations.size() < 3) continue;
+    const DepthProfile profile(landmark, window, focal, max_error_px);
+    const double least = profile.least(landmark.inverse_depth);
+    const auto views = static_cast<double>(profile.count());
     ++landmarks;
-    good += landmark.triangulated() ? 1 : 0;
-    for (const Landmark::Observation& seen : landmark.observations) {
-      const double error = landmark.triangulated()
-                               ? reprojection_error_px(landmark, seen, window, rig)
-                               : max_error_px;
-      sum += std::min(error * error, max_error_px * max_error_px);
-      ++count;
-    }
+    good += least < kGoodShare * views * max_error_px * max_error_px ? 1 : 0;
+    sum += least;
+    count += profile.count();
   }
   if (count == 0) return {};
   return {sum / static_cast<double>(count),
@@ -112,7 +114,7 @@ std::optional<StartSolution> StartAttempt::solve(SE3 motion, const Matches& matc
   window.frames.front()->frozen = true;  // the world
   adjust(window);
   window.frames.front()->frozen = false;
-  const StartFit fit = fit_of(window, rig_, config_.vision.max_reprojection_px);
+  const StartFit fit = fit_of(window, focal_, config_.vision.max_reprojection_px);
   if (!(median_depth(window) > 0.0)) return std::nullopt;
   return StartSolution{std::move(window), fit};
 }

@@ -26,7 +26,7 @@ Matches match(const TrackedFrame& first, const TrackedFrame& second);
 /// How well a window explains the images.
 struct StartFit {
   /// Mean of the squared reprojection errors, each limited to the square of
-  /// `VisionConfig::max_reprojection_px` [px²].
+  /// `VisionConfig::max_reprojection_px`, with the best depth of every landmark [px²].
   double cost = std::numeric_limits<double>::infinity();
   double inliers = 0.0;  ///< share of the landmarks that fit
 };

@@ -92,6 +92,12 @@ void VisualOdometry::reset() {
   newest_is_keyframe_ = false;
 }
 
+void VisualOdometry::follow(const Window& metric) {
+  if (started() || !waiting_.empty()) reset();
+  is_metric_ = true;
+  if (const double depth = median_depth(metric); depth > 0.0) scene_depth_ = depth;
+}
+
 void VisualOdometry::change_scale(const ScaleChange& to_meters) {
   is_metric_ = true;
   scene_depth_ *= to_meters.scale;

@@ -41,6 +41,9 @@ class VisualOdometry {
   /// the median distance of the scene is unchanged.
   Result process(const TrackedFrame& tracked, const std::optional<SE3>& last_pose);
   void reset();
+  /// Another estimator gives the poses, in meters; a start after its loss takes the distance to the
+  /// scene from its window.
+  void follow(const Window& metric);
   /// Changes the unit of length to meters.
   void change_scale(const ScaleChange& to_meters);
 
