@@ -75,6 +75,11 @@ void export_product(const Arguments& a) {
   request.product = a.format;
   request.out = a.out.empty() && fs::is_directory(a.source) ? a.source / a.format : a.out;
   if (request.out.empty()) fail_input("--output: required for a map file");
+  for (const char* ending : {".tif", ".las", ".csv", ".ply", ".glb", ".json"}) {
+    if (request.out.extension() != ending) continue;
+    fail_input("--output: {}: give a folder, --format {} chooses the names of files",
+               request.out.string(), a.format);
+  }
   export_survey_product(std::move(request));
 }
 
