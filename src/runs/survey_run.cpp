@@ -124,6 +124,9 @@ void make_mesh(const Work& w) {
   const survey::Mesh mesh = survey::fuse(
       w.source.map.map, w.source.views, colors_of(w.source, w.visible, w.request.restore),
       w.request.resolution_m.value_or(2.0 * ground_sampling_distance(w.source)), w.progress);
+  if (mesh.triangles.size(0) == 0) {
+    fail_input("{}: no keyframe shows a surface", w.request.source.string());
+  }
   const map_io::Origin origin = local_origin(w.source.cameras);
   const SE3 T_file_crs{Eigen::Quaterniond::Identity(), {-origin[0], -origin[1], -origin[2]}};
   for (const char* name : {"mesh.ply", "mesh.glb"}) {

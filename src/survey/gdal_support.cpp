@@ -7,6 +7,7 @@
 #include <cmath>
 #include <mutex>
 #include <string>
+#include <system_error>
 
 #include "apvi/core/error.hpp"
 #include "survey/georeference.hpp"
@@ -28,6 +29,12 @@ void register_once() {
 void fail_gdal(const std::filesystem::path& file, const char* what) {
   const std::string reason = CPLGetLastErrorMsg();
   fail_run("{}: {}: {}", file.string(), what, reason.empty() ? "unknown reason" : reason);
+}
+
+void move_into_place(const std::filesystem::path& finished, const std::filesystem::path& file) {
+  std::error_code error;
+  std::filesystem::rename(finished, file, error);
+  if (error) fail_run("{}: cannot be written: {}", file.string(), error.message());
 }
 
 GDALDriver& gdal_driver(const char* name) {

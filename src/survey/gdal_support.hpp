@@ -15,6 +15,9 @@ using GdalDataset = GDALDatasetUniquePtr;
 /// Throws RunError with the file and GDAL's last message.
 [[noreturn]] void fail_gdal(const std::filesystem::path& file, const char* what);
 
+/// Gives a finished file its name; the old file of that name is replaced. Throws RunError.
+void move_into_place(const std::filesystem::path& finished, const std::filesystem::path& file);
+
 /// A driver. Throws RunError when this GDAL has none of that name.
 GDALDriver& gdal_driver(const char* name);
 

@@ -102,9 +102,7 @@ void GeoTiff::finish() {
                                                  options.List(), nullptr, nullptr));
   if (!made) fail_gdal(file_->ready, "cannot be written");
   made.reset();
-  std::error_code error;
-  fs::rename(file_->ready, file_->final, error);
-  if (error) fail_run("{}: cannot be written: {}", file_->final.string(), error.message());
+  move_into_place(file_->ready, file_->final);
 }
 
 }  // namespace apvi::survey

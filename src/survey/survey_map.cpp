@@ -33,7 +33,9 @@ GroundBounds bounds_of(const SurveyMap& map) {
   const torch::NoGradGuard no_grad;
   const Eigen::Vector3d anchor = map.T_crs_map.translation;
   const Tensor solid = (map.map.gaussians.logit_opacities >= 0.0).nonzero().squeeze(1);
-  if (solid.size(0) == 0) fail_input("the map holds no surface: all its Gaussians are transparent");
+  if (solid.size(0) == 0) {
+    fail_input("the map shows no surface from above: no opaque Gaussian that keyframes saw");
+  }
   const Tensor points = crs_points(map, anchor).index_select(0, solid).cpu();
   const auto sorted = [&](std::int64_t axis) {
     return std::get<0>(points.select(1, axis).sort()).contiguous();

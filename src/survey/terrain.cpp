@@ -32,6 +32,19 @@ OGRLayer& contour_layer(GDALDataset& lines, OGRSpatialReference system, const fs
   return *layer;
 }
 
+void add_contours(GDALDataset& model, GDALDataset& lines, double interval_m, const fs::path& file) {
+  OGRLayer& layer = contour_layer(lines, *model.GetSpatialRef(), file);
+  const std::string interval = "LEVEL_INTERVAL=" + std::to_string(interval_m);
+  const std::string unknown = "NODATA=" + std::to_string(kNoElevation);
+  const CPLStringList options = gdal_options({interval.c_str(), unknown.c_str(), "ELEV_FIELD=0"});
+  if (layer.StartTransaction() != OGRERR_NONE ||
+      GDALContourGenerateEx(model.GetRasterBand(1), &layer, options.List(), nullptr, nullptr) !=
+          CE_None ||
+      layer.CommitTransaction() != OGRERR_NONE) {
+    fail_gdal(file, "cannot be written");
+  }
+}
+
 }  // namespace
 
 void write_hillshade(const fs::path& elevation, const fs::path& out) {
@@ -46,25 +59,20 @@ void write_hillshade(const fs::path& elevation, const fs::path& out) {
   GDALDEMProcessingOptionsFree(options);
   if (made == nullptr) fail_gdal(out, "cannot be written");
   GDALClose(made);
-  fs::rename(partial, out);
+  move_into_place(partial, out);
 }
 
 void write_contours(const fs::path& elevation, const fs::path& out, double interval_m) {
   const GdalDataset model = open(elevation);
+  fs::path partial = out;
+  partial.replace_extension(".partial.gpkg");
   std::error_code ignored;
-  fs::remove(out, ignored);
-  GdalDataset lines(gdal_driver("GPKG").Create(out.c_str(), 0, 0, 0, GDT_Unknown, nullptr));
+  fs::remove(partial, ignored);
+  GdalDataset lines(gdal_driver("GPKG").Create(partial.c_str(), 0, 0, 0, GDT_Unknown, nullptr));
   if (!lines) fail_gdal(out, "cannot be created");
-  OGRLayer& layer = contour_layer(*lines, *model->GetSpatialRef(), out);
-  const std::string interval = "LEVEL_INTERVAL=" + std::to_string(interval_m);
-  const std::string unknown = "NODATA=" + std::to_string(kNoElevation);
-  const CPLStringList options = gdal_options({interval.c_str(), unknown.c_str(), "ELEV_FIELD=0"});
-  if (layer.StartTransaction() != OGRERR_NONE ||
-      GDALContourGenerateEx(model->GetRasterBand(1), &layer, options.List(), nullptr, nullptr) !=
-          CE_None ||
-      layer.CommitTransaction() != OGRERR_NONE) {
-    fail_gdal(out, "cannot be written");
-  }
+  add_contours(*model, *lines, interval_m, out);
+  lines.reset();
+  move_into_place(partial, out);
 }
 
 }  // namespace apvi::survey
