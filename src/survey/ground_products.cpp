@@ -14,6 +14,7 @@ namespace {
 using torch::Tensor;
 
 constexpr std::int64_t kTileSide = 512;
+constexpr std::int64_t kGapPx = 17;
 
 /// Calls use(tile, renderer) for every tile.
 void for_each_tile(const GroundProduct& product,
@@ -36,9 +37,19 @@ GroundGrid with_next(const GroundTile& tile, const GroundGrid& whole) {
   return grid;
 }
 
-Tensor bytes(const GroundImage& image, const ColorRule& colors) {
-  const Tensor rgb = colors(image.color) * image.known.unsqueeze(2);
-  const Tensor alpha = image.known.to(rgb.options()).unsqueeze(2);
+/// A mask [H,W] with its gaps of up to kGapPx pixels filled (morphological closing).
+Tensor without_gaps(const Tensor& mask) {
+  const auto grown = [](const Tensor& image) {
+    return torch::max_pool2d(image, kGapPx, 1, kGapPx / 2);
+  };
+  const Tensor image = mask.to(torch::kFloat32).view({1, 1, mask.size(0), mask.size(1)});
+  return -grown(-grown(image)).view(mask.sizes()) > 0.5;
+}
+
+Tensor bytes(const GroundImage& image, const Tensor& confirmed, const ColorRule& colors) {
+  const Tensor known = image.known & without_gaps(confirmed);
+  const Tensor rgb = colors(image.color) * known.unsqueeze(2);
+  const Tensor alpha = known.to(rgb.options()).unsqueeze(2);
   return (torch::cat({rgb, alpha}, 2) * 255.0 + 0.5).to(torch::kUInt8);
 }
 
@@ -48,7 +59,9 @@ void write_orthomosaic(const std::filesystem::path& file, const GroundProduct& p
                        const ColorRule& colors) {
   GeoTiff out(file, product.grid, product.reference, RasterKind::rgba);
   for_each_tile(product, [&](const GroundTile& tile, const VerticalRenderer& renderer) {
-    out.write(tile, bytes(renderer.render(tile.grid), colors));
+    const GroundImage image = renderer.render(tile.grid);
+    const Tensor confirmed = ~product.heights(image.elevation, tile.grid).isnan();
+    out.write(tile, bytes(image, confirmed, colors));
   });
   out.finish();
 }

@@ -27,8 +27,9 @@ struct GroundProduct {
   HeightRule heights = [](const torch::Tensor& drawn, const GroundGrid&) { return drawn; };
 };
 
-/// GeoTIFF of the map from above: red, green, blue, and alpha, which is 0 where nothing is known
-/// and 255 elsewhere. Memory is bounded by a tile. Throws RunError.
+/// GeoTIFF of the map from above: red, green, blue, and alpha. Alpha is 255 where the map is opaque
+/// and has a height by the rule of the product, and in gaps of such heights of up to 17 pixels;
+/// elsewhere it is 0. Memory is bounded by a tile. Throws RunError.
 void write_orthomosaic(const std::filesystem::path& file, const GroundProduct& product,
                        const ColorRule& colors);
 

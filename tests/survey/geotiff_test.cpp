@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "apvi/core/error.hpp"
 #include "support/tmp_dir.hpp"
@@ -91,6 +92,27 @@ TEST_F(GeoTiffProducts, OrthomosaicHasColorsAndTransparentSurroundings) {
   EXPECT_EQ(east[3], 255);
   EXPECT_GT(pixel(200, 90)[2], 200);
   EXPECT_GT(pixel(600, 10)[1], 200);
+}
+
+TEST_F(GeoTiffProducts, OrthomosaicIsTransparentWhereHeightsAreUnknownButInGaps) {
+  GroundProduct product = product_;
+  product.grid = grid_around({kEast - 2.0, kNorth - 1.0, kEast + 2.0, kNorth + 1.0}, 0.02);
+  product.heights = [](const torch::Tensor& drawn, const GroundGrid&) {
+    torch::Tensor heights = drawn.clone();
+    heights.slice(1, 0, 60).fill_(std::nan(""));
+    heights.slice(0, 50, 60).slice(1, 120, 130).fill_(std::nan(""));  // a gap
+    return heights;
+  };
+  write_orthomosaic(file("o.tif"), product, {});
+  const auto tiff = open(file("o.tif"));
+  ASSERT_NE(tiff, nullptr);
+  std::vector<unsigned char> alpha(200 * 100);
+  ASSERT_EQ(tiff->GetRasterBand(4)->RasterIO(GF_Read, 0, 0, 200, 100, alpha.data(), 200, 100,
+                                             GDT_Byte, 0, 0),
+            CE_None);
+  EXPECT_EQ(alpha[50 * 200 + 45], 0);
+  EXPECT_EQ(alpha[50 * 200 + 65], 255);
+  EXPECT_EQ(alpha[55 * 200 + 125], 255);
 }
 
 TEST_F(GeoTiffProducts, HillshadeOfASlopeIsThatOfHorn) {
