@@ -20,7 +20,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "tidy"
 COMMITS = 8
 # Sources here need C++20. Those that include LibTorch too are skipped: clang 14 parses its headers as C++17 only.
-NEED_CPP20 = ("src/slam/", "tests/slam/", "src/runs/", "tests/runs/", "src/cli/")
+NEED_CPP20 = ("src/slam/", "tests/slam/", "src/survey/", "tests/survey/", "src/runs/", "tests/runs/", "src/cli/")
 
 
 def git(*arguments):

@@ -39,6 +39,7 @@ endif()
 if(APVI_MAPPING)
   apvi_find(nlohmann_json)
   apvi_find(ZLIB)  # SPZ files
+  include(ApviSurvey)
   include("${CMAKE_CURRENT_LIST_DIR}/ApviTorch.cmake")
 endif()
 

@@ -52,6 +52,7 @@ install(FILES
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviDependencies.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviRosbag2.cmake"
+  "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviSurvey.cmake"
   "${PROJECT_SOURCE_DIR}/scripts/cmake/ApviTorch.cmake"
   DESTINATION "${APVI_INSTALL_CMAKEDIR}" COMPONENT development)
 

@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/commands.hpp"
+#include "cli/export_survey.hpp"
 
 namespace apvi::cli {
 namespace {
@@ -18,6 +20,7 @@ struct Arguments {
   fs::path source;
   std::string format;
   fs::path out;
+  runs::SurveyRequest survey;
 };
 
 bool is_dataset_format(const std::string& format) {
@@ -66,25 +69,51 @@ void export_map(const Arguments& a) {
   log::info("{} Gaussians in {}", map.gaussians.size(), file.string());
 }
 
+void export_product(const Arguments& a) {
+  runs::SurveyRequest request = a.survey;
+  request.source = a.source;
+  request.product = a.format;
+  request.out = a.out.empty() && fs::is_directory(a.source) ? a.source / a.format : a.out;
+  if (request.out.empty()) fail_input("--output: required for a map file");
+  for (const char* ending : {".tif", ".las", ".csv", ".ply", ".glb", ".json"}) {
+    if (request.out.extension() != ending) continue;
+    fail_input("--output: {}: give a folder, --format {} chooses the names of files",
+               request.out.string(), a.format);
+  }
+  export_survey_product(std::move(request));
+}
+
+void export_source(const Arguments& a) {
+  if (runs::is_survey_product(a.format)) {
+    export_product(a);
+  } else if (is_dataset_format(a.format)) {
+    export_dataset(a);
+  } else {
+    export_map(a);
+  }
+}
+
 }  // namespace
 
 void add_export(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* command =
-      app.add_subcommand("export", "export a run's map, images and poses to other formats");
+  CLI::App* command = app.add_subcommand(
+      "export", "export a run's map, images and poses, or make products of a survey");
   command->add_option("SOURCE", a->source, "run folder, or a map file")
       ->type_name("FILE|FOLDER")
       ->required();
   command
       ->add_option("--format", a->format,
                    "output format; not needed when --output names a map file")
-      ->check(CLI::IsMember({"ply", "compressed_ply", "spz", "colmap", "nerfstudio"}))
+      ->check(CLI::IsMember({"ply", "compressed_ply", "spz", "colmap", "nerfstudio", "orthomosaic",
+                             "elevation", "mesh", "las", "poses", "survey"}))
       ->type_name("WORD");
   command
       ->add_option("-o,--output", a->out,
                    "output folder (default: RUN/FORMAT), or a file .ply, .compressed.ply, .spz")
       ->type_name("FILE|FOLDER");
-  command->callback([a] { is_dataset_format(a->format) ? export_dataset(*a) : export_map(*a); });
+  add_survey_options(*command, a->survey);
+  command->callback([a] { export_source(*a); });
 }
 
 }  // namespace apvi::cli
