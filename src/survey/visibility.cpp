@@ -27,7 +27,8 @@ struct Sightlines {
 };
 
 Sightlines start(const SurveyMap& map) {
-  Sightlines s{.points = crs_points(map, map.T_crs_map.translation)};
+  Sightlines s;
+  s.points = crs_points(map, map.T_crs_map.translation);
   const Tensor zero = torch::zeros_like(s.points.select(1, 0));
   s.count = zero.to(torch::kInt64);
   s.distance = zero + std::numeric_limits<double>::infinity();
