@@ -35,7 +35,7 @@ struct MediumPrior {
   /// Of log(beta_b / beta_d). Light scattered forward by a few degrees, 0.3 to 0.5 of all scattered
   /// light (Petzold, "Volume scattering functions for selected ocean waters", 1972), attenuates the
   /// direct signal but does not contribute to the veiling light: less than 1. Along a ray that
-  /// looks down, daylight weakens with depth, so that the veiling light saturates sooner: more
+  /// looks down, daylight fades with depth, so that the veiling light saturates sooner: more
   /// than 1.
   double log_ratio = 0.0;
   double ratio_sigma = 0.3;

@@ -95,20 +95,21 @@ TEST(CameraConversion, PincushionDistortionIncreasesFocalLengthUntilNoPixelIsEmp
 }
 
 // Gray image with the vignetting of the distorted lens.
-cv::Mat falling_off(const CameraModel::Parameters& lens, double vignetting) {
+cv::Mat falling_off(const CameraModel::Parameters& lens, const medium::Vignetting& vignetting) {
   cv::Mat image(lens.height, lens.width, CV_8U);
   const double corner2 = 0.25 * (lens.width * lens.width + lens.height * lens.height);
   for (int v = 0; v < lens.height; ++v) {
     for (int u = 0; u < lens.width; ++u) {
       const double r2 = (Eigen::Vector2d(u - lens.cx, v - lens.cy)).squaredNorm() / corner2;
-      image.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(250.0 * (1 - vignetting * r2));
+      image.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(
+          250.0 * std::exp(-r2 * (vignetting.square + vignetting.fourth * r2)));
     }
   }
   return image;
 }
 
 TEST(CameraConversion, LensSpreadReproducesVignettingOfDistortedImage) {
-  constexpr double kVignetting = 0.4;
+  constexpr medium::Vignetting kVignetting{.square = 0.4, .fourth = 0.1};
   CameraModel::Parameters fisheye = euroc_camera();
   fisheye.distortion = Distortion::equidistant;
   fisheye.coefficients = {-0.01, 0.02, -0.01, 0.003};

@@ -22,7 +22,7 @@ struct MediumEstimation {
   /// By how much the medium lowers the deviance of the surfaces' colors; not known with a lamp,
   /// whose light needs the medium's model in any case.
   std::optional<double> saved_deviance = std::nullopt;
-  std::int64_t observations = 0;  ///< of surfaces
+  std::int64_t observations = 0;         ///< of surfaces
   gaussians::ToneCurve tone_curve = {};  ///< of the camera, with which the fit was made
   ToneCurveEvidence evidence{{.kind = ToneCurveKind::linear}};
 };

@@ -18,8 +18,8 @@ namespace apvi::mapping {
 /// observations there are.
 class MediumSupport {
  public:
-  /// Adds an estimation: by how much its medium lowers the deviance (medium::MediumFit::deviance) of
-  /// so many observations.
+  /// Adds an estimation: by how much its medium lowers the deviance (medium::MediumFit::deviance)
+  /// of so many observations.
   void add(double saved_deviance, std::int64_t observations);
   /// Whether to use a medium.
   bool is_sufficient() const;
