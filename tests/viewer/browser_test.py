@@ -87,7 +87,8 @@ class Case(unittest.TestCase):
             time.sleep(0.05)
 
     def rest(self):
-        """Waits until no image has come for a while."""
+        """Waits for the complete image of the newest view, and until no other has come for a while."""
+        self.wait_for("!viewer.dirty && Number(document.body.dataset.complete) === viewer.viewId")
         before = None
         while before != (now := self.script("return document.body.dataset.frames")):
             before = now

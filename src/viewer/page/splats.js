@@ -239,7 +239,7 @@ class Renderer {
 
   draw(view) {
     const [near, far] = this.paint(view);
-    this.events.frame(this.canvas, { view: view.id, width: view.width, height: view.height, near, far });
+    this.events.frame(this.canvas, { view: view.id, complete: true, width: view.width, height: view.height, near, far });
   }
 
   snapshot(view) {

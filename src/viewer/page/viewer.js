@@ -280,6 +280,7 @@ class Viewer {
     byId("scale-near").textContent = distanceText(header.near);
     byId("scale-far").textContent = distanceText(header.far);
     this.count(header);
+    if (header.complete) document.body.dataset.complete = header.view;
   }
 
   // The overlay belongs to the view of the image, not to the newest one.
