@@ -159,8 +159,8 @@ struct ToneCurveOptions {
                                      {"linear", ToneCurveKind::linear},
                                      {"srgb", ToneCurveKind::srgb},
                                      {"power", ToneCurveKind::power}},
-      "how light becomes image values: auto: linear or a power with gamma 2.2, chosen with the "
-      "medium; srgb; power: value = light^(1/gamma)");
+      "how light becomes image values: auto: srgb for JPEG files and live video, otherwise linear "
+      "or a power with gamma 2.2, chosen with the medium; srgb; power: value = light^(1/gamma)");
     v("gamma", gamma, config::Range{0.5, 4.0}, "of kind power");
   }
 };
