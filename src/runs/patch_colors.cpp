@@ -56,6 +56,7 @@ class Poses {
     for (const char* file : {"keyframes.tum", "trajectory.tum"}) {
       if (fs::exists(run / file)) all_.push_back(to_local(io::read_trajectory(run / file), origin));
     }
+    if (all_.empty()) fail_input("{}: no keyframes.tum; is this a run folder?", run.string());
   }
   std::optional<SE3> at(Stamp stamp) const {
     for (const Trajectory& trajectory : all_) {
@@ -72,6 +73,12 @@ class Poses {
 
  private:
   std::vector<Trajectory> all_;
+};
+
+/// Linear light [H,W,3] of an image and of the restored rendering from its pose.
+struct ImageLight {
+  torch::Tensor image;
+  torch::Tensor restored;
 };
 
 // The rectangle in the undistorted image, [H,W] bool.
@@ -203,6 +210,7 @@ std::vector<PatchColor> measure_patches(const fs::path& run, const std::vector<P
   const mapping::DisplayExposure exposure =
       mapping::display_exposure(stored.map, poses.views(mount));
   const std::map<std::int64_t, cv::Mat> images = images_of(config, patches);
+  std::map<std::int64_t, ImageLight> lights;
   std::vector<PatchColor> measured;
   for (const Patch& patch : patches) {
     const cv::Mat& image = images.at(patch.stamp_ns);
@@ -217,11 +225,16 @@ std::vector<PatchColor> measure_patches(const fs::path& run, const std::vector<P
       log::warning("patch in image {}: outside of the map's image; left out", patch.stamp_ns);
       continue;
     }
-    const torch::Tensor values = slam::to_tensor(undistort(image)).to(torch::kFloat64) / 255.0;
-    const mapping::MapRendering rendering = mapping::render_map(stored.map, view_at(*pose, mount));
+    const auto [light, is_new] = lights.try_emplace(patch.stamp_ns);
+    if (is_new) {
+      const mapping::MapRendering drawn = mapping::render_map(stored.map, view_at(*pose, mount));
+      const torch::Tensor values = slam::to_tensor(undistort(image)).to(torch::kFloat64) / 255.0;
+      light->second = {.image = stored.map.tone_curve.decode(values),
+                       .restored = mapping::exposed(drawn.restored, exposure)};
+    }
     measured.push_back({.reference = patch.reference,
-                        .image = mean_of(stored.map.tone_curve.decode(values), mask),
-                        .restored = mean_of(mapping::exposed(rendering.restored, exposure), mask)});
+                        .image = mean_of(light->second.image, mask),
+                        .restored = mean_of(light->second.restored, mask)});
   }
   if (measured.empty()) fail_input("{}: none of the patches could be measured", run.string());
   return measured;

@@ -163,11 +163,12 @@ void make_report(const Work& w) {
 struct Product {
   const char* word;
   void (*make)(const Work&);
+  bool shows_ground = true;  ///< whether it needs what can be seen from above
 };
 constexpr std::array kProducts = {Product{"orthomosaic", make_ground_product},
                                   Product{"elevation", make_ground_product},
                                   Product{"las", make_las},
-                                  Product{"poses", make_poses},
+                                  Product{"poses", make_poses, false},
                                   Product{"mesh", make_mesh},
                                   Product{"survey", make_report}};
 
@@ -187,7 +188,9 @@ void export_survey(const SurveyRequest& request) {
   const Product* const product = find_product(request.product);
   if (product == nullptr) fail_input("--format: {} is no product of a survey", request.product);
   const SurveySource source = load_survey(request);
-  const survey::SurveyMap visible = survey::seen_from_above(source.map, source.views);
+  const survey::SurveyMap visible = product->shows_ground
+                                        ? survey::seen_from_above(source.map, source.views)
+                                        : survey::SurveyMap{};
   std::error_code error;
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());

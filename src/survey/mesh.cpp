@@ -44,28 +44,20 @@ Eigen::Matrix4d to_matrix(const Tensor& pose) {
   return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(values.data_ptr<double>());
 }
 
-Tensor to_tensor(const std::vector<Eigen::Vector3d>& rows) {
-  Tensor out = torch::empty({static_cast<std::int64_t>(rows.size()), 3}, torch::kFloat64);
+/// Rows [N,3] of the type of `Row`.
+template <typename Row>
+Tensor to_tensor(const std::vector<Row>& rows) {
+  Tensor out = torch::empty({static_cast<std::int64_t>(rows.size()), 3},
+                            c10::CppTypeToScalarType<typename Row::Scalar>::value);
   std::memcpy(out.data_ptr(), rows.data(), out.nbytes());
   return out;
 }
 
-std::vector<Eigen::Vector3d> to_vectors(const Tensor& rows) {
-  std::vector<Eigen::Vector3d> out(static_cast<std::size_t>(rows.size(0)));
-  const Tensor values = rows.contiguous();
-  std::memcpy(static_cast<void*>(out.data()), values.data_ptr(), values.nbytes());
-  return out;
-}
-
-Tensor to_tensor(const std::vector<Eigen::Vector3i>& rows) {
-  Tensor out = torch::empty({static_cast<std::int64_t>(rows.size()), 3}, torch::kInt32);
-  std::memcpy(out.data_ptr(), rows.data(), out.nbytes());
-  return out;
-}
-
-std::vector<Eigen::Vector3i> to_indices(const Tensor& rows) {
-  std::vector<Eigen::Vector3i> out(static_cast<std::size_t>(rows.size(0)));
-  const Tensor values = rows.contiguous();
+/// The reverse.
+template <typename Row>
+std::vector<Row> to_rows(const Tensor& tensor) {
+  std::vector<Row> out(static_cast<std::size_t>(tensor.size(0)));
+  const Tensor values = tensor.contiguous();
   std::memcpy(static_cast<void*>(out.data()), values.data_ptr(), values.nbytes());
   return out;
 }
@@ -97,8 +89,9 @@ Mesh fuse(const mapping::Map& map, const std::vector<gaussians::View>& views,
 void write_mesh(const fs::path& file, const Mesh& mesh, const SE3& T_file_map) {
   // Its warnings would repeat the exception.
   open3d::utility::SetVerbosityLevel(open3d::utility::VerbosityLevel::Error);
-  open3d::geometry::TriangleMesh out(to_vectors(mesh.vertices), to_indices(mesh.triangles));
-  out.vertex_colors_ = to_vectors(mesh.colors);
+  open3d::geometry::TriangleMesh out(to_rows<Eigen::Vector3d>(mesh.vertices),
+                                     to_rows<Eigen::Vector3i>(mesh.triangles));
+  out.vertex_colors_ = to_rows<Eigen::Vector3d>(mesh.colors);
   out.Transform((file.extension() == ".glb" ? gltf_axes() * T_file_map : T_file_map).matrix());
   out.ComputeVertexNormals();
   out.triangle_normals_.clear();
