@@ -188,8 +188,9 @@ TEST(Exposure, IsMeteredBehindTheLens) {
   const Sensor sensor = make_sensor(SensorType::nikon_d5100);
   Lens lens{.width = 40, .height = 30, .rays = {}, .origins = {}, .angle = {}};
   for (int i = 0; i < 40 * 30; ++i) {
-    lens.rays.push_back(
-        Eigen::Vector3f((i % 40 - 19.5F) / 20.0F, (i / 40 - 14.5F) / 20.0F, 1.0F).normalized());
+    lens.rays.push_back(Eigen::Vector3f((static_cast<float>(i % 40) - 19.5F) / 20.0F,
+                                        (static_cast<float>(i / 40) - 14.5F) / 20.0F, 1.0F)
+                            .normalized());
     lens.angle.push_back(0.05F);
   }
   const CameraPipeline pipeline({}, {.lens_shading = 0.0}, sensor, lens);
