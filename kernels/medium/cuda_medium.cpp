@@ -26,23 +26,36 @@ cuda::MediumPointers to_pointers(const MediumInput& in) {
           .lamp_backscatter = backscatter_table<float>(in)};
 }
 
+static_assert(kMaxLamps == cuda::kMaxLamps);
+
+cuda::LampBeam to_beam(const Lamp& lamp) {
+  cuda::LampBeam beam = {.position = {},
+                         .axis = {},
+                         .sharpness = static_cast<float>(lamp_sharpness(lamp)),
+                         .share = static_cast<float>(lamp.share)};
+  for (std::size_t k = 0; k < 3; ++k) {
+    beam.position[k] = static_cast<float>(lamp.position_m[k]);
+    beam.axis[k] = static_cast<float>(lamp.axis[k]);
+  }
+  return beam;
+}
+
 cuda::LampPointers to_pointers(const LampInput& in) {
   cuda::LampPointers out = {.count = in.means.size(0),
                             .means = in.means.data_ptr<float>(),
                             .beta_d = in.beta_d.data_ptr<float>(),
                             .daylight = in.daylight.data_ptr<float>(),
-                            .from_lamp = {},
-                            .axis = {},
-                            .sharpness = static_cast<float>(lamp_sharpness(in.lamp)),
+                            .T_camera_world = {},
+                            .lamps = {},
+                            .lamp_count = static_cast<int>(in.lamps.size()),
                             .unit_range_m = static_cast<float>(in.unit_range_m),
                             .nearest_m = static_cast<float>(kLampMinDistance_m)};
   const auto T = in.T_camera_world.accessor<double, 2>();
   for (int k = 0; k < 3; ++k) {
-    const auto axis = static_cast<std::size_t>(k);
-    for (int c = 0; c < 4; ++c) out.from_lamp[4 * k + c] = static_cast<float>(T[k][c]);
-    out.from_lamp[4 * k + 3] = static_cast<float>(T[k][3] - in.lamp.position_m[axis]);
-    out.axis[k] = static_cast<float>(in.lamp.axis[axis]);
+    for (int c = 0; c < 4; ++c) out.T_camera_world[4 * k + c] = static_cast<float>(T[k][c]);
   }
+  TORCH_CHECK(in.lamps.size() <= kMaxLamps, "medium: more than ", kMaxLamps, " lamps");
+  for (std::size_t j = 0; j < in.lamps.size(); ++j) out.lamps[j] = to_beam(in.lamps[j]);
   return out;
 }
 

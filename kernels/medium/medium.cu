@@ -86,26 +86,37 @@ __global__ void add_up_kernel(MediumGradientPointers out) {
 }
 
 /// One thread per point.
+__device__ void add_irradiance(const LampPointers& in, const LampBeam& lamp, const float* point,
+                               float* irradiance) {
+  float square = 0.0f;
+  float along = 0.0f;
+  for (int k = 0; k < 3; ++k) {
+    const float x = point[k] - lamp.position[k];
+    square += x * x;
+    along += x * lamp.axis[k];
+  }
+  const float distance = fmaxf(sqrtf(square), in.nearest_m);
+  const float cosine = along / distance;
+  const float beam = cosine > 0.0f ? lamp.share * expf(lamp.sharpness * (cosine - 1.0f)) : 0.0f;
+  const float ratio = in.unit_range_m / distance;
+  for (int c = 0; c < 3; ++c) {
+    irradiance[c] += beam * ratio * ratio * expf(-in.beta_d[c] * (distance - in.unit_range_m));
+  }
+}
+
 __global__ void lamp_light_kernel(LampPointers in, float* light) {
   const std::int64_t i = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= in.count) return;
   const float* const p = in.means + 3 * i;
-  float square = 0.0f;
-  float along = 0.0f;
+  float point[3];
   for (int k = 0; k < 3; ++k) {
-    const float* const row = in.from_lamp + 4 * k;
-    const float x = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
-    square += x * x;
-    along += x * in.axis[k];
+    const float* const row = in.T_camera_world + 4 * k;
+    point[k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
   }
-  const float distance = fmaxf(sqrtf(square), in.nearest_m);
-  const float cosine = along / distance;
-  const float beam = cosine > 0.0f ? expf(in.sharpness * (cosine - 1.0f)) : 0.0f;
-  const float ratio = in.unit_range_m / distance;
+  float irradiance[3] = {};
+  for (int j = 0; j < in.lamp_count; ++j) add_irradiance(in, in.lamps[j], point, irradiance);
   for (int c = 0; c < 3; ++c) {
-    const float irradiance =
-        beam * ratio * ratio * expf(-in.beta_d[c] * (distance - in.unit_range_m));
-    light[3 * i + c] = in.daylight[c] + (1.0f - in.daylight[c]) * irradiance;
+    light[3 * i + c] = in.daylight[c] + (1.0f - in.daylight[c]) * irradiance[c];
   }
 }
 

@@ -41,15 +41,24 @@ cudaError_t launch_medium_forward(const MediumPointers& in, float* image, cudaSt
 cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_image,
                                    const MediumGradientPointers& out, cudaStream_t stream);
 
-/// Lamp illumination of points, see LampLight; the beam profile is exp(sharpness (cos(angle) - 1)).
-struct LampPointers {
-  std::int64_t count;
-  const float* means;     ///< [count,3]
-  const float* beta_d;    ///< [3]
-  const float* daylight;  ///< [3]
-  float from_lamp[12];    ///< world to lamp, in the camera's axes, [3,4] row-major
+inline constexpr int kMaxLamps = 4;
+/// The beam profile is exp(sharpness (cos(angle) - 1)).
+struct LampBeam {
+  float position[3];  ///< in the camera frame [m]
   float axis[3];
   float sharpness;
+  float share;
+};
+
+/// Illumination of points by lamps, see LampLight.
+struct LampPointers {
+  std::int64_t count;
+  const float* means;        ///< [count,3]
+  const float* beta_d;       ///< [3]
+  const float* daylight;     ///< [3]
+  float T_camera_world[12];  ///< [3,4] row-major
+  LampBeam lamps[kMaxLamps];
+  int lamp_count;
   float unit_range_m;
   float nearest_m;
 };

@@ -6,6 +6,9 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <functional>
+#include <numbers>
 #include <ostream>
 #include <string_view>
 #include <vector>
@@ -35,34 +38,44 @@ std::string lamp_json(const medium::LampLight& light) {
   const auto three = [](const std::array<double, 3>& v) {
     return fmt::format("{:.9g}, {:.9g}, {:.9g}", v[0], v[1], v[2]);
   };
+  std::vector<std::string> lamps;
+  for (const medium::Lamp& lamp : light.lamps) {
+    lamps.push_back(fmt::format(
+        "{{\"position_m\": [{}], \"axis\": [{}], \"half_beam_deg\": {:.9g}, \"share\": {:.9g}}}",
+        three(lamp.position_m), three(lamp.axis), lamp.half_beam_rad * 180.0 / std::numbers::pi,
+        lamp.share));
+  }
   return fmt::format(
-      ",\n  \"lamp\": {{\n    \"position_m\": [{}],\n    \"axis\": [{}],\n    \"half_beam_deg\": "
-      "{:.9g},\n"
+      ",\n  \"lamp\": {{\n    \"lamps\": [\n      {}\n    ],\n"
       "    \"unit_range_m\": {:.9g},\n    \"daylight\": [{}],\n    \"backscatter\": [{}]\n  }}",
-      three(light.lamp.position_m), three(light.lamp.axis),
-      light.lamp.half_beam_rad * 180.0 / std::acos(-1.0), light.unit_range_m,
-      join_numbers(light.daylight, ", "), join_numbers(light.backscatter, ", "));
+      fmt::join(lamps, ",\n      "), light.unit_range_m, join_numbers(light.daylight, ", "),
+      join_numbers(light.backscatter, ", "));
 }
 
-/// `count` numbers after a keyword in a header comment, float64.
-std::optional<std::vector<double>> comment_numbers(const PlyHeader& header, std::string_view name,
-                                                   std::size_t count) {
+/// The numbers after a keyword in a header comment, float64; their count is valid.
+std::optional<std::vector<double>> comment_numbers(
+    const PlyHeader& header, std::string_view name,
+    const std::function<bool(std::size_t)>& is_valid_count) {
   for (const std::string& comment : header.comments) {
     std::vector<std::string_view> words;
     text::split(comment, ' ', words);
-    if (words.size() != count + 1 || words[0] != name) continue;
+    if (words.empty() || words[0] != name || !is_valid_count(words.size() - 1)) continue;
     std::vector<double> numbers;
     for (std::size_t i = 1; i < words.size(); ++i) {
       if (const auto number = text::parse_double(words[i])) numbers.push_back(*number);
     }
-    if (numbers.size() == count) return numbers;
+    if (numbers.size() == words.size() - 1) return numbers;
   }
   return std::nullopt;
 }
 
-std::optional<Tensor> comment_tensor(const PlyHeader& header, std::string_view name,
-                                     std::size_t count) {
-  const auto numbers = comment_numbers(header, name, count);
+std::optional<std::vector<double>> comment_numbers(const PlyHeader& header, std::string_view name,
+                                                   std::size_t count) {
+  return comment_numbers(header, name, [count](std::size_t n) { return n == count; });
+}
+
+std::optional<Tensor> rgb_comment(const PlyHeader& header, std::string_view name) {
+  const auto numbers = comment_numbers(header, name, 3);
   return numbers ? std::optional(torch::tensor(*numbers, torch::kFloat64)) : std::nullopt;
 }
 
@@ -94,15 +107,18 @@ std::string comment_lines(const std::optional<medium::Medium>& medium, const Ori
 }
 
 std::optional<medium::Medium> medium_of(const PlyHeader& header) {
-  const auto beta_d = comment_tensor(header, "beta_d", 3);
-  const auto beta_b = comment_tensor(header, "beta_b", 3);
-  const auto b_inf = comment_tensor(header, "b_inf", 3);
+  const auto beta_d = rgb_comment(header, "beta_d");
+  const auto beta_b = rgb_comment(header, "beta_b");
+  const auto b_inf = rgb_comment(header, "b_inf");
   if (!beta_d || !beta_b || !b_inf) return std::nullopt;
   medium::Medium medium = {.beta_d = beta_d->to(torch::kFloat32),
                            .beta_b = beta_b->to(torch::kFloat32),
                            .b_inf = b_inf->to(torch::kFloat32)};
-  if (const auto lamp = comment_tensor(header, "lamp", medium::kLampParameterCount)) {
-    medium.lamp = medium::lamp_from_tensor(*lamp);
+  const auto is_lamp = [](std::size_t n) {
+    return medium::is_lamp_tensor_size(static_cast<std::int64_t>(n));
+  };
+  if (const auto numbers = comment_numbers(header, "lamp", is_lamp)) {
+    medium.lamp = medium::lamp_from_tensor(torch::tensor(*numbers, torch::kFloat64));
   }
   return medium;
 }

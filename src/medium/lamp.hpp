@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <cstdint>
 #include <vector>
 
 #include "apvi/medium/lamp.hpp"
@@ -10,23 +11,25 @@
 
 namespace apvi::medium {
 
-/// Illumination of a scene by daylight and a lamp that moves with the camera. Without a lamp, Eq.
-/// (8) of the paper holds and its J is a property of the scene. The light of a lamp falls off with
-/// the squared distance and is also attenuated on its way to the scene (near-field image formation
-/// of Jaffe, "Computer modeling and the design of optimal underwater imaging systems", IEEE J.
-/// Oceanic Eng. 15 (2), 1990), so J = C L with
+/// Illumination of a scene by daylight and lamps that move with the camera. Without lamps, Eq. (8)
+/// of the paper holds and its J is a property of the scene. The light of a lamp falls off with the
+/// squared distance and is also attenuated on its way to the scene (near-field image formation of
+/// Jaffe, "Computer modeling and the design of optimal underwater imaging systems", IEEE J. Oceanic
+/// Eng. 15 (2), 1990), so J = C L with
 ///
-///     E = beam(angle) (d_1 / d)^2 exp(-beta_d (d - d_1)),  L = daylight + (1 - daylight) E,
+///     E = sum over lamps of  share beam(angle) (d_1 / d)^2 exp(-beta_d (d - d_1)),
+///     L = daylight + (1 - daylight) E,
 ///
 /// where d is the distance from the lamp and C the color stored in the map: the appearance at L =
-/// 1, on the lamp's axis at `unit_range_m`. The angle of incidence is part of C, which may depend
-/// on the viewing direction. The water in front of the camera adds the backscatter
+/// 1, on the axis of a single lamp at `unit_range_m`. The angle of incidence is part of C, which
+/// may depend on the viewing direction. The water in front of the camera adds the backscatter
 ///
-///     backscatter * integral over t from 0 to z of  beam (d_1 / d)^2 exp(-beta_d (d - d_1 + t))
+///     backscatter * integral over t from 0 to z of
+///         sum over lamps of  share beam (d_1 / d)^2 exp(-beta_d (d - d_1 + t))
 ///
 /// to the veiling light, with t and z along the ray.
 struct LampLight {
-  Lamp lamp;
+  std::vector<Lamp> lamps;    ///< not empty, at most kMaxLamps
   double unit_range_m = 1.0;  ///< d_1
   torch::Tensor daylight;     ///< [3] RGB, in [0, 1)
   torch::Tensor backscatter;  ///< [3] RGB [1/m], not negative
@@ -36,11 +39,14 @@ inline constexpr double kLampMinDistance_m = 0.05;  ///< closer, the point-sourc
 /// Sharpness of the beam profile exp(sharpness (cos(angle) - 1)).
 double lamp_sharpness(const Lamp& lamp);
 
-inline constexpr int kLampParameterCount = 14;
-/// As a tensor [kLampParameterCount] float64 on the CPU: position, axis, half beam angle [rad],
-/// unit range, daylight, backscatter.
+/// As a tensor [7 + 8 n] float64 on the CPU: unit range, daylight, backscatter; then of each of the
+/// n lamps position, axis, half beam angle [rad] and share.
 torch::Tensor lamp_to_tensor(const LampLight& light);
-/// Inverse of `lamp_to_tensor`. Throws c10::Error for other shapes.
+/// Whether `lamp_from_tensor` takes this many numbers.
+bool is_lamp_tensor_size(std::int64_t count);
+/// Inverse of `lamp_to_tensor`. Also takes the 14 numbers of a single lamp as files had them before
+/// there could be several: position, axis, half beam angle, unit range, daylight, backscatter.
+/// Throws c10::Error for other shapes.
 LampLight lamp_from_tensor(const torch::Tensor& numbers);
 
 /// A quantity by channel, with its derivative with respect to that channel's beta_d.
@@ -48,28 +54,32 @@ struct LampTerm {
   torch::Tensor value;       ///< [...,3]
   torch::Tensor derivative;  ///< [...,3]
 };
-/// E above at `points` [...,3] in the camera frame.
-LampTerm lamp_irradiance(const Lamp& lamp, double unit_range_m, const torch::Tensor& beta_d,
-                         const torch::Tensor& points);
+/// E above at `points` [...,3] in the camera frame. With unit surface `normals` [...,3], of either
+/// sign, each lamp's part is times the cosine of its angle of incidence, at least 0.2.
+LampTerm lamp_irradiance(const std::vector<Lamp>& lamps, double unit_range_m,
+                         const torch::Tensor& beta_d, const torch::Tensor& points,
+                         const torch::Tensor& normals = {});
+/// Mean distance of `points` [...,3] from the lamps, weighted by their shares: [...].
+torch::Tensor distance_from_lamps(const std::vector<Lamp>& lamps, const torch::Tensor& points);
 
 /// The backscatter integral above as a function of attenuation; the geometry is evaluated once.
 class LampBackscatterIntegral {
  public:
   /// Along unit vectors `rays` [...,3] up to the surfaces at `ranges` [...]; ranges are limited to
   /// kLampMaxRange_m.
-  LampBackscatterIntegral(const Lamp& lamp, double unit_range_m, const torch::Tensor& rays,
-                          const torch::Tensor& ranges);
+  LampBackscatterIntegral(const std::vector<Lamp>& lamps, double unit_range_m,
+                          const torch::Tensor& rays, const torch::Tensor& ranges);
   LampTerm at(const torch::Tensor& beta_d) const;
 
  private:
   std::vector<torch::Tensor>
-      path_lengths_;  ///< [...,1] by step: path length of the light, minus d_1 [m]
-  std::vector<torch::Tensor> weights_;  ///< [...,1] by step: irradiance times step length
+      path_lengths_;  ///< [...,1] by lamp and step: path length of the light, minus d_1 [m]
+  std::vector<torch::Tensor> weights_;  ///< [...,1] likewise: irradiance times step length
 };
 
 /// The backscatter integral above along unit vectors `rays` [...,3], up to the surfaces at `ranges`
 /// [...]; ranges are limited to kLampMaxRange_m.
-LampTerm lamp_backscatter_integral(const Lamp& lamp, double unit_range_m,
+LampTerm lamp_backscatter_integral(const std::vector<Lamp>& lamps, double unit_range_m,
                                    const torch::Tensor& beta_d, const torch::Tensor& rays,
                                    const torch::Tensor& ranges);
 

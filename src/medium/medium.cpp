@@ -64,7 +64,7 @@ Tensor MediumBackend::lamp_light(const LampInput& in) const {
   const Tensor T = in.T_camera_world.to(in.means.options());
   const Tensor points =
       torch::addmm(T.slice(0, 0, 3).select(1, 3), in.means, T.slice(0, 0, 3).slice(1, 0, 3).t());
-  return medium::lamp_light({.lamp = in.lamp,
+  return medium::lamp_light({.lamps = in.lamps,
                              .unit_range_m = in.unit_range_m,
                              .daylight = in.daylight,
                              .backscatter = {}},
@@ -128,7 +128,7 @@ MediumTransfer medium_transfer(const Tensor& points, const Medium& medium) {
   seen.veiling_light =
       seen.veiling_light +
       like(light.backscatter) *
-          lamp_backscatter_integral(light.lamp, light.unit_range_m, beta_d, rays, range.squeeze(1))
+          lamp_backscatter_integral(light.lamps, light.unit_range_m, beta_d, rays, range.squeeze(1))
               .value;
   return seen;
 }

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include <string_view>
+#include <vector>
 
 #include "gaussians/render/splat_math.hpp"
 #include "medium/lamp.hpp"
@@ -36,7 +37,7 @@ gaussians::BackscatterTable<T> backscatter_table(const MediumInput& input) {
 struct LampInput {
   torch::Tensor means;           ///< [N,3] in the world [m]
   torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
-  Lamp lamp;
+  std::vector<Lamp> lamps;
   double unit_range_m = 1.0;
   torch::Tensor beta_d;    ///< [3]
   torch::Tensor daylight;  ///< [3]

@@ -189,10 +189,9 @@ class Solver {
 
 }  // namespace
 
-MediumPrior default_medium_prior(const std::optional<Lamp>& lamp,
-                                 const MediumPosterior& posterior) {
-  MediumPrior prior = {.medium = coastal_medium(), .lamp = lamp, .posterior = posterior};
-  if (lamp) {
+MediumPrior default_medium_prior(const std::vector<Lamp>& lamps, const MediumPosterior& posterior) {
+  MediumPrior prior = {.medium = coastal_medium(), .lamps = lamps, .posterior = posterior};
+  if (!lamps.empty()) {
     prior.medium.b_inf = torch::full({3}, kLampVeilingLight, kF64);
     prior.b_inf_sigma = kLampVeilingLightSigma;
   }
@@ -205,7 +204,7 @@ namespace {
 // determine.
 MediumPrior relative_to(const Observations& observations, MediumPrior prior) {
   constexpr double kUsualLight = 0.4;  // mean of linear images for which the prior is
-  if (prior.lamp) return prior;
+  if (!prior.lamps.empty()) return prior;
   prior.medium.b_inf = prior.medium.b_inf * (observations.colors.mean() / kUsualLight);
   return prior;
 }

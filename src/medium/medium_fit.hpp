@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "medium/medium.hpp"
 #include "medium/medium_posterior.hpp"
@@ -42,9 +43,9 @@ struct MediumPrior {
   double b_inf_sigma = 1.0;       ///< of log(b_inf)
   double gain_sigma = 0.5;        ///< of the logarithm of a view's exposure gain
   double vignetting_sigma = 0.7;  ///< of both coefficients of Vignetting
-  /// Lamp on the vehicle; without it, all light is daylight. Its intensity at one meter is a free
-  /// parameter.
-  std::optional<Lamp> lamp = std::nullopt;
+  /// Lamps on the vehicle; without them, all light is daylight. Their intensity at one meter is a
+  /// free parameter.
+  std::vector<Lamp> lamps = {};
   double daylight = 0.1;  ///< daylight relative to the total light at unit range
   double daylight_sigma = 0.1;
   double lamp_backscatter = 0.02;       ///< [1/m] relative to the light at unit range
@@ -55,7 +56,7 @@ struct MediumPrior {
 /// Coastal water. With a lamp, the veiling light only comes from the remaining daylight, which may
 /// be a hundredth of the coastal value; the coastal prior would bias it upward where images are too
 /// dark to constrain it.
-MediumPrior default_medium_prior(const std::optional<Lamp>& lamp = std::nullopt,
+MediumPrior default_medium_prior(const std::vector<Lamp>& lamps = {},
                                  const MediumPosterior& posterior = {});
 
 /// Medium and camera parameters estimated from observations of the same surfaces at different
@@ -78,7 +79,7 @@ struct MediumFit {
 /// Maximum a posteriori estimate of the medium. Each observation follows I = g v (J
 /// exp(-beta_d z) + b_inf (1 - exp(-beta_b z))) with a color J per point, a gain g per view and the
 /// lens's vignetting v. With a lamp, the direct light is L J and the backscatter of the lamp
-/// is added (LampLight); L includes the lamp's angle of incidence on the surface. Robust
+/// is added (LampLight); L includes the lamps' angles of incidence on the surface. Robust
 /// Gauss-Newton with the colors eliminated (variable projection). Directions that the observations
 /// do not constrain keep the prior. If the prior contains a posterior of earlier fits, attenuation
 /// is fixed to the fused value and the other parameters are fitted again. Returns nothing with too

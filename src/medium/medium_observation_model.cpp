@@ -11,7 +11,6 @@ namespace {
 using torch::Tensor;
 
 constexpr double kMaxDaylight = 0.98;
-constexpr double kMinCosIncidence = 0.2;  // limits grazing incidence
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 enum Parameter : std::int64_t { kAttenuation, kRatio, kVeilingLight, kDaylight, kLampBackscatter };
@@ -20,19 +19,13 @@ enum Parameter : std::int64_t { kAttenuation, kRatio, kVeilingLight, kDaylight, 
 
 MediumObservationModel::MediumObservationModel(const Observations& observations,
                                                const MediumPrior& prior)
-    : observations_(observations), prior_(prior), lamp_(prior.lamp) {
-  if (!lamp_) return;
-  const Tensor position = torch::tensor(
-      {lamp_->position_m[0], lamp_->position_m[1], lamp_->position_m[2]}, torch::kFloat64);
-  const Tensor from = observations_.places - position;
-  unit_range_m_ = from.norm(2, 1).median().item<double>();
+    : observations_(observations), prior_(prior), lamps_(prior.lamps) {
+  if (lamps_.empty()) return;
+  unit_range_m_ = distance_from_lamps(lamps_, observations_.places).median().item<double>();
   lamp_integral_.emplace(
-      *lamp_, unit_range_m_,
+      lamps_, unit_range_m_,
       observations_.places / observations_.places.norm(2, 1, true).clamp_min(1e-9),
       observations_.ranges);
-  cos_incidence_ = ((from * observations_.normals).sum(1) / from.norm(2, 1).clamp_min(1e-9))
-                       .abs()
-                       .clamp_min(kMinCosIncidence);
 }
 
 Tensor MediumObservationModel::mean(std::int64_t channel) const {
@@ -53,7 +46,7 @@ Tensor MediumObservationModel::sigma() const {
 }
 
 void MediumObservationModel::confine(Tensor& parameters) const {
-  if (lamp_) parameters.select(1, kDaylight).clamp_(0.0, kMaxDaylight);
+  if (!lamps_.empty()) parameters.select(1, kDaylight).clamp_(0.0, kMaxDaylight);
 }
 
 std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& parameters,
@@ -72,23 +65,23 @@ std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& paramet
     m.backscatter_derivatives = {by_ratio, by_ratio, m.backscatter};
     models.push_back(std::move(m));
   }
-  if (lamp_) add_lamp(parameters, responses, models);
+  if (!lamps_.empty()) add_lamp(parameters, responses, models);
   return models;
 }
 
 void MediumObservationModel::add_lamp(const Tensor& parameters, const Tensor& responses,
                                       std::vector<ChannelModel>& models) const {
   const Tensor betas = parameters.select(1, kAttenuation).exp();
-  const auto irradiance = lamp_irradiance(*lamp_, unit_range_m_, betas, observations_.places);
+  const auto irradiance =
+      lamp_irradiance(lamps_, unit_range_m_, betas, observations_.places, observations_.normals);
   const auto integral = lamp_integral_->at(betas);
   for (std::int64_t c = 0; c < 3; ++c) {
     ChannelModel& m = models[static_cast<std::size_t>(c)];
     const Tensor daylight = parameters[c][kDaylight];
     const Tensor lamp_gain = responses * parameters[c][kLampBackscatter].exp();
-    const Tensor lamp = cos_incidence_ * irradiance.value.select(1, c);
+    const Tensor lamp = irradiance.value.select(1, c);
     const Tensor light = daylight + (1.0 - daylight) * lamp;
-    const Tensor light_by_beta =
-        (1.0 - daylight) * cos_incidence_ * irradiance.derivative.select(1, c) * betas[c];
+    const Tensor light_by_beta = (1.0 - daylight) * irradiance.derivative.select(1, c) * betas[c];
     m.direct_derivatives[kAttenuation] =
         m.direct_derivatives[kAttenuation] * light + m.direct * light_by_beta;
     m.direct_derivatives.push_back(m.direct * (1.0 - lamp));
@@ -109,8 +102,8 @@ Medium MediumObservationModel::medium(const Tensor& parameters) const {
   Medium water = {.beta_d = log_of(kAttenuation).exp(),
                   .beta_b = (log_of(kAttenuation) + log_of(kRatio)).exp(),
                   .b_inf = log_of(kVeilingLight).exp().clamp(1e-3, 0.98)};
-  if (!lamp_) return water;
-  water.lamp = LampLight{.lamp = *lamp_,
+  if (lamps_.empty()) return water;
+  water.lamp = LampLight{.lamps = lamps_,
                          .unit_range_m = unit_range_m_,
                          .daylight = log_of(kDaylight).clone(),
                          .backscatter = log_of(kLampBackscatter).exp()};

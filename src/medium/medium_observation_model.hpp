@@ -28,7 +28,7 @@ class MediumObservationModel {
   /// `observations` must outlive the model.
   MediumObservationModel(const Observations& observations, const MediumPrior& prior);
 
-  std::int64_t parameters() const { return lamp_ ? 5 : 3; }
+  std::int64_t parameters() const { return lamps_.empty() ? 3 : 5; }
   /// Prior means and standard deviations [parameters()].
   torch::Tensor mean(std::int64_t channel) const;
   torch::Tensor sigma() const;
@@ -47,11 +47,9 @@ class MediumObservationModel {
 
   const Observations& observations_;
   MediumPrior prior_;
-  std::optional<Lamp> lamp_;
+  std::vector<Lamp> lamps_;
   double unit_range_m_ = 1.0;
   std::optional<LampBackscatterIntegral> lamp_integral_;
-  torch::Tensor
-      cos_incidence_;  ///< [n] cosine of the angle between the lamp's light and the normal
 };
 
 }  // namespace apvi::medium

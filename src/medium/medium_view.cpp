@@ -41,7 +41,7 @@ Tensor MediumView::illumination_at(const Tensor& means, const Tensor& T_camera_w
   return medium_backend(means.device())
       .lamp_light({.means = means.detach().contiguous(),
                    .T_camera_world = T_camera_world,
-                   .lamp = medium_.lamp->lamp,
+                   .lamps = medium_.lamp->lamps,
                    .unit_range_m = medium_.lamp->unit_range_m,
                    .beta_d = medium_.beta_d.detach().contiguous(),
                    .daylight = medium_.lamp->daylight});

@@ -102,7 +102,8 @@ class Training {
     std::optional<medium::Medium> water;
     if (config.mapping.medium) {
       // With a lamp, images also darken with distance because of the light's falloff.
-      water = options.lamp ? medium::coastal_medium() : mapping::initial_medium(map, store);
+      water =
+          options.lamps.empty() ? mapping::initial_medium(map, store) : medium::coastal_medium();
     }
     return {store, map, options, water};
   }

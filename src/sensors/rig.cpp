@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "apvi/config/fields.hpp"
 #include "apvi/core/constants.hpp"
@@ -103,12 +105,14 @@ struct DepthSection {
 struct LampSection {
   Node T_body_sensor;
   double half_beam_deg = 60.0;
+  double intensity = 1.0;
   template <typename V>
   void visit(V& v) {
     v("T_body_sensor", T_body_sensor,
       "lamp to body: 4x4 matrix, row-major; the lamp points along its z axis");
     v("half_beam_deg", half_beam_deg, Range{1.0, 89.0},
       "angle from the axis to half intensity [deg]");
+    v("intensity", intensity, Range{1e-3, 1e3}, "on the axis, relative to the other lamps");
   }
 };
 
@@ -121,7 +125,7 @@ struct RigFile {
   std::optional<DvlSection> dvl0;
   std::optional<PressureSection> pressure0;
   std::optional<DepthSection> depth0;
-  std::optional<LampSection> lamp0;
+  std::array<std::optional<LampSection>, 4> lamps;
   template <typename V>
   void visit(V& v) {
     v("body", body, "sensor whose frame is the body frame; only imu0");
@@ -133,7 +137,10 @@ struct RigFile {
     v("dvl0", dvl0, "Doppler velocity log");
     v("pressure0", pressure0, "pressure sensor");
     v("depth0", depth0, "depth sensor (a pressure sensor that reports meters)");
-    v("lamp0", lamp0, "lamp, if daylight is not enough");
+    v("lamp0", lamps[0], "lamp, if daylight is not enough");
+    v("lamp1", lamps[1], "second lamp");
+    v("lamp2", lamps[2], "third lamp");
+    v("lamp3", lamps[3], "fourth lamp");
   }
 };
 
@@ -209,9 +216,13 @@ Rig make_rig(const Node& node) {
     rig.depth = {.p_body_sensor = to_vector(file.depth0->p_body_sensor),
                  .noise_m = file.depth0->noise_m};
   }
-  if (file.lamp0) {
-    rig.lamp = {.T_body_lamp = to_pose(file.lamp0->T_body_sensor, "lamp0.T_body_sensor"),
-                .half_beam_rad = file.lamp0->half_beam_deg * kRadiansPerDegree};
+  for (std::size_t i = 0; i < file.lamps.size(); ++i) {
+    const std::optional<LampSection>& lamp = file.lamps[i];
+    if (!lamp) continue;
+    rig.lamps.push_back(
+        {.T_body_lamp = to_pose(lamp->T_body_sensor, fmt::format("lamp{}.T_body_sensor", i)),
+         .half_beam_rad = lamp->half_beam_deg * kRadiansPerDegree,
+         .intensity = lamp->intensity});
   }
   return rig;
 }

@@ -5,7 +5,7 @@
 
 #include <array>
 #include <numbers>
-#include <optional>
+#include <vector>
 
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
@@ -116,32 +116,40 @@ Node pose_node(const SE3& pose) {
 
 struct RigLamp {
   SE3 T_camera_lamp;
-  double half_beam_deg;
+  double half_beam_deg = 0.0;
+  double intensity = 1.0;
 };
 
-std::optional<RigLamp> first_lamp(const SceneConfig& scene) {
+std::vector<RigLamp> lamps_of(const SceneConfig& scene) {
   using Eigen::Vector3d;
   const auto vector = [](const std::array<double, 3>& v) { return Vector3d(v[0], v[1], v[2]); };
   if (scene.physics == Physics::paper) {
-    if (!scene.light.lamp) return std::nullopt;
-    return RigLamp{{Eigen::Quaterniond::Identity(), vector(scene.light.lamp->position_m)},
-                   scene.light.lamp->half_beam_deg};
+    if (!scene.light.lamp) return {};
+    return {
+        {.T_camera_lamp = {Eigen::Quaterniond::Identity(), vector(scene.light.lamp->position_m)},
+         .half_beam_deg = scene.light.lamp->half_beam_deg}};
   }
-  if (scene.spectral.lamps.empty()) return std::nullopt;
-  const SpectralLampConfig& lamp = scene.spectral.lamps.front();
-  return RigLamp{{Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), vector(lamp.aim)),
-                  vector(lamp.position_m)},
-                 lamp.half_beam_deg};
+  std::vector<RigLamp> lamps;
+  for (const SpectralLampConfig& lamp : scene.spectral.lamps) {
+    const auto R = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), vector(lamp.aim));
+    lamps.push_back({.T_camera_lamp = {R, vector(lamp.position_m)},
+                     .half_beam_deg = lamp.half_beam_deg,
+                     .intensity = lamp.intensity});
+  }
+  return lamps;
 }
 
-// Adds the pose and the beam angle of the (first) lamp to the rig.
-void add_lamp(const SceneConfig& scene, const Rig& rig, Node& node) {
-  const auto lamp = first_lamp(scene);
-  if (!lamp || rig.cameras.empty()) return;
-  Node& section = node.member("lamp0");
-  section.member("T_body_sensor") =
-      pose_node(rig.cameras.front().T_body_camera * lamp->T_camera_lamp);
-  section.member("half_beam_deg") = number_node(lamp->half_beam_deg);
+// Adds the poses, beam angles and intensities of the lamps to the rig.
+void add_lamps(const SceneConfig& scene, const Rig& rig, Node& node) {
+  if (rig.cameras.empty()) return;
+  const std::vector<RigLamp> lamps = lamps_of(scene);
+  for (std::size_t i = 0; i < lamps.size(); ++i) {
+    Node& section = node.member(fmt::format("lamp{}", i));
+    section.member("T_body_sensor") =
+        pose_node(rig.cameras.front().T_body_camera * lamps[i].T_camera_lamp);
+    section.member("half_beam_deg") = number_node(lamps[i].half_beam_deg);
+    if (lamps.size() > 1) section.member("intensity") = number_node(lamps[i].intensity);
+  }
 }
 
 // Keys that the chosen physics does not have.
@@ -233,7 +241,7 @@ Scene make_scene(const Node& node) {
   check_physics(scene.config);
   scene.rig_node = true_rig(scene.config);
   drop_disabled(scene.config, scene.rig_node);
-  add_lamp(scene.config, make_rig(scene.rig_node), scene.rig_node);
+  add_lamps(scene.config, make_rig(scene.rig_node), scene.rig_node);
   scene.rig = make_rig(scene.rig_node);
   if (scene.rig.world != WorldFrame::up) {
     fail_input("rig.world: the simulator requires z up; remove `world: ned`");

@@ -94,14 +94,21 @@ CameraModel::Parameters to_parameters(const gaussians::Intrinsics& intrinsics) {
           .height = intrinsics.height};
 }
 
-std::optional<medium::Lamp> lamp_of(const Rig& rig) {
-  if (!rig.lamp || rig.cameras.empty()) return std::nullopt;
-  const SE3 T_camera_lamp = rig.cameras.front().T_body_camera.inverse() * rig.lamp->T_body_lamp;
-  const Eigen::Vector3d& p = T_camera_lamp.translation;
-  const Eigen::Vector3d axis = T_camera_lamp.rotation * Eigen::Vector3d::UnitZ();
-  return medium::Lamp{.position_m = {p.x(), p.y(), p.z()},
-                      .axis = {axis.x(), axis.y(), axis.z()},
-                      .half_beam_rad = rig.lamp->half_beam_rad};
+std::vector<medium::Lamp> lamps_of(const Rig& rig) {
+  if (rig.cameras.empty()) return {};
+  double total = 0.0;
+  for (const LampCalibration& lamp : rig.lamps) total += lamp.intensity;
+  std::vector<medium::Lamp> lamps;
+  for (const LampCalibration& lamp : rig.lamps) {
+    const SE3 T_camera_lamp = rig.cameras.front().T_body_camera.inverse() * lamp.T_body_lamp;
+    const Eigen::Vector3d& p = T_camera_lamp.translation;
+    const Eigen::Vector3d axis = T_camera_lamp.rotation * Eigen::Vector3d::UnitZ();
+    lamps.push_back({.position_m = {p.x(), p.y(), p.z()},
+                     .axis = {axis.x(), axis.y(), axis.z()},
+                     .half_beam_rad = lamp.half_beam_rad,
+                     .share = lamp.intensity / total});
+  }
+  return lamps;
 }
 
 Tensor to_tensor(const SE3& pose) {

@@ -5,6 +5,7 @@
 
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <vector>
 
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
@@ -21,8 +22,8 @@ gaussians::Intrinsics to_intrinsics(const CameraModel::Parameters& camera);
 /// Parameters of a camera without distortion.
 CameraModel::Parameters to_parameters(const gaussians::Intrinsics& intrinsics);
 
-/// The rig's lamp in the frame of its first camera; nothing when the rig lacks either.
-std::optional<medium::Lamp> lamp_of(const Rig& rig);
+/// The rig's lamps in the frame of its first camera; none when there is no camera.
+std::vector<medium::Lamp> lamps_of(const Rig& rig);
 
 /// Pose to a [4,4] float64 matrix and back (the rotation is orthonormalized).
 torch::Tensor to_tensor(const SE3& pose);

@@ -27,7 +27,7 @@ MediumCoefficients to_coefficients(const medium::Medium& medium) {
                             .beta_b = to_array(medium.beta_b),
                             .b_inf = to_array(medium.b_inf)};
   if (const auto& light = medium.lamp) {
-    out.lamp = {.lamp = light->lamp,
+    out.lamp = {.lamps = light->lamps,
                 .unit_range_m = light->unit_range_m,
                 .daylight = to_array(light->daylight),
                 .backscatter = to_array(light->backscatter)};
@@ -54,7 +54,7 @@ medium::Medium to_medium(const MediumCoefficients& water) {
                         .beta_b = to_tensor(water.beta_b),
                         .b_inf = to_tensor(water.b_inf)};
   if (const auto& light = water.lamp) {
-    out.lamp = {.lamp = light->lamp,
+    out.lamp = {.lamps = light->lamps,
                 .unit_range_m = light->unit_range_m,
                 .daylight = to_tensor(light->daylight),
                 .backscatter = to_tensor(light->backscatter)};

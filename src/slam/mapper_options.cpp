@@ -25,13 +25,13 @@ MappingThread mapping_thread(localization::RunMode mode) {
 LoopClosureMethod resolve_loop_closure_method(const MappingOptions& options, const Rig& rig) {
   const LoopClosureMethod asked = options.loop_closure.method;
   if (asked != LoopClosureMethod::automatic) return asked;
-  return lamp_of(rig) ? LoopClosureMethod::alignment : LoopClosureMethod::pose_graph;
+  return lamps_of(rig).empty() ? LoopClosureMethod::pose_graph : LoopClosureMethod::alignment;
 }
 
 mapping::TrainerOptions trainer_options(const MappingOptions& options, int seed, const Rig& rig) {
   mapping::TrainerOptions trainer = options.trainer;
   trainer.seed = static_cast<std::uint64_t>(seed);
-  if (options.lamp) trainer.lamp = lamp_of(rig);
+  if (options.lamp) trainer.lamps = lamps_of(rig);
   return trainer;
 }
 

@@ -147,7 +147,7 @@ TEST(Ply, RoundTripsMediumAndLamp) {
   EXPECT_TRUE(torch::equal(read->beta_b, water.beta_b));
   EXPECT_TRUE(torch::equal(read->b_inf, water.b_inf));
   EXPECT_FALSE(read->lamp);
-  water.lamp = medium::LampLight{.lamp = {.position_m = {0.25, -0.15, 0.0}},
+  water.lamp = medium::LampLight{.lamps = {{.position_m = {0.25, -0.15, 0.0}}, {.share = 0.5}},
                                  .unit_range_m = 1.25,
                                  .daylight = torch::tensor({0.1, 0.2, 0.3}, torch::kFloat64),
                                  .backscatter = torch::tensor({0.01, 0.02, 0.03}, torch::kFloat64)};

@@ -67,9 +67,9 @@ TEST(MapperDepth, IsSkippedAtTheEndWithoutRefinement) {
 
 TEST(MapperDepth, UsesAllViewsWithLampAndTheBestViewsInDaylight) {
   const gaussians::Gaussians world = gaussian_wall();
-  const auto means = [&world](double best_share, const std::optional<medium::Lamp>& lamp) {
+  const auto means = [&world](double best_share, const std::vector<medium::Lamp>& lamps) {
     MapperOptions options = by_quadtree();
-    options.trainer.lamp = lamp;
+    options.trainer.lamps = lamps;
     options.depth.best_views_fraction = best_share;
     Mapper mapper(options);
     for (int i = 0; i < 12; ++i) {  // without points: all Gaussians come from depth
@@ -82,9 +82,9 @@ TEST(MapperDepth, UsesAllViewsWithLampAndTheBestViewsInDaylight) {
     return mapper.snapshot().gaussians.means;
   };
   const medium::Lamp lamp{.position_m = {0.25, -0.15, 0.0}};
-  EXPECT_TRUE(torch::equal(means(0.5, lamp), means(1.0, lamp)));
-  const Tensor all = means(1.0, std::nullopt);
-  const Tensor best = means(0.5, std::nullopt);
+  EXPECT_TRUE(torch::equal(means(0.5, {lamp}), means(1.0, {lamp})));
+  const Tensor all = means(1.0, {});
+  const Tensor best = means(0.5, {});
   EXPECT_FALSE(all.sizes() == best.sizes() && torch::equal(all, best));
 }
 

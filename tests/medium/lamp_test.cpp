@@ -26,7 +26,17 @@ using torch::Tensor;
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 Lamp lamp_at_the_right() {
-  return {.position_m = {0.25, -0.15, 0.05}, .axis = {0.0, 0.6, 0.8}, .half_beam_rad = 0.9};
+  return {.position_m = {0.25, -0.15, 0.05},
+          .axis = {0.0, 0.6, 0.8},
+          .half_beam_rad = 0.9,
+          .share = 0.6};
+}
+
+Lamp lamp_at_the_left() {
+  return {.position_m = {-0.4, 0.1, 0.0},
+          .axis = {0.28, 0.0, 0.96},
+          .half_beam_rad = 0.7,
+          .share = 0.4};
 }
 
 Tensor betas() {
@@ -37,7 +47,7 @@ Medium lit_water() {
   return {.beta_d = betas(),
           .beta_b = torch::tensor({0.4, 0.25, 0.5}, kF64),
           .b_inf = torch::tensor({0.03, 0.08, 0.05}, kF64),
-          .lamp = LampLight{.lamp = lamp_at_the_right(),
+          .lamp = LampLight{.lamps = {lamp_at_the_right(), lamp_at_the_left()},
                             .unit_range_m = 1.5,
                             .daylight = torch::tensor({0.1, 0.2, 0.15}, kF64),
                             .backscatter = torch::tensor({0.02, 0.03, 0.01}, kF64)}};
@@ -46,7 +56,7 @@ Medium lit_water() {
 TEST(LampIrradiance, FollowsInverseSquareLawAndAttenuationOnAxis) {
   const Lamp lamp = {.position_m = {0.0, 0.0, -1.0}};
   const Tensor points = torch::tensor({{0.0, 0.0, 1.0}, {0.0, 0.0, 3.0}}, torch::kFloat64);
-  const Tensor irradiance = lamp_irradiance(lamp, 2.0, betas(), points).value;
+  const Tensor irradiance = lamp_irradiance({lamp}, 2.0, betas(), points).value;
   EXPECT_TRUE(tensors_near(irradiance[0], torch::ones({3}, kF64), 1e-12));
   EXPECT_TRUE(tensors_near(irradiance[1], 0.25 * torch::exp(-2.0 * betas()), 1e-12));
 }
@@ -55,7 +65,7 @@ TEST(LampIrradiance, IsHalvedAtHalfBeamAngleAndZeroBehind) {
   const Lamp lamp = {.half_beam_rad = 0.7};
   const Tensor points = torch::tensor(
       {{2.0 * std::sin(0.7), 0.0, 2.0 * std::cos(0.7)}, {0.0, 0.1, -2.0}}, torch::kFloat64);
-  const Tensor irradiance = lamp_irradiance(lamp, 2.0, betas(), points).value;
+  const Tensor irradiance = lamp_irradiance({lamp}, 2.0, betas(), points).value;
   EXPECT_TRUE(tensors_near(irradiance[0], torch::full({3}, 0.5, kF64), 1e-12));
   EXPECT_EQ(irradiance[1].abs().max().item<double>(), 0.0);
 }
@@ -84,15 +94,19 @@ double backscatter_by_sums(const Lamp& lamp, double unit_m, double beta,
 }
 
 TEST(LampBackscatterIntegral, MatchesNumericalIntegration) {
-  const Lamp lamp = lamp_at_the_right();
+  const std::vector<Lamp> lamps = {lamp_at_the_right(), lamp_at_the_left()};
   const std::array<double, 3> ray = {0.36, -0.48, 0.8};
   const Tensor rays = torch::tensor({ray[0], ray[1], ray[2]}, torch::kFloat64).expand({4, 3});
   const Tensor ranges = torch::tensor({0.3, 1.0, 2.5, 5.9}, torch::kFloat64);
-  const Tensor lamp_backscatter = lamp_backscatter_integral(lamp, 1.5, betas(), rays, ranges).value;
+  const Tensor lamp_backscatter =
+      lamp_backscatter_integral(lamps, 1.5, betas(), rays, ranges).value;
   for (std::int64_t i = 0; i < 4; ++i) {
     for (std::int64_t c = 0; c < 3; ++c) {
-      const double expected =
-          backscatter_by_sums(lamp, 1.5, betas()[c].item<double>(), ray, ranges[i].item<double>());
+      double expected = 0.0;
+      for (const Lamp& lamp : lamps) {
+        expected += lamp.share * backscatter_by_sums(lamp, 1.5, betas()[c].item<double>(), ray,
+                                                     ranges[i].item<double>());
+      }
       EXPECT_NEAR(lamp_backscatter[i][c].item<double>() / expected, 1.0, 0.02) << i << ", " << c;
     }
   }
@@ -100,16 +114,16 @@ TEST(LampBackscatterIntegral, MatchesNumericalIntegration) {
 
 TEST(LampTerms, DerivativesMatchFiniteDifferences) {
   torch::manual_seed(5);
-  const Lamp lamp = lamp_at_the_right();
+  const std::vector<Lamp> lamps = {lamp_at_the_right(), lamp_at_the_left()};
   const Tensor points = torch::rand({20, 3}, kF64) * 2.0 + torch::tensor({-1.0, -1.0, 0.5}, kF64);
   const Tensor ranges = points.norm(2, 1);
   const Tensor rays = points / ranges.unsqueeze(1);
   constexpr double kStep = 1e-6;
   const Tensor more = betas() + kStep;
   const Tensor less = betas() - kStep;
-  const auto irradiance = [&](const Tensor& b) { return lamp_irradiance(lamp, 1.5, b, points); };
+  const auto irradiance = [&](const Tensor& b) { return lamp_irradiance(lamps, 1.5, b, points); };
   const auto lamp_backscatter = [&](const Tensor& b) {
-    return lamp_backscatter_integral(lamp, 1.5, b, rays, ranges);
+    return lamp_backscatter_integral(lamps, 1.5, b, rays, ranges);
   };
   EXPECT_TRUE(tensors_near(irradiance(betas()).derivative,
                            (irradiance(more).value - irradiance(less).value) / (2.0 * kStep),
@@ -229,13 +243,53 @@ TEST(RenderWithLight, RejectsLightOfWrongSize) {
 TEST(LampLight, TensorRoundTrip) {
   const LampLight light = *lit_water().lamp;
   const LampLight back = lamp_from_tensor(lamp_to_tensor(light));
-  EXPECT_EQ(back.lamp.position_m, light.lamp.position_m);
-  EXPECT_EQ(back.lamp.axis, light.lamp.axis);
-  EXPECT_EQ(back.lamp.half_beam_rad, light.lamp.half_beam_rad);
+  ASSERT_EQ(back.lamps.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(back.lamps[i].position_m, light.lamps[i].position_m);
+    EXPECT_EQ(back.lamps[i].axis, light.lamps[i].axis);
+    EXPECT_EQ(back.lamps[i].half_beam_rad, light.lamps[i].half_beam_rad);
+    EXPECT_EQ(back.lamps[i].share, light.lamps[i].share);
+  }
   EXPECT_EQ(back.unit_range_m, light.unit_range_m);
   EXPECT_TRUE(torch::equal(back.daylight, light.daylight));
   EXPECT_TRUE(torch::equal(back.backscatter, light.backscatter));
   EXPECT_THROW(lamp_from_tensor(torch::zeros({13}, kF64)), c10::Error);
+  EXPECT_THROW(lamp_from_tensor(torch::zeros({7}, kF64)), c10::Error);
+  EXPECT_THROW(lamp_from_tensor(torch::zeros({7 + 8 * 5}, kF64)), c10::Error);
+}
+
+TEST(LampLight, ReadsTheNumbersOfASingleLamp) {
+  const LampLight light = lamp_from_tensor(torch::arange(14, kF64));
+  ASSERT_EQ(light.lamps.size(), 1U);
+  EXPECT_EQ(light.lamps[0].position_m, (std::array<double, 3>{0.0, 1.0, 2.0}));
+  EXPECT_EQ(light.lamps[0].axis, (std::array<double, 3>{3.0, 4.0, 5.0}));
+  EXPECT_EQ(light.lamps[0].half_beam_rad, 6.0);
+  EXPECT_EQ(light.lamps[0].share, 1.0);
+  EXPECT_EQ(light.unit_range_m, 7.0);
+  EXPECT_EQ(light.daylight[2].item<double>(), 10.0);
+  EXPECT_EQ(light.backscatter[0].item<double>(), 11.0);
+}
+
+TEST(LampIrradiance, AddsTheLampsByTheirShares) {
+  torch::manual_seed(9);
+  const Tensor points = torch::rand({20, 3}, kF64) * 2.0 + torch::tensor({-1.0, -1.0, 0.5}, kF64);
+  Lamp right = lamp_at_the_right();
+  Lamp left = lamp_at_the_left();
+  const Tensor both = lamp_irradiance({right, left}, 1.5, betas(), points).value;
+  right.share = left.share = 1.0;
+  const Tensor sum = 0.6 * lamp_irradiance({right}, 1.5, betas(), points).value +
+                     0.4 * lamp_irradiance({left}, 1.5, betas(), points).value;
+  EXPECT_TRUE(tensors_near(both, sum, 1e-12));
+}
+
+TEST(LampIrradiance, IncludesEachLampsAngleOfIncidence) {
+  // Lamps at 45 degrees to either side of a surface that faces the first: the second grazes it.
+  const std::vector<Lamp> lamps = {{.position_m = {-1.0, 0.0, 1.0}, .axis = {1.0, 0.0, 0.0}},
+                                   {.position_m = {0.0, 0.0, 0.0}, .axis = {0.0, 0.0, 1.0}}};
+  const Tensor point = torch::tensor({{0.0, 0.0, 1.0}}, kF64);
+  const Tensor normal = torch::tensor({{-1.0, 0.0, 0.0}}, kF64);
+  const Tensor light = lamp_irradiance(lamps, 1.0, betas(), point, normal).value;
+  EXPECT_TRUE(tensors_near(light, torch::full({1, 3}, 1.0 + 0.2, kF64), 1e-12));
 }
 
 }  // namespace

@@ -114,7 +114,7 @@ TEST(FitMedium, CovarianceMatchesErrors) {
   EXPECT_LT(ratio.max().item<double>(), 2.8) << ratio;
 }
 
-/// Observations of a sea bed lit by a lamp beside the camera and some daylight.
+/// Observations of a sea bed lit by lamps beside the camera and some daylight.
 Observations observe_with_lamp(const LampLight& light, const Medium& water = lake_water()) {
   Observations s = observe(1.0, 3.5);
   const std::int64_t n = s.ranges.size(0);
@@ -124,18 +124,21 @@ Observations observe_with_lamp(const LampLight& light, const Medium& water = lak
   s.places = rays * s.ranges.unsqueeze(1);
   const Tensor tilt = torch::randn({n, 3}, kF64) * 0.2 + torch::tensor({0.0, 0.0, -1.0}, kF64);
   s.normals = tilt / tilt.norm(2, 1, true);
-  const Tensor position = torch::tensor(
-      {light.lamp.position_m[0], light.lamp.position_m[1], light.lamp.position_m[2]}, kF64);
-  const Tensor from = s.places - position;
-  const Tensor facing = ((from * s.normals).sum(1, true) / from.norm(2, 1, true)).abs();
-  const Tensor irradiance =
-      lamp_irradiance(light.lamp, light.unit_range_m, water.beta_d, s.places).value;
+  Tensor irradiance = torch::zeros({n, 3}, kF64);
+  for (const Lamp& lamp : light.lamps) {
+    const auto& at = lamp.position_m;
+    const Tensor from = s.places - torch::tensor({at[0], at[1], at[2]}, kF64);
+    const Tensor facing = ((from * s.normals).sum(1, true) / from.norm(2, 1, true)).abs();
+    irradiance +=
+        facing * lamp_irradiance({lamp}, light.unit_range_m, water.beta_d, s.places).value;
+  }
   const Tensor lamp_backscatter =
-      lamp_backscatter_integral(light.lamp, light.unit_range_m, water.beta_d, rays, s.ranges).value;
+      lamp_backscatter_integral(light.lamps, light.unit_range_m, water.beta_d, rays, s.ranges)
+          .value;
   const Tensor z = s.ranges.unsqueeze(1);
   const Tensor colors = 0.05 + 0.8 * torch::rand({kPoints, 3}, kF64);
   const Tensor direct = colors.index_select(0, s.points) *
-                        (light.daylight + (1.0 - light.daylight) * facing * irradiance) *
+                        (light.daylight + (1.0 - light.daylight) * irradiance) *
                         torch::exp(-water.beta_d * z);
   const Tensor seen = direct + water.b_inf * (1.0 - torch::exp(-water.beta_b * z)) +
                       light.backscatter * lamp_backscatter;
@@ -146,7 +149,7 @@ Observations observe_with_lamp(const LampLight& light, const Medium& water = lak
 }
 
 LampLight vehicle_lamp() {
-  return {.lamp = {.position_m = {0.25, -0.15, 0.0}},
+  return {.lamps = {{.position_m = {0.25, -0.15, 0.0}}},
           .unit_range_m = 2.0,
           .daylight = torch::tensor({0.05, 0.2, 0.1}, kF64),
           .backscatter = torch::tensor({0.01, 0.02, 0.015}, kF64)};
@@ -154,7 +157,7 @@ LampLight vehicle_lamp() {
 
 TEST(FitMedium, RecoversMediumWithinTenPercentWithLamp) {
   const LampLight light = vehicle_lamp();
-  const auto fit = fit_medium(observe_with_lamp(light), default_medium_prior(light.lamp));
+  const auto fit = fit_medium(observe_with_lamp(light), default_medium_prior(light.lamps));
   ASSERT_TRUE(fit && fit->medium.lamp);
   const Medium truth = lake_water();
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, truth.beta_d), 0.1);
@@ -164,7 +167,7 @@ TEST(FitMedium, RecoversMediumWithinTenPercentWithLamp) {
   const LampLight& found = *fit->medium.lamp;
   const Tensor at_one = torch::tensor({{0.25, -0.15, found.unit_range_m}}, kF64);
   const Tensor there =
-      lamp_irradiance(light.lamp, light.unit_range_m, truth.beta_d, at_one).value[0];
+      lamp_irradiance(light.lamps, light.unit_range_m, truth.beta_d, at_one).value[0];
   EXPECT_LT(worst_relative_error(found.backscatter, light.backscatter * there), 0.2);
 }
 
@@ -174,8 +177,8 @@ TEST(FitMedium, WeakVeilingLightIsNotBiasedTowardCoastalPrior) {
   Medium water = lake_water();
   water.b_inf = torch::tensor({0.01, 0.012, 0.003}, kF64);
   const Observations s = observe_with_lamp(light, water);
-  const auto fit = fit_medium(s, default_medium_prior(light.lamp));
-  const auto coastal = fit_medium(s, {.medium = coastal_medium(), .lamp = light.lamp});
+  const auto fit = fit_medium(s, default_medium_prior(light.lamps));
+  const auto coastal = fit_medium(s, {.medium = coastal_medium(), .lamps = light.lamps});
   ASSERT_TRUE(fit && coastal);
   const auto off = [&](const MediumFit& f) {
     return (f.medium.b_inf / water.b_inf).log().abs().mean().item<double>();
@@ -183,6 +186,32 @@ TEST(FitMedium, WeakVeilingLightIsNotBiasedTowardCoastalPrior) {
   EXPECT_LT(off(*fit), 0.25);
   EXPECT_GT(off(*coastal), 2.0 * off(*fit));
   EXPECT_LT(worst_relative_error(fit->medium.beta_d, water.beta_d), 0.1);
+}
+
+/// Two lamps far to the sides that are aimed inward, one brighter than the other.
+LampLight vehicle_lamps() {
+  LampLight light = vehicle_lamp();
+  light.lamps = {{.position_m = {0.6, -0.2, 0.0},
+                  .axis = {-0.28, 0.0, 0.96},
+                  .half_beam_rad = 0.6,
+                  .share = 0.6},
+                 {.position_m = {-0.6, -0.2, 0.0},
+                  .axis = {0.28, 0.0, 0.96},
+                  .half_beam_rad = 0.6,
+                  .share = 0.4}};
+  return light;
+}
+
+TEST(FitMedium, RecoversMediumWithinTenPercentWithTwoLamps) {
+  const LampLight light = vehicle_lamps();
+  const Observations s = observe_with_lamp(light);
+  const auto fit = fit_medium(s, default_medium_prior(light.lamps));
+  ASSERT_TRUE(fit && fit->medium.lamp);
+  EXPECT_EQ(fit->medium.lamp->lamps.size(), 2U);
+  EXPECT_LT(worst_relative_error(fit->medium.beta_d, lake_water().beta_d), 0.1);
+  const auto one = fit_medium(s, default_medium_prior({light.lamps[0]}));
+  ASSERT_TRUE(one);
+  EXPECT_GT(worst_relative_error(one->medium.beta_d, lake_water().beta_d), 0.2);
 }
 
 TEST(FitMedium, AttenuationIsWrongWhenLampIsNotModeled) {

@@ -172,15 +172,22 @@ TEST(Rig, ConvertsPressureToDepth) {
   EXPECT_NEAR(rig.pressure->depth(101325.0 + 98000.0), 10.0, 1e-12);
 }
 
-TEST(Rig, ReadsLamp) {
+TEST(Rig, ReadsLamps) {
   const Rig rig = rig_of(
       "lamp0: {half_beam_deg: 45, T_body_sensor: "
-      "[0, 0, 1, 0.3, -1, 0, 0, 0, 0, -1, 0, 0.1, 0, 0, 0, 1]}");
-  ASSERT_TRUE(rig.lamp);
-  EXPECT_NEAR(rig.lamp->half_beam_rad, std::numbers::pi / 4.0, 1e-12);
-  const Eigen::Vector3d axis = rig.lamp->T_body_lamp.rotation * Eigen::Vector3d::UnitZ();
+      "[0, 0, 1, 0.3, -1, 0, 0, 0, 0, -1, 0, 0.1, 0, 0, 0, 1]}\n"
+      "lamp1: {intensity: 0.5, T_body_sensor: "
+      "[1, 0, 0, 0.3, 0, 1, 0, 0, 0, 0, 1, -0.1, 0, 0, 0, 1]}");
+  ASSERT_EQ(rig.lamps.size(), 2U);
+  EXPECT_NEAR(rig.lamps[0].half_beam_rad, std::numbers::pi / 4.0, 1e-12);
+  EXPECT_EQ(rig.lamps[0].intensity, 1.0);
+  EXPECT_NEAR(rig.lamps[1].half_beam_rad, std::numbers::pi / 3.0, 1e-12);
+  EXPECT_EQ(rig.lamps[1].intensity, 0.5);
+  EXPECT_EQ(rig.lamps[1].T_body_lamp.translation.z(), -0.1);
+  const Eigen::Vector3d axis = rig.lamps[0].T_body_lamp.rotation * Eigen::Vector3d::UnitZ();
   EXPECT_NEAR(axis.x(), 1.0, 1e-12);
   EXPECT_THROW(rig_of("lamp0: {half_beam_deg: 95}"), InputError);
+  EXPECT_THROW(rig_of("lamp4: {half_beam_deg: 45}"), InputError);
 }
 
 TEST(Rig, DocumentsKeys) {

@@ -317,14 +317,14 @@ TEST(Dataset, RigContainsTheLampOfTheScene) {
   simulate(scene_without_camera({"light.lamp={position_m: [0.2, -0.1, 0.05], half_beam_deg: 50}"}),
            dir.path() / "a", {});
   const Rig rig = make_rig(config::load_file(dir.path() / "a" / "rig.yaml"));
-  ASSERT_TRUE(rig.lamp);
-  EXPECT_NEAR(rig.lamp->half_beam_rad, 50.0 * std::numbers::pi / 180.0, 1e-9);
+  ASSERT_EQ(rig.lamps.size(), 1U);
+  EXPECT_NEAR(rig.lamps[0].half_beam_rad, 50.0 * std::numbers::pi / 180.0, 1e-9);
   const SE3 T_body_camera = scene({}).rig.cameras.front().T_body_camera;
-  const SE3 T_camera_lamp = T_body_camera.inverse() * rig.lamp->T_body_lamp;
+  const SE3 T_camera_lamp = T_body_camera.inverse() * rig.lamps[0].T_body_lamp;
   EXPECT_LT((T_camera_lamp.translation - Eigen::Vector3d(0.2, -0.1, 0.05)).norm(), 1e-6);
   EXPECT_LT(so3::angle_between(T_camera_lamp.rotation, Eigen::Quaterniond::Identity()), 1e-6);
   simulate(scene_without_camera({}), dir.path() / "b", {});
-  EXPECT_FALSE(make_rig(config::load_file(dir.path() / "b" / "rig.yaml")).lamp);
+  EXPECT_TRUE(make_rig(config::load_file(dir.path() / "b" / "rig.yaml")).lamps.empty());
 }
 
 TEST(Dataset, DroppedFramesAreOmitted) {

@@ -210,7 +210,9 @@ TEST(SpectralScene, RejectsKeysOfTheOtherPhysics) {
   EXPECT_THROW(scene_of("physics: spectral\nwater: {beta_d: [1, 1, 1]}"), InputError);
   EXPECT_THROW(scene_of("physics: spectral\nspectral: {lamps: [{}, {}, {}]}"), InputError);
   EXPECT_THROW(scene_of("spectral: {lamps: [{}]}"), InputError);
-  EXPECT_TRUE(scene_of("physics: spectral\nspectral: {lamps: [{}]}").rig.lamp);
+  const Scene two = scene_of("physics: spectral\nspectral: {lamps: [{}, {intensity: 3}]}");
+  ASSERT_EQ(two.rig.lamps.size(), 2U);
+  EXPECT_EQ(two.rig.lamps[1].intensity, 3.0);
 }
 
 TEST(SpectralScene, TestScenesAreThreeByDayAndThreeByLamp) {

@@ -151,21 +151,24 @@ TEST(CameraConversion, PosesRoundTrip) {
 
 TEST(CameraConversion, LampIsInCameraFrame) {
   Rig rig;
-  EXPECT_FALSE(lamp_of(rig));
+  EXPECT_TRUE(lamps_of(rig).empty());
   // The camera looks along the body's x axis; the lamp, 20 cm to its right, points straight down.
   Eigen::Matrix3d forward;
   forward << 0, 0, 1, -1, 0, 0, 0, -1, 0;
   rig.cameras.push_back({.model = CameraModel(euroc_camera()),
                          .T_body_camera = {Eigen::Quaterniond(forward), {0.3, 0.0, 0.1}}});
-  EXPECT_FALSE(lamp_of(rig));
+  EXPECT_TRUE(lamps_of(rig).empty());
   const Eigen::Quaterniond down(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
-  rig.lamp = {.T_body_lamp = {down, {0.3, -0.2, 0.1}}, .half_beam_rad = 0.8};
-  const auto lamp = lamp_of(rig);
-  ASSERT_TRUE(lamp);
-  EXPECT_NEAR(lamp->position_m[0], 0.2, 1e-12);
-  EXPECT_NEAR(lamp->position_m[1], 0.0, 1e-12);
-  EXPECT_NEAR(lamp->axis[1], 1.0, 1e-12);
-  EXPECT_EQ(lamp->half_beam_rad, 0.8);
+  rig.lamps = {{.T_body_lamp = {down, {0.3, -0.2, 0.1}}, .half_beam_rad = 0.8},
+               {.T_body_lamp = {down, {0.3, 0.2, 0.1}}, .intensity = 3.0}};
+  const std::vector<medium::Lamp> lamps = lamps_of(rig);
+  ASSERT_EQ(lamps.size(), 2U);
+  EXPECT_NEAR(lamps[0].position_m[0], 0.2, 1e-12);
+  EXPECT_NEAR(lamps[0].position_m[1], 0.0, 1e-12);
+  EXPECT_NEAR(lamps[0].axis[1], 1.0, 1e-12);
+  EXPECT_EQ(lamps[0].half_beam_rad, 0.8);
+  EXPECT_EQ(lamps[0].share, 0.25);
+  EXPECT_EQ(lamps[1].share, 0.75);
 }
 
 TEST(CameraConversion, ImagesRoundTripWithColors) {

@@ -26,7 +26,7 @@ mapping::Map lit_map() {
                    .sh_rest = ramp({5, 8, 3})};
   map.medium = medium::Medium{.beta_d = ramp({3}), .beta_b = 2.0F * ramp({3}), .b_inf = ramp({3})};
   map.medium->lamp = medium::LampLight{
-      .lamp = {.position_m = {0.1, 0.2, 0.3}, .axis = {0.0, 0.6, 0.8}, .half_beam_rad = 0.7},
+      .lamps = {{.position_m = {0.1, 0.2, 0.3}, .axis = {0.0, 0.6, 0.8}, .half_beam_rad = 0.7}},
       .unit_range_m = 1.5,
       .daylight = ramp({3}),
       .backscatter = 3.0F * ramp({3})};

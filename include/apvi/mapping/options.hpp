@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "apvi/config/fields.hpp"
 #include "apvi/depth/options.hpp"
@@ -182,8 +183,7 @@ struct TrainerOptions {
   /// incremental mapping.
   std::optional<bool> sparse_adam = std::nullopt;
   MediumEstimationMethod medium_estimation = MediumEstimationMethod::fit;
-  std::optional<medium::Lamp> lamp =
-      std::nullopt;  ///< on the vehicle; used when the medium is optimized
+  std::vector<medium::Lamp> lamps;  ///< on the vehicle; used when the medium is optimized
   std::uint64_t seed = 0;
   LearningRates learning_rates;
   DensifyOptions densify;

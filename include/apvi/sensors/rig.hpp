@@ -90,6 +90,7 @@ struct PressureDepthCalibration {
 struct LampCalibration {
   SE3 T_body_lamp;
   double half_beam_rad = 1.0;  ///< half-intensity angle from the axis
+  double intensity = 1.0;      ///< on the axis, relative to the other lamps
 };
 
 /// Calibration of a vehicle. The body frame is the IMU's.
@@ -100,7 +101,7 @@ struct Rig {
   std::optional<DvlCalibration> dvl;
   std::optional<PressureCalibration> pressure;
   std::optional<PressureDepthCalibration> depth;
-  std::optional<LampCalibration> lamp;
+  std::vector<LampCalibration> lamps;
 
   /// Gravity in world coordinates [m/s²] for the given magnitude.
   Eigen::Vector3d gravity(double magnitude) const {

@@ -13,11 +13,11 @@
 
 namespace apvi::slam {
 
-/// The light of the rig's lamp on the scene and in the water, per color channel (RGB).
+/// The light of the rig's lamps on the scene and in the water, per color channel (RGB).
 struct LampCoefficients {
-  medium::Lamp lamp;                    ///< in the frame of the first camera
-  double unit_range_m = 1.0;            ///< range at which the map's colors are those of the lamp
-  std::array<double, 3> daylight{};     ///< share of light that does not come from the lamp
+  std::vector<medium::Lamp> lamps;      ///< in the frame of the first camera
+  double unit_range_m = 1.0;            ///< range at which the map's colors are those of the lamps
+  std::array<double, 3> daylight{};     ///< share of light that does not come from the lamps
   std::array<double, 3> backscatter{};  ///< [1/m]
 };
 

@@ -29,9 +29,11 @@ depth::DepthOptions depth_options_with_lamp(depth::DepthOptions depth) {
 }  // namespace
 
 DepthSeeder::DepthSeeder(const MapperOptions& options)
-    : depth_(options.trainer.lamp ? depth_options_with_lamp(options.depth) : options.depth),
+    : depth_(options.trainer.lamps.empty() ? options.depth
+                                           : depth_options_with_lamp(options.depth)),
       options_(options.online),
-      clears_free_space_(!options.trainer.lamp && options.online.free_space_depth_ratio > 0.0) {}
+      clears_free_space_(options.trainer.lamps.empty() &&
+                         options.online.free_space_depth_ratio > 0.0) {}
 
 // Over such a short baseline, relative poses from odometry are the most accurate.
 depth::DepthRequest DepthSeeder::request(std::size_t view, const KeyframeStore& keyframes,

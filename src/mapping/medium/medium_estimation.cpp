@@ -170,10 +170,10 @@ SampledSurfaces sample_surfaces(const Map& map, const KeyframeStore& keyframes, 
                                 const medium::MediumPrior& prior, std::uint64_t seed,
                                 const depth::DepthOptions& depth) {
   SampledSurfaces s;
-  s.views = sample_views(map, keyframes, spacing_m, prior.lamp.has_value(), depth, seed);
+  s.views = sample_views(map, keyframes, spacing_m, !prior.lamps.empty(), depth, seed);
   s.first = {0};
   for (const SampledView& view : s.views) s.first.push_back(s.first.back() + view.points.size(0));
-  if (prior.lamp && s.views.size() > 1)
+  if (!prior.lamps.empty() && s.views.size() > 1)
     fuse_normals(s.views, kNormalRadius * median_range(s.views));
   return s;
 }
@@ -228,7 +228,7 @@ std::optional<MediumEstimation> fit(const medium::Observations& observations,
   estimation.observations = observations.ranges.size(0);
   for (const SampledView& view : s.views) estimation.views.push_back(view.keyframe);
   // With a lamp, low-visibility sand is indistinguishable from open water.
-  if (!prior.lamp) {
+  if (prior.lamps.empty()) {
     estimation.saved_deviance =
         medium::deviance_without_medium(observations, prior) - found->deviance;
     const medium::Observations open =

@@ -55,7 +55,7 @@ bool OnlineMedium::estimate(std::int64_t iteration, double extent, KeyframeStore
 bool OnlineMedium::fit(std::int64_t iteration, double extent, KeyframeStore& keyframes,
                        MapOptimizer& optimizer) const {
   const medium::MediumPrior prior =
-      medium::default_medium_prior(options_.trainer.lamp, optimizer.medium_posterior());
+      medium::default_medium_prior(options_.trainer.lamps, optimizer.medium_posterior());
   const auto estimation =
       estimate_medium(optimizer.full_map(), keyframes, kViewSpacing * extent, prior,
                       derive_seed(options_.trainer.seed, Stream::medium, iteration), options_.depth,

@@ -111,7 +111,7 @@ void Trainer::maybe_estimate_medium() {
   const torch::NoGradGuard no_grad;
   retry_on_oom([&] {
     const auto estimation = estimate_medium(full_map(), keyframes_, kMediumViewSpacing * extent_,
-                                            medium::default_medium_prior(options_.lamp),
+                                            medium::default_medium_prior(options_.lamps),
                                             derive_seed(options_.seed, Stream::medium, iteration_),
                                             {}, optimizer_.tone_curve_evidence());
     if (!estimation) return;

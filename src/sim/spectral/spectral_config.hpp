@@ -65,7 +65,7 @@ struct SpectralConfig {
       "loss in the corners by the lens barrel, on top of cos^4 of the angle from the axis");
     v("jpeg_quality", jpeg_quality, Range{0, 100},
       "quality of the JPEG (4:2:0) that images pass through; 0: none");
-    v("lamps", lamps, "lamps on the vehicle, at most two; the first is lamp0 in rig.yaml");
+    v("lamps", lamps, "lamps on the vehicle, at most two; lamp0 and lamp1 in rig.yaml");
   }
 };
 

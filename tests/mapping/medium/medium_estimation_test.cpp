@@ -147,7 +147,7 @@ TEST(EstimateMedium, WithLampUsesDepthFromImagesInsteadOfBiasedMap) {
   const KeyframeStore keyframes = dive(kDownwards, lamp, 36);
   Map map = {.gaussians = sea_bed(), .medium = std::nullopt};
   map.gaussians.means.select(1, 1) -= 0.2;  // about two meters away
-  const medium::MediumPrior prior = {.medium = medium::coastal_medium(), .lamp = lamp};
+  const medium::MediumPrior prior = {.medium = medium::coastal_medium(), .lamps = {lamp}};
   const auto error = [&](const depth::DepthOptions& depth) {
     const auto estimation = estimate_medium(map, keyframes, 0.1, prior, 1, depth);
     return estimation ? worst_relative_error(estimation->fit.medium.beta_d, true_water().beta_d)
