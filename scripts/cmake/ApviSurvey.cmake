@@ -23,4 +23,8 @@ endmacro()
 if(APVI_LOCALIZATION)
   apvi_find_optional(APVI_WITH_GDAL APVI_GDAL GDAL 3.4)
   apvi_find_optional(APVI_WITH_OPEN3D APVI_OPEN3D Open3D CONFIG)
+  if(APVI_WITH_OPEN3D)
+    # GCC's default; as a definition it is in the way of headers that were precompiled without it.
+    set_target_properties(Open3D::Open3D PROPERTIES INTERFACE_COMPILE_DEFINITIONS "")
+  endif()
 endif()
