@@ -35,6 +35,20 @@ void add_display_options(CLI::App& command, runs::RenderRequest& r) {
       ->type_name("WORD");
 }
 
+void add_format_options(CLI::App& command, runs::RenderRequest& r) {
+  CLI::Option* const pfm = command.add_flag_callback(
+      "--float", [&r] { r.format = runs::ImageFormat::pfm; },
+      "PFM instead of PNG; depth in meters");
+  command
+      .add_flag_callback(
+          "--exr", [&r] { r.format = runs::ImageFormat::exr; },
+          "OpenEXR instead of PNG: colors in linear light, depth in meters")
+      ->excludes(pfm);
+  command.add_option("--bits", r.bits, "bits per channel of color PNGs: 8 (default) or 16")
+      ->check(CLI::IsMember({8, 16}))
+      ->type_name("N");
+}
+
 }  // namespace
 
 void add_render(CLI::App& app) {
@@ -54,10 +68,7 @@ void add_render(CLI::App& app) {
       ->type_name("FILE");
   command->add_flag("--restore", r->restore, "also render restored images (without the medium)");
   command->add_flag("--depth", r->depth, "also render depth: 16-bit PNG in millimeters");
-  command->add_flag("--float", r->as_float, "PFM instead of PNG; depth in meters");
-  command->add_option("--bits", r->bits, "bits per channel of color PNGs: 8 (default) or 16")
-      ->check(CLI::IsMember({8, 16}))
-      ->type_name("N");
+  add_format_options(*command, *r);
   add_display_options(*command, *r);
   command->add_option("-o,--output", r->out, "output folder")->type_name("FOLDER")->required();
   command->callback([r] {

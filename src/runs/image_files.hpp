@@ -17,5 +17,7 @@ void write_png_16(const std::filesystem::path& path, const torch::Tensor& image)
 void write_depth_png(const std::filesystem::path& path, const torch::Tensor& depth_m);
 /// PFM (little-endian float32) of an RGB image [H,W,3] or a depth image [H,W].
 void write_pfm(const std::filesystem::path& path, const torch::Tensor& image);
+/// OpenEXR (float32) of an RGB image [H,W,3] or a depth image [H,W].
+void write_exr(const std::filesystem::path& path, const torch::Tensor& image);
 
 }  // namespace apvi::runs

@@ -80,20 +80,37 @@ mapping::DisplayExposure exposure_of(const RenderRequest& r, const mapping::Map&
   return chosen;
 }
 
+struct Writers {
+  using Write = void (*)(const fs::path&, const torch::Tensor&);
+  const char* extension;
+  Write color, depth;
+};
+
+Writers writers_for(const RenderRequest& r) {
+  switch (r.format) {
+    case ImageFormat::pfm:
+      return {".pfm", write_pfm, write_pfm};
+    case ImageFormat::exr:
+      return {".exr", write_exr, write_exr};
+    case ImageFormat::png:
+      break;
+  }
+  return {".png", r.bits == 16 ? write_png_16 : write_png, write_depth_png};
+}
+
 void write_rendering(const mapping::MapRendering& rendering, const gaussians::ToneCurve& curve,
                      const RenderRequest& r, const std::string& name,
                      const mapping::DisplayExposure& exposure) {
-  const char* const extension = r.as_float ? ".pfm" : ".png";
-  const auto file = [&](const char* kind) { return r.out / (name + kind + extension); };
-  const auto png = r.bits == 16 ? write_png_16 : write_png;
-  const auto color = r.as_float ? write_pfm : png;
-  const auto depth = r.as_float ? write_pfm : write_depth_png;
-  color(file(""), curve.encode(rendering.color));
+  const Writers write = writers_for(r);
+  const auto file = [&](const char* kind) { return r.out / (name + kind + write.extension); };
+  const bool linear = r.format == ImageFormat::exr;
+  write.color(file(""), linear ? rendering.color : curve.encode(rendering.color));
   if (r.restore) {
-    color(file("_restored"), r.as_float ? mapping::exposed(rendering.restored, exposure)
-                                        : mapping::displayed(rendering.restored, exposure, curve));
+    write.color(file("_restored"), r.format == ImageFormat::png
+                                       ? mapping::displayed(rendering.restored, exposure, curve)
+                                       : mapping::exposed(rendering.restored, exposure));
   }
-  if (r.depth) depth(file("_depth"), rendering.depth);
+  if (r.depth) write.depth(file("_depth"), rendering.depth);
 }
 
 }  // namespace

@@ -10,6 +10,12 @@
 
 namespace apvi::runs {
 
+enum class ImageFormat {
+  png,  ///< depth in millimeters, 16 bit
+  pfm,  ///< float; depth in meters, restored images in linear light
+  exr,  ///< float; depth in meters, all colors in linear light
+};
+
 struct RenderRequest {
   std::filesystem::path source;  ///< run folder or map file
   std::filesystem::path
@@ -18,8 +24,8 @@ struct RenderRequest {
   std::filesystem::path out;       ///< folder
   bool restore = false;            ///< also render without water
   bool depth = false;              ///< also render depth
-  bool as_float = false;           ///< PFM instead of PNG
-  int bits = 8;                    ///< of a color PNG: 8 or 16
+  ImageFormat format = ImageFormat::png;
+  int bits = 8;  ///< of a color PNG: 8 or 16
   /// Brightness of restored images: a factor; empty: chosen for the map, see
   /// mapping::DisplayExposure.
   std::optional<double> exposure{};
@@ -28,9 +34,9 @@ struct RenderRequest {
 
 /// Renders a map along a path or from one camera into `out`; with neither, along the keyframes of
 /// the run folder. Files are named by stamp [ns], or after the map file for one camera: NAME.png
-/// (with water), NAME_restored.png (without water), NAME_depth.png (16 bit, millimeters); with
-/// `as_float` .pfm (depth in meters; colors are not compressed or clamped). Poses are in the
-/// recording's coordinates. Returns the number of views. Throws InputError for invalid input.
+/// (with water), NAME_restored.png (without water), NAME_depth.png, or with the extension of
+/// another format, whose colors are not compressed or clamped. Poses are in the recording's
+/// coordinates. Returns the number of views. Throws InputError for invalid input.
 std::size_t render_run(const RenderRequest& request);
 
 /// Reads a camera: {"width", "height", "K": 3x3, "T_cam_world": 4x4, "pixel_center": 0.5 (default)

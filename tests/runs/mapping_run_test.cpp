@@ -239,23 +239,23 @@ TEST_F(MappingRunTest, ExposureOfRestoredImagesIsAFactor) {
   run_mapping(with_water, options());
   EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["restored_gain"].size(),
             3U);
-  const auto restored = [&](double exposure, bool as_float) {
-    const fs::path out = data_.path() / fmt::format("out_{}_{}", exposure, as_float);
+  const auto restored = [&](double exposure, ImageFormat format) {
+    const char* const extension = format == ImageFormat::pfm ? "pfm" : "png";
+    const fs::path out = data_.path() / fmt::format("out_{}_{}", exposure, extension);
     render_run({.source = run_folder(),
                 .out = out,
                 .restore = true,
-                .as_float = as_float,
+                .format = format,
                 .bits = 16,
                 .exposure = exposure,
                 .white_balance = false});
-    const char* const extension = as_float ? "pfm" : "png";
     return cv::imread((out / fmt::format("1000000000_restored.{}", extension)).string(),
                       cv::IMREAD_UNCHANGED);
   };
-  const cv::Mat once = restored(1.0, true);
-  const cv::Mat twice = restored(2.0, true);
+  const cv::Mat once = restored(1.0, ImageFormat::pfm);
+  const cv::Mat twice = restored(2.0, ImageFormat::pfm);
   EXPECT_LT(cv::norm(2.0 * once, twice, cv::NORM_INF), 1e-5);
-  const cv::Mat png = restored(1e-3, false);
+  const cv::Mat png = restored(1e-3, ImageFormat::png);
   ASSERT_EQ(png.type(), CV_16UC3);
   cv::Mat linear;
   png.convertTo(linear, CV_32F, 1e3 / 65535.0);
@@ -267,15 +267,27 @@ TEST_F(MappingRunTest, RendersMapFileFromCameraFile) {
                                       "{\"width\": 48, \"height\": 32, \"K\": "
                                       "[[40,0,23.5],[0,40,15.5],[0,0,1]], \"pixel_center\": 0}");
   const fs::path out = data_.path() / "out";
-  render_run(
-      {.source = data_.path() / "points.ply", .camera = camera, .out = out, .as_float = true});
-  const cv::Mat image = cv::imread((out / "points.pfm").string(), cv::IMREAD_UNCHANGED);
+  const auto rendered = [&](ImageFormat format, const char* name) {
+    render_run({.source = data_.path() / "points.ply",
+                .camera = camera,
+                .out = out,
+                .depth = true,
+                .format = format});
+    return cv::imread((out / name).string(), cv::IMREAD_UNCHANGED);
+  };
+  const cv::Mat image = rendered(ImageFormat::pfm, "points.pfm");
   gaussians::View view;
   view.intrinsics = test::small_camera();
   view.T_camera_world = torch::eye(4, torch::kFloat64);
   const torch::Tensor expected = gaussians::render(test::gaussian_wall(), view, {}).color;
   EXPECT_NEAR(image.at<cv::Vec3f>(3, 5)[2], expected[3][5][0].item<float>(), 1e-5);
   EXPECT_NEAR(image.at<cv::Vec3f>(30, 40)[0], expected[30][40][2].item<float>(), 1e-5);
+  const cv::Mat exr = rendered(ImageFormat::exr, "points.exr");
+  ASSERT_EQ(exr.type(), CV_32FC3);
+  EXPECT_EQ(cv::norm(exr, image, cv::NORM_INF), 0.0);  // a map file without a tone curve
+  const cv::Mat depth = cv::imread((out / "points_depth.exr").string(), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(depth.type(), CV_32FC1);
+  EXPECT_NEAR(depth.at<float>(16, 24), 3.0F, 0.4F);
   EXPECT_THROW(render_run({.source = data_.path() / "points.ply", .out = out}), InputError);
 }
 

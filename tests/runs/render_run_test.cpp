@@ -20,7 +20,7 @@ TEST(RenderRun, MatchesReferenceRasterizerOnExternalMap) {
               .path = {},
               .camera = data / "camera.json",
               .out = dir.path(),
-              .as_float = true});
+              .format = ImageFormat::pfm});
   const cv::Mat image = cv::imread((dir.path() / "garden.pfm").string(), cv::IMREAD_UNCHANGED);
   const cv::Mat truth = cv::imread((data / "garden_rgb.pfm").string(), cv::IMREAD_UNCHANGED);
   ASSERT_EQ(image.size(), truth.size());
