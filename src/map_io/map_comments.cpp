@@ -2,6 +2,7 @@
 #include "map_io/map_comments.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <torch/torch.h>
 
 #include <array>

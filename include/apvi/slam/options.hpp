@@ -87,7 +87,7 @@ struct MappingOptions {
                                       {"gradient", MediumEstimationMethod::gradient}},
       "fit: fits to surfaces that the map shows at several ranges; gradient: optimized with the "
       "map, at twice the learning rate while VIO fails, without a lamp (the paper)");
-    v("lamp", lamp, "with medium: model the light of the rig's lamp0 if it has one");
+    v("lamp", lamp, "with medium: model the light of the rig's lamps if it has any");
     v("max_gaussians", trainer.densify.max_gaussians, Range{0, 100000000},
       "maximum number of Gaussians; 0: 100,000 on a CPU, 600,000 on a GPU; fewer if GPU memory "
       "runs out");
