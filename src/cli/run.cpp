@@ -33,6 +33,7 @@ struct Arguments {
   bool resume = false;
   bool no_report = false;
   bool strict = false;
+  fs::path known_map;
   importer::ImportOptions import_options;
   ViewOptions view;
 };
@@ -141,7 +142,8 @@ std::size_t run_into(const fs::path& folder, const runs::RunConfig& config, cons
   return result->warnings.size();
 }
 
-void run(const Arguments& a) {
+void run(Arguments a) {
+  if (!a.known_map.empty()) a.overrides.push_back("smoothing.known_map=" + a.known_map.string());
   const bool imports = importer::source_kind(a.target).has_value();
   fs::path folder = a.folder;
   if (imports && folder.empty()) folder = vacant_folder(name_of(a.target));
@@ -178,6 +180,10 @@ void add_run(CLI::App& app) {
   command
       ->add_option("-o,--output", a->folder, "run folder (default: runs/DIVE or runs/CONFIG-DIVE)")
       ->type_name("FOLDER");
+  command
+      ->add_option("--map", a->known_map,
+                   "run folder of an earlier dive: find this dive in its map, from the images")
+      ->type_name("RUN");
   command->add_flag("--overwrite", a->overwrite, "replace an existing run in the folder");
   command->add_flag("--resume", a->resume, "resume the folder's map from its checkpoint");
   command->add_flag("--no-report", a->no_report, "do not write report.html");

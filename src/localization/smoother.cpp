@@ -2,6 +2,8 @@
 #include "localization/smoother.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <string>
 #include <utility>
 
 #include "vio/state_prior.hpp"
@@ -23,6 +25,16 @@ loop_closure::LoopThread thread_of(RunMode mode) {
   return loop_closure::LoopThread::none;
 }
 
+loop_closure::CloserOptions closer_options(const Options& options, const CameraModel& camera) {
+  loop_closure::CloserOptions closer = loop_closure::closer_options(options.smoothing);
+  const std::string& run = options.smoothing.known_map;
+  if (run.empty()) return closer;
+  closer.known_map = std::make_shared<loop_closure::KnownMap>(
+      loop_closure::load_place_map(loop_closure::find_place_map(run)), camera,
+      options.smoothing.pixel_sigma);
+  return closer;
+}
+
 }  // namespace
 
 Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors)
@@ -30,7 +42,7 @@ Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& 
       height_is_measured_(sensors.dvl && options.sensors.includes("pressure") &&
                           (rig.pressure || rig.depth)),
       drift_factor_(options.smoothing.drift_factor),
-      closer_(loop_closure::closer_options(options.smoothing), rig.cameras.front().model,
+      closer_(closer_options(options, rig.cameras.front().model), rig.cameras.front().model,
               thread_of(options.run.mode)) {}
 
 // Poses up to scale are no odometry in meters.
@@ -126,8 +138,9 @@ SE3 Smoother::T_map_odom() const {
 // The pose as the odometry since a keyframe continues the corrected keyframe.
 SE3 Smoother::correction(const StampedPose& pose, std::size_t keyframe) const {
   const Keyframe& k = keyframes_[keyframe];
-  const SE3 T_map_body =
-      closer().graph().corrected_pose(keyframe) * k.T_body_camera.inverse() * k.T_image_body;
+  const loop_closure::KeyframeGraph& graph = closer().graph();
+  const SE3 T_map_body = graph.T_world_known().inverse() * graph.corrected_pose(keyframe) *
+                         k.T_body_camera.inverse() * k.T_image_body;
   return T_map_body * k.T_odom_body.inverse() * pose.T_world_body;
 }
 

@@ -31,11 +31,11 @@ class Smoother {
   /// Discards what is queued.
   void stop();
 
-  /// Where the odometry frame lies in the frame of the closed loops, by the newest keyframe. Any
-  /// thread.
+  /// Where the odometry frame lies in the frame of the closed loops, or of the known map once it
+  /// has been found, by the newest keyframe. Any thread.
   SE3 T_map_odom() const;
-  /// The odometry with the corrections of the graph, interpolated between keyframes. After `finish`
-  /// or `stop`.
+  /// The odometry with the corrections of the graph, interpolated between keyframes, in the frame
+  /// of the known map if it was found. After `finish` or `stop`.
   Trajectory smoothed(const Trajectory& odometry) const;
   /// After `finish` or `stop`.
   const loop_closure::LoopCloser& closer() const { return closer_.closer(); }

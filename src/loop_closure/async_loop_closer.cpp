@@ -43,7 +43,7 @@ void AsyncLoopCloser::publish(bool changed) {
   std::vector<KeyframeCorrection> corrections;
   if (lists_corrections_) corrections = closer_.changed_corrections();
   const std::lock_guard lock(mutex_);
-  newest_ = closer_.graph().correction(closer_.graph().newest()).transform();
+  newest_ = closer_.newest_correction();
   if (lists_corrections_) corrections_.push_back(std::move(corrections));
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "apvi/core/constants.hpp"
 
@@ -13,6 +14,7 @@ const EdgeSigmas kLoopSigmas{
     .heading_rad = 0.05 * kRadiansPerDegree, .horizontal_m = 0.007, .vertical_m = 0.007};
 constexpr double kMinSigma = 1e-5;  // of odometry: the graph must stay solvable
 constexpr std::size_t kLoopsPerNode = 4;
+constexpr std::size_t kAnchorsPerNode = 2;
 
 double sigma(double variance) {
   return std::max(kMinSigma, std::sqrt(std::max(0.0, variance)));
@@ -73,6 +75,11 @@ void KeyframeGraph::add(const Loop& loop) {
   if (loops_.size() / kLoopsPerNode > options_.max_nodes) drop_every_second(loops_);
 }
 
+void KeyframeGraph::add(const Anchor& anchor) {
+  anchors_.push_back(anchor);
+  if (anchors_.size() / kAnchorsPerNode > options_.max_nodes) drop_every_second(anchors_);
+}
+
 double KeyframeGraph::age_s(std::size_t keyframe) const {
   return seconds_between(keyframes_[keyframe].stamp, keyframes_.back().stamp);
 }
@@ -107,19 +114,35 @@ SE3 KeyframeGraph::corrected_pose(std::size_t keyframe) const {
   return correction(keyframe).transform() * keyframes_[keyframe].T_world_camera;
 }
 
+SE3 KeyframeGraph::T_world_known() const {
+  return T_world_known_ ? known_correction_.transform() * *T_world_known_ : SE3::identity();
+}
+
+// By odometry.
+SE3 KeyframeGraph::motion(std::size_t a, std::size_t b) const {
+  return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
+}
+
 // Expressed between the nodes nearest to its keyframes; odometry drift over that interval is
 // negligible.
 Edge KeyframeGraph::edge(const Loop& loop) const {
   const std::size_t from = nearest_node(loop.from);
   const std::size_t to = nearest_node(loop.to);
-  const auto odometry = [this](std::size_t a, std::size_t b) {
-    return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
-  };
-  return {.from = from,
+  return {
+      .from = from,
+      .to = to,
+      .T_from_to = motion(nodes_[from], loop.from) * loop.T_from_to * motion(loop.to, nodes_[to]),
+      .sigmas = kLoopSigmas,
+      .is_loop = true};
+}
+
+// From the known map, the last node.
+Edge KeyframeGraph::edge(const Anchor& anchor) const {
+  const std::size_t to = nearest_node(anchor.keyframe);
+  return {.from = nodes_.size(),
           .to = to,
-          .T_from_to =
-              odometry(nodes_[from], loop.from) * loop.T_from_to * odometry(loop.to, nodes_[to]),
-          .sigmas = kLoopSigmas,
+          .T_from_to = anchor.T_known_camera * motion(anchor.keyframe, nodes_[to]),
+          .sigmas = anchor.sigmas,
           .is_loop = true};
 }
 
@@ -128,7 +151,7 @@ Edge KeyframeGraph::edge_to_next(std::size_t node) const {
   const std::size_t b = nodes_[node + 1];
   return {.from = node,
           .to = node + 1,
-          .T_from_to = keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera,
+          .T_from_to = motion(a, b),
           .sigmas = {.heading_rad = sigma(drift_[b].heading - drift_[a].heading),
                      .horizontal_m = sigma(drift_[b].horizontal - drift_[a].horizontal),
                      .vertical_m = sigma(drift_[b].vertical - drift_[a].vertical)}};
@@ -137,7 +160,14 @@ Edge KeyframeGraph::edge_to_next(std::size_t node) const {
 std::vector<SE3> KeyframeGraph::node_poses() const {
   std::vector<SE3> poses;
   for (const std::size_t keyframe : nodes_) poses.push_back(keyframes_[keyframe].T_world_camera);
+  if (T_world_known_) poses.push_back(*T_world_known_);
   return poses;
+}
+
+std::vector<DriftCorrection> KeyframeGraph::node_corrections() const {
+  std::vector<DriftCorrection> corrections = corrections_;
+  if (T_world_known_) corrections.push_back(known_correction_);
+  return corrections;
 }
 
 PoseGraph KeyframeGraph::graph() const {
@@ -153,20 +183,31 @@ PoseGraph KeyframeGraph::graph() const {
     const Edge closed = edge(loop);
     if (closed.from != closed.to) graph.edges.push_back(closed);
   }
+  for (const Anchor& anchor : anchors_) graph.edges.push_back(edge(anchor));
   return graph;
 }
 
 double KeyframeGraph::residual_norm(const Loop& loop) const {
-  return loop_closure::residual_norm({.odometry = node_poses(), .edges = {}}, corrections_,
+  return loop_closure::residual_norm({.odometry = node_poses(), .edges = {}}, node_corrections(),
                                      edge(loop));
 }
 
 double KeyframeGraph::squared_distance(const Loop& loop) const {
-  return loop_closure::squared_distance(graph(), corrections_, edge(loop));
+  return loop_closure::squared_distance(graph(), node_corrections(), edge(loop));
+}
+
+double KeyframeGraph::squared_distance(const Anchor& anchor) const {
+  return loop_closure::squared_distance(graph(), node_corrections(), edge(anchor));
 }
 
 void KeyframeGraph::optimize() {
-  loop_closure::optimize(graph(), corrections_);
+  std::vector<DriftCorrection> corrections = node_corrections();
+  loop_closure::optimize(graph(), corrections);
+  if (T_world_known_) {
+    known_correction_ = corrections.back();
+    corrections.pop_back();
+  }
+  corrections_ = std::move(corrections);
 }
 
 }  // namespace apvi::loop_closure

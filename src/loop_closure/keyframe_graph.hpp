@@ -40,6 +40,13 @@ struct Loop {
   SE3 T_from_to;
 };
 
+/// A keyframe seen in the map of an earlier dive.
+struct Anchor {
+  std::size_t keyframe = 0;
+  SE3 T_known_camera;
+  EdgeSigmas sigmas;
+};
+
 struct KeyframeGraphOptions {
   double node_step_s = 4.0;  ///< time between nodes
   std::size_t max_nodes = std::numeric_limits<std::size_t>::max();
@@ -48,7 +55,8 @@ struct KeyframeGraphOptions {
 /// The pose graph of a dive: nodes are keyframes at even times, and corrections are interpolated
 /// between them, so that the error of a single loop does not distort the path between neighboring
 /// keyframes. Beyond `max_nodes` every second node is dropped, so the work is bounded; loops are
-/// kept between keyframes and expressed between their nearest nodes.
+/// kept between keyframes and expressed between their nearest nodes. A known map is one more node,
+/// to which anchors are edges.
 class KeyframeGraph {
  public:
   explicit KeyframeGraph(const KeyframeGraphOptions& options) : options_(options) {}
@@ -58,6 +66,10 @@ class KeyframeGraph {
   /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
   void update_pose(Stamp stamp, const SE3& T_world_camera);
   void add(const Loop& loop);
+  /// The map of an earlier dive, in the corrected frame of this one.
+  void add_known_map(const SE3& T_world_known) { T_world_known_ = T_world_known; }
+  /// After `add_known_map`.
+  void add(const Anchor& anchor);
 
   std::size_t size() const { return keyframes_.size(); }
   const Keyframe& operator[](std::size_t keyframe) const { return keyframes_[keyframe]; }
@@ -69,20 +81,27 @@ class KeyframeGraph {
   double path_m(std::size_t from, std::size_t to) const { return path_m_[to] - path_m_[from]; }
   DriftCorrection correction(std::size_t keyframe) const;
   SE3 corrected_pose(std::size_t keyframe) const;
+  bool has_known_map() const { return T_world_known_.has_value(); }
+  /// Where the known map lies in the corrected frame; identity without one.
+  SE3 T_world_known() const;
 
   /// Error of a loop in sigmas.
   double residual_norm(const Loop& loop) const;
   /// Squared Mahalanobis distance of a loop from the graph, see `squared_distance`.
   double squared_distance(const Loop& loop) const;
+  double squared_distance(const Anchor& anchor) const;
   void optimize();
 
  private:
   std::size_t node_before(std::size_t keyframe) const;
   std::size_t nearest_node(std::size_t keyframe) const;
   void thin_out();
+  SE3 motion(std::size_t a, std::size_t b) const;
   Edge edge(const Loop& loop) const;
+  Edge edge(const Anchor& anchor) const;
   Edge edge_to_next(std::size_t node) const;
   std::vector<SE3> node_poses() const;
+  std::vector<DriftCorrection> node_corrections() const;
   PoseGraph graph() const;
 
   KeyframeGraphOptions options_;
@@ -93,6 +112,9 @@ class KeyframeGraph {
   std::vector<std::size_t> nodes_;            ///< indices of keyframes
   std::vector<DriftCorrection> corrections_;  ///< of the nodes
   std::vector<Loop> loops_;
+  std::optional<SE3> T_world_known_;  ///< before its correction
+  DriftCorrection known_correction_;
+  std::vector<Anchor> anchors_;
 };
 
 }  // namespace apvi::loop_closure

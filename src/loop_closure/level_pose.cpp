@@ -4,8 +4,10 @@
 #include <ceres/ceres.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "apvi/geometry/so3.hpp"
 #include "core/random.hpp"
@@ -14,24 +16,28 @@ namespace apvi::loop_closure {
 namespace {
 
 constexpr double kInlierSigmas = 3.0;
-constexpr int kSamples = 1000;
+constexpr int kMaxSamples = 1000;
 constexpr double kConfidence = 0.9999;
 constexpr double kMinElevation = 0.02;   // sine of a ray's angle to the horizontal plane
-constexpr double kMinDistance_m = 0.05;  // between the two points of a sample
-constexpr int kRefinements = 2;
-constexpr int kIterations = 10;
+constexpr double kMinDistance_m = 0.05;  // between the two points of a sample, horizontally
+constexpr int kIterations = 20;
 
-/// A point and its unit ray in level axes, from the camera.
+/// A point and its unit ray in world axes.
 struct LevelRay {
   Eigen::Vector3d point, ray;
 };
 
-// From map points to level axes at the camera.
-using LevelTransform = SE3;
+std::vector<LevelRay> level_rays(const LevelView& view) {
+  std::vector<LevelRay> rays;
+  for (const PointOnRay& s : view.seen) {
+    rays.push_back({s.point, view.T_world_camera.rotation * s.ray.homogeneous().normalized()});
+  }
+  return rays;
+}
 
-// λ_1 f_1 - λ_2 f_2 = R_z (X_1 - X_2): its vertical part gives λ_1 = a + b λ_2, its horizontal
-// length a quadratic equation of λ_2.
-std::vector<LevelTransform> solve_two_points(const LevelRay& first, const LevelRay& second) {
+// From the map to world axes at the camera. λ_1 f_1 - λ_2 f_2 = R_z (X_1 - X_2): the vertical part
+// gives λ_1 = a + b λ_2, the horizontal length a quadratic equation of λ_2.
+std::vector<SE3> solve_two_points(const LevelRay& first, const LevelRay& second) {
   const Eigen::Vector3d between = first.point - second.point;
   const Eigen::Vector3d& f1 = first.ray;
   const Eigen::Vector3d& f2 = second.ray;
@@ -44,127 +50,140 @@ std::vector<LevelTransform> solve_two_points(const LevelRay& first, const LevelR
   const double B = start.dot(slope);
   const double root = B * B - A * (start.squaredNorm() - between.head<2>().squaredNorm());
   if (root < 0.0 || A < 1e-12) return {};
-  std::vector<LevelTransform> solutions;
+  std::vector<SE3> solutions;
   for (const double sign : {-1.0, 1.0}) {
-    const double l2 = (-B + sign * std::sqrt(root)) / A;
-    if (l2 <= 0.0 || a + b * l2 <= 0.0) continue;
-    const Eigen::Vector2d seen = start + l2 * slope;
+    const double distance = (-B + sign * std::sqrt(root)) / A;
+    if (distance <= 0.0 || a + b * distance <= 0.0) continue;
+    const Eigen::Vector2d seen = start + distance * slope;
     const double heading = std::atan2(seen.y(), seen.x()) - std::atan2(between.y(), between.x());
     const Eigen::Quaterniond R = so3::exp({0.0, 0.0, heading});
-    solutions.push_back({R, l2 * f2 - R * second.point});
+    solutions.push_back({R, distance * f2 - R * second.point});
   }
   return solutions;
 }
 
-/// Error of a ray on the plane z = 1, in sigmas, as a function of heading and translation.
+// Samples after which one without an outlier has been drawn.
+double needed_samples(std::size_t inliers, std::size_t all) {
+  const double part = static_cast<double>(inliers) / static_cast<double>(all);
+  return std::log(1.0 - kConfidence) / std::log(1.0 - std::min(0.999, part * part));
+}
+
+/// Where camera and map are linearized, so that heading and translation are hardly correlated.
+struct Center {
+  Eigen::Vector3d in_world, in_map;
+};
+
+using State = std::array<double, 4>;  // displacement of the center [m], heading [rad]
+
+SE3 to_pose(const State& state, const Center& center) {
+  const Eigen::Quaterniond R = so3::exp({0.0, 0.0, state[3]});
+  const Eigen::Vector3d moved(state[0], state[1], state[2]);
+  return {R, center.in_world + moved - R * center.in_map};
+}
+
+/// Error of a ray on the plane z = 1, in sigmas, as a function of the state.
 struct RayError {
   PointOnRay seen;
-  Eigen::Quaterniond R_camera_level;
+  SE3 T_camera_world;
+  Center center;
   double sigma;
 
   template <typename T>
   bool operator()(const T* state, T* error) const {
     using std::cos;
     using std::sin;
-    const T c = cos(state[0]);
-    const T s = sin(state[0]);
-    const Eigen::Vector3d& p = seen.point;
-    const Eigen::Matrix<T, 3, 1> level(c * p.x() - s * p.y() + state[1],
-                                       s * p.x() + c * p.y() + state[2], p.z() + state[3]);
-    const Eigen::Matrix<T, 3, 1> q = R_camera_level.cast<T>() * level;
+    const T c = cos(state[3]);
+    const T s = sin(state[3]);
+    const Eigen::Vector3d p = seen.point - center.in_map;
+    const Eigen::Vector3d& o = center.in_world;
+    const Eigen::Matrix<T, 3, 1> world(c * p.x() - s * p.y() + state[0] + o.x(),
+                                       s * p.x() + c * p.y() + state[1] + o.y(),
+                                       p.z() + state[2] + o.z());
+    const Eigen::Matrix<T, 3, 1> q =
+        T_camera_world.rotation.cast<T>() * world + T_camera_world.translation.cast<T>();
     error[0] = (q.x() / q.z() - seen.ray.x()) / sigma;
     error[1] = (q.y() / q.z() - seen.ray.y()) / sigma;
     return true;
   }
 };
 
-/// The points of an image and the transforms that fit them.
-class Problem {
- public:
-  Problem(const std::vector<PointOnRay>& seen, const Eigen::Quaterniond& R_level_camera,
-          double sigma)
-      : seen_(seen), R_camera_level_(R_level_camera.conjugate()), sigma_(sigma) {
-    for (const PointOnRay& s : seen) {
-      level_.push_back({s.point, R_level_camera * s.ray.homogeneous().normalized()});
-    }
-  }
-
-  std::vector<std::size_t> inliers(const LevelTransform& T) const {
-    std::vector<std::size_t> found;
-    for (std::size_t i = 0; i < seen_.size(); ++i) {
-      const Eigen::Vector3d p = R_camera_level_ * (T * seen_[i].point);
-      if (p.z() <= 0.0) continue;
-      if ((p.hnormalized() - seen_[i].ray).norm() < kInlierSigmas * sigma_) found.push_back(i);
-    }
-    return found;
-  }
-
-  /// The transform with the most inliers.
-  LevelTransform sample() const {
-    LevelTransform best;
-    std::size_t most = 0;
-    Random random(seen_.size());
-    double needed = kSamples;
-    for (int k = 0; k < kSamples && k < needed; ++k) {
-      for (const LevelTransform& T : solve_two_points(pick(random), pick(random))) {
-        const std::size_t count = inliers(T).size();
-        if (count <= most) continue;
-        most = count;
-        best = T;
-        needed = samples_for(count);
-      }
-    }
-    return best;
-  }
-
-  LevelTransform refined(const LevelTransform& T, const std::vector<std::size_t>& chosen) const {
-    std::array<double, 4> state{so3::yaw(T.rotation), T.translation.x(), T.translation.y(),
-                                T.translation.z()};
-    ceres::Problem problem;
-    for (const std::size_t i : chosen) {
+void add_errors(const std::vector<LevelView>& views, const Center& center, double sigma,
+                State& state, ceres::Problem& problem) {
+  for (const LevelView& view : views) {
+    const SE3 T_camera_world = view.T_world_camera.inverse();
+    for (const PointOnRay& seen : view.seen) {
       problem.AddResidualBlock(new ceres::AutoDiffCostFunction<RayError, 2, 4>(
-                                   new RayError{seen_[i], R_camera_level_, sigma_}),
+                                   new RayError{seen, T_camera_world, center, sigma}),
                                new ceres::CauchyLoss(1.0), state.data());
     }
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::DENSE_QR;
-    options.max_num_iterations = kIterations;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    return {so3::exp({0.0, 0.0, state[0]}), {state[1], state[2], state[3]}};
   }
+}
 
- private:
-  const LevelRay& pick(Random& random) const { return level_[random.next() % level_.size()]; }
-  double samples_for(std::size_t inliers) const {
-    const double part = static_cast<double>(inliers) / static_cast<double>(seen_.size());
-    return std::log(1.0 - kConfidence) / std::log(1.0 - std::min(0.999, part * part));
-  }
-
-  const std::vector<PointOnRay>& seen_;
-  std::vector<LevelRay> level_;
-  Eigen::Quaterniond R_camera_level_;
-  double sigma_;
-};
+std::optional<Eigen::Matrix4d> covariance_of(const State& state, ceres::Problem& problem) {
+  ceres::Covariance covariance({});
+  const std::vector<std::pair<const double*, const double*>> blocks{{state.data(), state.data()}};
+  if (!covariance.Compute(blocks, &problem)) return std::nullopt;
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> result;
+  if (!covariance.GetCovarianceBlock(state.data(), state.data(), result.data()))
+    return std::nullopt;
+  return Eigen::Matrix4d(result);
+}
 
 }  // namespace
 
-std::optional<LevelPose> find_level_pose(const std::vector<PointOnRay>& seen,
-                                         const SE3& T_world_camera, double sigma,
-                                         std::size_t min_inliers) {
-  if (seen.size() < std::max<std::size_t>(2, min_inliers)) return std::nullopt;
-  const Problem problem(seen, T_world_camera.rotation, sigma);
-  LevelTransform T = problem.sample();
-  std::vector<std::size_t> inliers = problem.inliers(T);
-  for (int k = 0; k < kRefinements; ++k) {
-    if (inliers.size() < min_inliers) return std::nullopt;
-    T = problem.refined(T, inliers);
-    inliers = problem.inliers(T);
+std::vector<std::size_t> fitting_points(const LevelView& view, const SE3& T_world_map,
+                                        double sigma) {
+  const SE3 T_camera_map = view.T_world_camera.inverse() * T_world_map;
+  std::vector<std::size_t> found;
+  for (std::size_t i = 0; i < view.seen.size(); ++i) {
+    const Eigen::Vector3d p = T_camera_map * view.seen[i].point;
+    if (p.z() <= 0.0) continue;
+    if ((p.hnormalized() - view.seen[i].ray).norm() < kInlierSigmas * sigma) found.push_back(i);
   }
-  if (inliers.size() < min_inliers) return std::nullopt;
-  T.translation += T_world_camera.translation;
-  return LevelPose{T, inliers};
+  return found;
+}
+
+std::optional<SE3> sample_level_pose(const LevelView& view, double sigma) {
+  const std::vector<LevelRay> rays = level_rays(view);
+  if (rays.size() < 2) return std::nullopt;
+  Random random(rays.size());
+  const auto pick = [&] { return rays[random.next() % rays.size()]; };
+  std::optional<SE3> best;
+  std::size_t most = 0;
+  double needed = kMaxSamples;
+  for (int k = 0; k < kMaxSamples && k < needed; ++k) {
+    const LevelRay first = pick();
+    for (SE3 pose : solve_two_points(first, pick())) {
+      pose.translation += view.T_world_camera.translation;
+      const std::size_t count = fitting_points(view, pose, sigma).size();
+      if (count <= most) continue;
+      most = count;
+      best = pose;
+      needed = needed_samples(count, rays.size());
+    }
+  }
+  return best;
+}
+
+std::optional<LevelPose> fit_level_pose(const std::vector<LevelView>& views, const SE3& T_world_map,
+                                        double sigma) {
+  if (views.empty()) return std::nullopt;
+  const Eigen::Vector3d& camera = views.back().T_world_camera.translation;
+  const Center center{camera, T_world_map.inverse() * camera};
+  State state{0.0, 0.0, 0.0, so3::yaw(T_world_map.rotation)};
+  ceres::Problem problem;
+  add_errors(views, center, sigma, state, problem);
+  if (problem.NumResidualBlocks() < 2) return std::nullopt;
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = kIterations;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (!summary.IsSolutionUsable()) return std::nullopt;
+  const auto covariance = covariance_of(state, problem);
+  if (!covariance) return std::nullopt;
+  return LevelPose{to_pose(state, center), *covariance};
 }
 
 }  // namespace apvi::loop_closure

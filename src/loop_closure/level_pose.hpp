@@ -16,18 +16,31 @@ struct PointOnRay {
   Eigen::Vector2d ray;    ///< on the plane z = 1 of the camera
 };
 
-struct LevelPose {
-  SE3 T_world_map;                   ///< a rotation about z and a translation
-  std::vector<std::size_t> inliers;  ///< indices of the points that fit
+/// What one image sees of a map. z of the world is up.
+struct LevelView {
+  SE3 T_world_camera;
+  std::vector<PointOnRay> seen;
 };
 
-/// Pose of a map whose vertical is known, from one image of a camera at `T_world_camera`: RANSAC
-/// with two points per sample (Kukelova, Bujnak, Pajdla, "Closed-form solutions to minimal absolute
-/// pose problems with known vertical direction", 2010), then robust least squares over the four
-/// degrees of freedom. `sigma`: of a ray on the plane z = 1. Deterministic. Nullopt unless
-/// `min_inliers` points fit within three `sigma`.
-std::optional<LevelPose> find_level_pose(const std::vector<PointOnRay>& seen,
-                                         const SE3& T_world_camera, double sigma,
-                                         std::size_t min_inliers);
+/// Pose of a map whose vertical is known.
+struct LevelPose {
+  SE3 T_world_map;  ///< a rotation about z and a translation
+  /// Of the last camera in the map: position in world axes [m], heading [rad].
+  Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
+};
+
+/// RANSAC with two points per sample (Kukelova, Bujnak, Pajdla, "Closed-form solutions to minimal
+/// absolute pose problems with known vertical direction", 2010). `sigma`: of a ray on the plane
+/// z = 1. Deterministic. Nullopt if no sample has a solution.
+std::optional<SE3> sample_level_pose(const LevelView& view, double sigma);
+
+/// Indices of the points of a view that fit within three `sigma`.
+std::vector<std::size_t> fitting_points(const LevelView& view, const SE3& T_world_map,
+                                        double sigma);
+
+/// Robust least squares (Cauchy) over heading and translation, from an initial value. Nullopt if
+/// the views do not determine the pose.
+std::optional<LevelPose> fit_level_pose(const std::vector<LevelView>& views, const SE3& T_world_map,
+                                        double sigma);
 
 }  // namespace apvi::loop_closure

@@ -50,7 +50,9 @@ CloserOptions closer_options(const SmoothingOptions& options) {
 }
 
 LoopCloser::LoopCloser(const CloserOptions& options, const CameraModel& camera)
-    : options_(options), graph_(options.graph), places_(options.places, camera) {}
+    : options_(options), graph_(options.graph), places_(options.places, camera) {
+  if (options.known_map) anchors_.emplace(options.known_map, options.gate);
+}
 
 bool LoopCloser::is_plausible(const Loop& loop) const {
   const SE3 predicted = graph_.corrected_pose(loop.to);
@@ -124,12 +126,39 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
   }
   graph_.add(keyframe);
   reported_.push_back(reported_.empty() ? DriftCorrection{} : reported_.back());
-  searched_ = !gray.empty() && places_.is_new_place(graph_);
+  const bool new_place = !gray.empty() && places_.is_new_place(graph_);
+  searched_ = new_place || (!gray.empty() && anchors_ && anchors_->is_searching());
   if (!searched_) return false;
-  Place place = places_.describe(graph_, gray);
+  search(gray, new_place);
+  return (was_found_ || is_optimization_due()) && flush();
+}
+
+void LoopCloser::search(const cv::Mat& gray, bool new_place) {
+  Place place = new_place ? places_.describe(graph_, gray) : places_.features(gray);
+  if (anchors_) anchor_to_map(place);
+  if (!new_place) return;
   detect_loops(place);
   places_.store(graph_.newest(), std::move(place));
-  return is_optimization_due() && flush();
+}
+
+void LoopCloser::anchor_to_map(const Place& place) {
+  const bool searching = anchors_->is_searching();
+  if (anchors_->process(place, graph_)) has_new_loops_ = true;
+  was_found_ = searching && !anchors_->is_searching();
+}
+
+SE3 LoopCloser::newest_correction() const {
+  return graph_.T_world_known().inverse() * graph_.correction(graph_.newest()).transform();
+}
+
+PlaceMap LoopCloser::place_map() const {
+  const SE3 T_known_world = graph_.T_world_known().inverse();
+  std::vector<PosedPlace> posed;
+  for (const PlaceStore::Stored& stored : places_.places()) {
+    posed.push_back({graph_[stored.keyframe].stamp,
+                     T_known_world * graph_.corrected_pose(stored.keyframe), &stored.place});
+  }
+  return make_place_map(posed, places_.ray_sigma());
 }
 
 bool LoopCloser::flush() {

@@ -3,12 +3,16 @@
 
 #include <cstddef>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/loop_closure/options.hpp"
 #include "loop_closure/keyframe_graph.hpp"
+#include "loop_closure/known_map.hpp"
+#include "loop_closure/map_anchors.hpp"
+#include "loop_closure/place_map.hpp"
 #include "loop_closure/place_store.hpp"
 
 namespace apvi::loop_closure {
@@ -31,6 +35,8 @@ struct CloserOptions {
   bool lists_corrections = false;
   /// Drift of odometry that does not report its own.
   std::optional<DriftVariance> drift_per_s = std::nullopt;
+  /// The map of an earlier dive to be found in, if any.
+  std::shared_ptr<const KnownMap> known_map = nullptr;
 };
 
 /// For the map: corrections are rare, as each one changes the map.
@@ -59,7 +65,13 @@ class LoopCloser {
   /// being that of the newest keyframe.
   std::vector<KeyframeCorrection> changed_corrections();
   const KeyframeGraph& graph() const { return graph_; }
-  /// Whether the newest keyframe was a new place, which is searched for loops.
+  /// From odometry to the corrected frame, which is that of the known map once it has been found.
+  SE3 newest_correction() const;
+  /// What a later dive needs to be found here.
+  PlaceMap place_map() const;
+  /// Nothing without a known map.
+  const MapAnchors* anchors() const { return anchors_ ? &*anchors_ : nullptr; }
+  /// Whether the newest keyframe was searched for loops, as a new place, or for the known map.
   bool searched() const { return searched_; }
   /// Number of accepted loop closures.
   std::size_t closures() const { return closures_; }
@@ -70,16 +82,20 @@ class LoopCloser {
   bool is_plausible(const Loop& loop) const;
   bool is_accepted(const Loop& loop) const;
   void detect_loops(const Place& place);
+  void anchor_to_map(const Place& place);
+  void search(const cv::Mat& gray, bool new_place);
   bool is_optimization_due() const;
 
   CloserOptions options_;
   KeyframeGraph graph_;
   PlaceStore places_;
+  std::optional<MapAnchors> anchors_;
   std::vector<DriftCorrection> reported_;  ///< by keyframe
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
   bool searched_ = false;
-  bool has_new_loops_ = false;  ///< a loop has been found since the last optimization
+  bool has_new_loops_ = false;  ///< a loop or anchor has been found since the last optimization
+  bool was_found_ = false;      ///< the newest keyframe has found the known map
   std::optional<Stamp> last_optimization_;
 };
 

@@ -41,8 +41,12 @@ bool PlaceStore::is_new_place(const KeyframeGraph& graph) const {
          so3::angle_between(here.rotation, there.rotation) > kMinTurn;
 }
 
+Place PlaceStore::features(const cv::Mat& gray) const {
+  return describe_place(gray, camera_, options_.max_features);
+}
+
 Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {
-  Place place = describe_place(gray, camera_, options_.max_features);
+  Place place = features(gray);
   if (places_.empty()) return place;
   Stored& last = places_.back();
   const SE3 T_last_now =

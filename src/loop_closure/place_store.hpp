@@ -25,11 +25,14 @@ class PlaceStore {
 
   /// Whether the newest keyframe is far enough from the last place that features have parallax.
   bool is_new_place(const KeyframeGraph& graph) const;
+  /// The features of an image, none of them triangulated.
+  Place features(const cv::Mat& gray) const;
   /// The place of the newest keyframe, triangulated with the last place, which gains points too.
   Place describe(const KeyframeGraph& graph, const cv::Mat& gray);
   /// Places at least `min_age_s` old that the newest keyframe should see, the best first.
   std::vector<const Stored*> candidates(const KeyframeGraph& graph) const;
   void store(std::size_t keyframe, Place place);
+  const std::vector<Stored>& places() const { return places_; }
   /// Standard deviation of a ray on the plane z = 1.
   double ray_sigma() const { return ray_sigma_; }
 

@@ -20,6 +20,7 @@
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
 #include "runs/playback_clock.hpp"
+#include "runs/relocalization.hpp"
 #include "runs/run_folder.hpp"
 #include "runs/scale.hpp"
 #include "runs/self_calibration.hpp"
@@ -150,7 +151,7 @@ class Runner {
       throw;
     }
     write_smoothed();
-    if (map_ != nullptr) map_->finish();
+    if (map_ != nullptr) finish_map();
     return std::move(pass_);
   }
 
@@ -183,6 +184,20 @@ class Runner {
     if (visual == nullptr || visual->smoother() == nullptr || pass_.fused.empty()) return;
     pass_.smoothed = visual->smoother()->smoothed(pass_.fused);
     io::write_tum(folder_.file(kSmoothedFile), pass_.smoothed);
+    loop_closure::save(visual->smoother()->closer().place_map(),
+                       folder_.file(loop_closure::kPlacesFile));
+  }
+
+  // The map goes where the trajectory is.
+  void finish_map() {
+    const localization::VisualPipeline* visual = pipeline_.visual();
+    if (!pass_.smoothed.empty() && was_found(*visual->smoother())) {
+      localization::MapFrame news;
+      news.stamp = pass_.last;
+      news.motion = mean_motion(pass_.fused, pass_.smoothed, visual->smoother()->T_map_odom());
+      map_->push(std::move(news));
+    }
+    map_->finish();
   }
 
   void record(const localization::PingOutput& output) {
@@ -426,6 +441,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   if (options.map != nullptr && sensors.cameras == 0) {
     fail_input("{}: no images of cam0; mapping requires them", config.dataset.path);
   }
+  check_known_map(config, sensors, options.folder);
   RunFolder folder(options.folder, {.overwrite = options.overwrite, .camera = sensors.cameras > 0});
   log::open_file(folder.file("log.txt"));
   const RunConfig effective_config = resolved(config, rig_node);
@@ -452,6 +468,11 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                    .wall_s = watch.seconds(),
                    .metrics = evaluate(config, rig, reader, pass, evidence),
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
+  eval::Json relocalization = eval::Json::object();
+  if (!config.smoothing.known_map.empty() && pass.first) {
+    relocalization =
+        report_relocalization(config, *pipeline.visual()->smoother(), *pass.first, result.warnings);
+  }
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
@@ -465,6 +486,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
     eval::Json calibration = self_calibration(folder, rig_node, *visual, pass);
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
+    if (!relocalization.empty()) sections["relocalization"] = relocalization;
     if (result.metrics.smoothed) {
       sections["smoothed"] =
           smoothed_json(*visual->smoother(), pass.fused, pass.smoothed, *result.metrics.smoothed);

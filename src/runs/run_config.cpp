@@ -97,6 +97,7 @@ RunConfig resolved(const RunConfig& config, const config::Node& rig) {
   RunConfig copy = config;
   copy.dataset.path = absolute_path(config.dataset.path);
   copy.localization.poses_file = absolute_path(config.localization.poses_file);
+  copy.smoothing.known_map = absolute_path(config.smoothing.known_map);
   copy.dataset.rig.clear();  // its content is in `rig`
   copy.rig = rig;
   const std::string& points = config.mapping.initial_points;

@@ -15,11 +15,12 @@ struct Largest {
   double turn_deg = 0.0;
 };
 
-Largest largest_correction(const Trajectory& odometry, const Trajectory& smoothed) {
+Largest largest_correction(const Trajectory& odometry, const Trajectory& smoothed,
+                           const SE3& T_world_known) {
   Largest largest;
   for (std::size_t i = 0; i < odometry.size(); ++i) {
     const SE3& a = odometry.poses[i].T_world_body;
-    const SE3& b = smoothed.poses[i].T_world_body;
+    const SE3 b = T_world_known * smoothed.poses[i].T_world_body;
     largest.shift_m = std::max(largest.shift_m, (b.translation - a.translation).norm());
     largest.turn_deg =
         std::max(largest.turn_deg, kDegreesPerRadian * so3::angle_between(a.rotation, b.rotation));
@@ -40,7 +41,8 @@ eval::Json smoothed_json(const localization::Smoother& smoother, const Trajector
   eval::Json json = eval::to_json(metrics);
   json["closed_loops"] = smoother.closer().closures();
   json["rejected_loops"] = smoother.closer().rejected();
-  const Largest largest = largest_correction(odometry, smoothed);
+  const Largest largest =
+      largest_correction(odometry, smoothed, smoother.closer().graph().T_world_known());
   json["largest_correction_m"] = largest.shift_m;
   json["largest_correction_deg"] = largest.turn_deg;
   const std::vector<double>& seconds = smoother.keyframe_seconds();

@@ -5,6 +5,8 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -120,7 +122,16 @@ void AsyncMapper::finish_map() {
     const std::scoped_lock lock(mutex_);
     mapper_.add(input);
   }
+  if (motion_) move(*motion_);
   flush_depth();
+}
+
+// A correction before the first keyframe is one of all.
+void AsyncMapper::move(const SE3& motion) {
+  mapping::MapperInput input;
+  input.loop_corrections.push_back({std::numeric_limits<std::int64_t>::min(), to_tensor(motion)});
+  const std::scoped_lock lock(mutex_);
+  mapper_.add(input);
 }
 
 // The newest keyframes wait for neighbors that do not come anymore.
@@ -155,6 +166,7 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
   optimize_outage(frame);
   if (frame.scale_change) change_scale(*frame.scale_change);
+  if (frame.motion) motion_ = frame.motion;
   if (frame.T_body_camera) {
     const std::scoped_lock lock(mutex_);
     T_body_camera_ = *frame.T_body_camera;

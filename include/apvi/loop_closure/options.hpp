@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
+
 #include "apvi/config/fields.hpp"
 
 namespace apvi::loop_closure {
@@ -48,6 +50,7 @@ struct SmoothingOptions : PlaceOptions {
   double node_step_s = 1.0;   ///< time between the nodes of the graph [s]
   int max_nodes = 2000;       ///< beyond this number every second one is dropped
   double drift_factor = 3.0;  ///< estimators are overconfident, see docs/localization.md
+  std::string known_map;      ///< run folder of an earlier dive to be found in; empty: none
   double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
 
   template <typename V>
@@ -62,8 +65,12 @@ struct SmoothingOptions : PlaceOptions {
       "maximum nodes of the graph; beyond it every second one is removed");
     v("drift_factor", drift_factor, Range{0.01, 100.0},
       "factor on the standard deviation of the odometry's drift");
+    v("known_map", known_map,
+      "run folder of an earlier dive in whose frame this one is to be (relocalization); empty: "
+      "none");
     v("gate", gate, Range{0.1, 1e9},
-      "largest squared Mahalanobis distance of a loop closure from the graph; 16.25 rejects 0.27 % "
+      "largest squared Mahalanobis distance of a loop closure or anchor from the graph; 16.25 "
+      "rejects 0.27 % "
       "of the true ones (4 degrees of freedom)");
   }
 };

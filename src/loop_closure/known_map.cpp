@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loop_closure/known_map.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <set>
+#include <utility>
+
+#include "apvi/core/constants.hpp"
+
+namespace apvi::loop_closure {
+namespace {
+
+constexpr std::size_t kCandidates = 8;  // places matched with an image
+constexpr std::size_t kMinFeatures = 8;
+constexpr int kRefinements = 3;
+constexpr double kMinVisibleFraction = 0.2;            // of the points of a place
+constexpr double kMaxTurn = 60.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
+
+Place to_place(const MapPlace& known) {
+  Place place;
+  place.descriptors = known.descriptors;
+  for (const Eigen::Vector3f& point : known.points) {
+    place.points.emplace_back(point.cast<double>());
+    place.rays.emplace_back(place.points.back()->hnormalized());
+  }
+  return place;
+}
+
+std::size_t different_rays(const LevelView& view) {
+  std::set<std::array<double, 2>> rays;
+  for (const PointOnRay& s : view.seen) rays.insert({s.ray.x(), s.ray.y()});
+  return rays.size();
+}
+
+LevelView selected(const LevelView& view, const std::vector<std::size_t>& indices) {
+  LevelView part{view.T_world_camera, {}};
+  for (const std::size_t i : indices) part.seen.push_back(view.seen[i]);
+  return part;
+}
+
+// Without the rays of another view.
+LevelView without(const LevelView& view, const LevelView& other) {
+  std::set<std::array<double, 2>> rays;
+  for (const PointOnRay& s : other.seen) rays.insert({s.ray.x(), s.ray.y()});
+  LevelView rest{view.T_world_camera, {}};
+  for (const PointOnRay& s : view.seen) {
+    if (!rays.contains({s.ray.x(), s.ray.y()})) rest.seen.push_back(s);
+  }
+  return rest;
+}
+
+}  // namespace
+
+KnownMap::KnownMap(PlaceMap map, const CameraModel& camera, double pixel_sigma)
+    : map_(std::move(map)),
+      index_(map_),
+      camera_(camera),
+      sigma_(pixel_sigma / camera.parameters().fx) {
+  for (const MapPlace& place : map_.places) places_.push_back(to_place(place));
+}
+
+LevelView KnownMap::match(const Place& place, const SE3& T_world_camera,
+                          const std::vector<std::size_t>& places) const {
+  LevelView view{T_world_camera, {}};
+  for (const std::size_t k : places) {
+    for (const auto& [i, j] : match_features(places_[k], place)) {
+      const Eigen::Vector3d point =
+          map_.places[k].T_map_camera *
+          map_.places[k].points[static_cast<std::size_t>(i)].cast<double>();
+      view.seen.push_back({point, place.rays[static_cast<std::size_t>(j)]});
+    }
+  }
+  return view;
+}
+
+std::optional<MapFix> KnownMap::fix(const LevelView& seen) const {
+  if (seen.seen.size() < kMinFeatures) return std::nullopt;
+  const auto sampled = sample_level_pose(seen, sigma_);
+  if (!sampled) return std::nullopt;
+  MapFix fix{.pose = {.T_world_map = *sampled}, .view = {}, .features = 0};
+  for (int k = 0; k < kRefinements; ++k) {
+    fix.view = selected(seen, fitting_points(seen, fix.pose.T_world_map, sigma_));
+    fix.features = different_rays(fix.view);
+    if (fix.features < kMinFeatures) return std::nullopt;
+    const auto fitted = fit_level_pose({fix.view}, fix.pose.T_world_map, sigma_);
+    if (!fitted) return std::nullopt;
+    fix.pose = *fitted;
+  }
+  return fix;
+}
+
+std::vector<MapFix> KnownMap::find(const Place& place, const SE3& T_world_camera) const {
+  const LevelView seen = match(place, T_world_camera, index_.query(place.descriptors, kCandidates));
+  std::vector<MapFix> fixes;
+  const auto best = fix(seen);
+  if (!best) return fixes;
+  fixes.push_back(*best);
+  if (auto rival = fix(without(seen, best->view))) fixes.push_back(*std::move(rival));
+  return fixes;
+}
+
+std::optional<MapFix> KnownMap::find_near(const Place& place, const SE3& T_world_camera,
+                                          const SE3& T_world_map) const {
+  const SE3 T_map_camera = T_world_map.inverse() * T_world_camera;
+  return fix(match(place, T_world_camera, visible_places(T_map_camera)));
+}
+
+std::vector<std::size_t> KnownMap::visible_places(const SE3& T_map_camera) const {
+  std::vector<std::pair<double, std::size_t>> visible;
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    const SE3 T_camera_place = T_map_camera.inverse() * map_.places[k].T_map_camera;
+    if ((T_camera_place.rotation * Eigen::Vector3d::UnitZ()).z() < std::cos(kMaxTurn)) continue;
+    std::size_t in_image = 0;
+    for (const auto& point : places_[k].points) {
+      const auto pixel = camera_.project(T_camera_place * *point);
+      if (pixel && camera_.in_image(*pixel)) ++in_image;
+    }
+    const double fraction =
+        static_cast<double>(in_image) / static_cast<double>(places_[k].points.size());
+    if (fraction > kMinVisibleFraction) visible.emplace_back(fraction, k);
+  }
+  std::ranges::stable_sort(visible, std::greater{}, &std::pair<double, std::size_t>::first);
+  visible.resize(std::min(visible.size(), kCandidates));
+  std::vector<std::size_t> best;
+  for (const auto& [fraction, k] : visible) best.push_back(k);
+  return best;
+}
+
+}  // namespace apvi::loop_closure

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apvi/core/stamp.hpp"
+#include "eval/metrics_file.hpp"
+#include "localization/active_sensors.hpp"
+#include "localization/smoother.hpp"
+#include "runs/run_config.hpp"
+
+namespace apvi::runs {
+
+/// Throws InputError when the known map of a run, if it asks for one, cannot be used: before
+/// anything is written to `folder`.
+void check_known_map(const RunConfig& config, const localization::ActiveSensors& sensors,
+                     const std::filesystem::path& folder);
+
+/// Whether the frame of the results is that of a known map.
+bool was_found(const localization::Smoother& smoother);
+
+/// The rigid motion, a rotation about z and a translation, that takes positions of the odometry to
+/// those of the smoothed trajectory, by least squares.
+SE3 mean_motion(const Trajectory& odometry, const Trajectory& smoothed, const SE3& otherwise);
+
+/// Section `relocalization` of metrics.json: whether, when and how the dive was found in the known
+/// map, which the run must have. Warns when it was not.
+eval::Json report_relocalization(const RunConfig& config, const localization::Smoother& smoother,
+                                 Stamp first, std::vector<std::string>& warnings);
+
+}  // namespace apvi::runs
