@@ -14,6 +14,8 @@ namespace apvi::loop_closure {
 namespace {
 
 constexpr std::size_t kCandidates = 8;  // places matched with an image
+constexpr std::size_t kRivals = 4;      // more of them that are elsewhere
+constexpr double kApart_m = 1.0;
 constexpr std::size_t kMinFeatures = 8;
 constexpr int kRefinements = 3;
 constexpr double kMinVisibleFraction = 0.2;            // of the points of a place
@@ -41,13 +43,10 @@ LevelView selected(const LevelView& view, const std::vector<std::size_t>& indice
   return part;
 }
 
-// Without the rays of another view.
-LevelView without(const LevelView& view, const LevelView& other) {
-  std::set<std::array<double, 2>> rays;
-  for (const PointOnRay& s : other.seen) rays.insert({s.ray.x(), s.ray.y()});
+LevelView without(const LevelView& view, const std::vector<std::size_t>& indices) {
   LevelView rest{view.T_world_camera, {}};
-  for (const PointOnRay& s : view.seen) {
-    if (!rays.contains({s.ray.x(), s.ray.y()})) rest.seen.push_back(s);
+  for (std::size_t i = 0; i < view.seen.size(); ++i) {
+    if (!std::ranges::binary_search(indices, i)) rest.seen.push_back(view.seen[i]);
   }
   return rest;
 }
@@ -93,13 +92,32 @@ std::optional<MapFix> KnownMap::fix(const LevelView& seen) const {
 }
 
 std::vector<MapFix> KnownMap::find(const Place& place, const SE3& T_world_camera) const {
-  const LevelView seen = match(place, T_world_camera, index_.query(place.descriptors, kCandidates));
+  const std::vector<std::size_t> ranking = index_.query(place.descriptors, places_.size());
+  const auto end =
+      ranking.begin() + static_cast<std::ptrdiff_t>(std::min(ranking.size(), kCandidates));
+  const LevelView seen = match(place, T_world_camera, {ranking.begin(), end});
   std::vector<MapFix> fixes;
   const auto best = fix(seen);
   if (!best) return fixes;
   fixes.push_back(*best);
-  if (auto rival = fix(without(seen, best->view))) fixes.push_back(*std::move(rival));
+  LevelView rest = without(seen, fitting_points(seen, best->pose.T_world_map, sigma_));
+  const SE3 T_map_camera = best->pose.T_world_map.inverse() * T_world_camera;
+  const LevelView apart = match(place, T_world_camera, places_apart(ranking, T_map_camera));
+  rest.seen.insert(rest.seen.end(), apart.seen.begin(), apart.seen.end());
+  if (auto rival = fix(rest)) fixes.push_back(*std::move(rival));
   return fixes;
+}
+
+// The best ranked ones after the candidates that are not near a camera: one that looks alike must
+// not be crowded out.
+std::vector<std::size_t> KnownMap::places_apart(const std::vector<std::size_t>& ranking,
+                                                const SE3& T_map_camera) const {
+  std::vector<std::size_t> apart;
+  for (std::size_t k = kCandidates; k < ranking.size() && apart.size() < kRivals; ++k) {
+    const Eigen::Vector3d& there = map_.places[ranking[k]].T_map_camera.translation;
+    if ((there - T_map_camera.translation).norm() > kApart_m) apart.push_back(ranking[k]);
+  }
+  return apart;
 }
 
 std::optional<MapFix> KnownMap::find_near(const Place& place, const SE3& T_world_camera,

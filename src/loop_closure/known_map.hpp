@@ -37,6 +37,8 @@ class KnownMap {
                                   const SE3& T_world_map) const;
 
  private:
+  std::vector<std::size_t> places_apart(const std::vector<std::size_t>& ranking,
+                                        const SE3& T_map_camera) const;
   std::vector<std::size_t> visible_places(const SE3& T_map_camera) const;
   LevelView match(const Place& place, const SE3& T_world_camera,
                   const std::vector<std::size_t>& places) const;

@@ -12,27 +12,31 @@ namespace {
 
 // The points of a map err alike, so that the errors of a pose exceed what their number promises.
 constexpr double kErrorFactor = 3.0;
-constexpr double kMinSigma_m = 0.007;
+constexpr double kMinSigma_m = 0.01;
 constexpr double kMinHeadingSigma = 1e-3;
-
-EdgeSigmas sigmas_of(const Eigen::Matrix4d& covariance) {
-  const auto sigma = [&](int i) { return kErrorFactor * std::sqrt(covariance(i, i)); };
-  return {.heading_rad = std::max(kMinHeadingSigma, sigma(3)),
-          .horizontal_m = std::max({kMinSigma_m, sigma(0), sigma(1)}),
-          .vertical_m = std::max(kMinSigma_m, sigma(2))};
-}
-
-Anchor anchor_of(std::size_t keyframe, const MapFix& fix) {
-  return {.keyframe = keyframe,
-          .T_known_camera = fix.pose.T_world_map.inverse() * fix.view.T_world_camera,
-          .sigmas = sigmas_of(fix.pose.covariance)};
-}
 
 // In the axes of the known map.
 Eigen::Matrix4d covariance_in_map(const LevelPose& pose) {
   Eigen::Matrix4d R = Eigen::Matrix4d::Identity();
   R.topLeftCorner<3, 3>() = pose.T_world_map.rotation.conjugate().toRotationMatrix();
-  return kErrorFactor * kErrorFactor * R * pose.covariance * R.transpose();
+  Eigen::Vector4d least = Eigen::Vector4d::Constant(kMinSigma_m * kMinSigma_m);
+  least[3] = kMinHeadingSigma * kMinHeadingSigma;
+  Eigen::Matrix4d covariance = kErrorFactor * kErrorFactor * R * pose.covariance * R.transpose();
+  covariance.diagonal() += least;
+  return covariance;
+}
+
+EdgeSigmas sigmas_of(const Eigen::Matrix4d& covariance) {
+  const Eigen::Vector4d sigmas = covariance.diagonal().cwiseSqrt();
+  return {.heading_rad = sigmas[3],
+          .horizontal_m = std::max(sigmas[0], sigmas[1]),
+          .vertical_m = sigmas[2]};
+}
+
+Anchor anchor_of(std::size_t keyframe, const MapFix& fix) {
+  return {.keyframe = keyframe,
+          .T_known_camera = fix.pose.T_world_map.inverse() * fix.view.T_world_camera,
+          .sigmas = sigmas_of(covariance_in_map(fix.pose))};
 }
 
 }  // namespace
