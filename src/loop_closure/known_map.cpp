@@ -108,8 +108,8 @@ std::vector<MapFix> KnownMap::find(const Place& place, const SE3& T_world_camera
   return fixes;
 }
 
-// The best ranked ones after the candidates that are not near a camera: one that looks alike must
-// not be crowded out.
+// The best ranked ones after the candidates that are not near a camera, so that one that looks alike
+// is matched too.
 std::vector<std::size_t> KnownMap::places_apart(const std::vector<std::size_t>& ranking,
                                                 const SE3& T_map_camera) const {
   std::vector<std::size_t> apart;

@@ -119,9 +119,10 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   std::error_code error;
   fs::create_directories(path, error);
   if (error) fail_run("{}: cannot create folder: {}", path.string(), error.message());
-  for (const char* stale : {"metrics.json", "report.html", "trajectory_smoothed.tum", "places.bin", "vio.tum",
-                            "keyframes.tum", "health.csv", "timing.csv", "rig_estimated.yaml",
-                            "mapping.csv", "checkpoint.pt", "map.ply", "medium.json"}) {
+  for (const char* stale :
+       {"metrics.json", "report.html", "trajectory_smoothed.tum", "places.bin", "vio.tum",
+        "keyframes.tum", "health.csv", "timing.csv", "rig_estimated.yaml", "mapping.csv",
+        "checkpoint.pt", "map.ply", "medium.json"}) {
     fs::remove(path / stale, error);
   }
   fs::remove_all(path / "renders", error);
