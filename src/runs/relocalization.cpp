@@ -78,9 +78,12 @@ SE3 mean_motion(const Trajectory& odometry, const Trajectory& smoothed, const SE
   return align_yaw(positions(odometry), positions(smoothed)).value_or(otherwise);
 }
 
-eval::Json report_relocalization(const RunConfig& config, const localization::Smoother& smoother,
-                                 Stamp first, std::vector<std::string>& warnings) {
+eval::Json report_relocalization(const RunConfig& config,
+                                 const localization::VisualPipeline* visual,
+                                 std::optional<Stamp> first, std::vector<std::string>& warnings) {
   const std::string& run = config.smoothing.known_map;
+  if (run.empty() || !first) return eval::Json::object();
+  const localization::Smoother& smoother = *visual->smoother();
   eval::Json json{{"map", run}, {"found", false}};
   if (!was_found(smoother)) {
     warnings.push_back(fmt::format(
@@ -89,7 +92,7 @@ eval::Json report_relocalization(const RunConfig& config, const localization::Sm
     return json;
   }
   const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
-  json.update(found_json(*anchors->found(), first));
+  json.update(found_json(*anchors->found(), *first));
   json["anchors"] = anchors->anchors();
   json["rejected_anchors"] = anchors->rejected();
   json["T_map_odom"] = to_json(smoother.T_map_odom());

@@ -2,13 +2,14 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "apvi/core/stamp.hpp"
 #include "eval/metrics_file.hpp"
 #include "localization/active_sensors.hpp"
-#include "localization/smoother.hpp"
+#include "localization/visual_pipeline.hpp"
 #include "runs/run_config.hpp"
 
 namespace apvi::runs {
@@ -26,8 +27,9 @@ bool was_found(const localization::Smoother& smoother);
 SE3 mean_motion(const Trajectory& odometry, const Trajectory& smoothed, const SE3& otherwise);
 
 /// Section `relocalization` of metrics.json: whether, when and how the dive was found in the known
-/// map, which the run must have. Warns when it was not.
-eval::Json report_relocalization(const RunConfig& config, const localization::Smoother& smoother,
-                                 Stamp first, std::vector<std::string>& warnings);
+/// map, and a warning when it was not. Empty for a run without a known map.
+eval::Json report_relocalization(const RunConfig& config,
+                                 const localization::VisualPipeline* visual,
+                                 std::optional<Stamp> first, std::vector<std::string>& warnings);
 
 }  // namespace apvi::runs

@@ -468,11 +468,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                    .wall_s = watch.seconds(),
                    .metrics = evaluate(config, rig, reader, pass, evidence),
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
-  eval::Json relocalization = eval::Json::object();
-  if (!config.smoothing.known_map.empty() && pass.first) {
-    relocalization =
-        report_relocalization(config, *pipeline.visual()->smoother(), *pass.first, result.warnings);
-  }
+  const eval::Json relocalization =
+      report_relocalization(config, pipeline.visual(), pass.first, result.warnings);
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
