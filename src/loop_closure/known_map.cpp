@@ -18,6 +18,9 @@ constexpr std::size_t kRivals = 4;      // more of them that are elsewhere
 constexpr double kApart_m = 1.0;
 constexpr std::size_t kMinFeatures = 8;
 constexpr int kRefinements = 3;
+constexpr double kSearchRadius = 0.1;                  // about a predicted ray, on the plane z = 1
+constexpr int kMaxSquaredDistance = 300 * 300;         // of descriptors, whose norm is 512
+constexpr double kMaxRatio = 0.85;                     // Lowe's ratio test among the features there
 constexpr double kMinVisibleFraction = 0.2;            // of the points of a place
 constexpr double kMaxTurn = 60.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
 
@@ -41,6 +44,25 @@ LevelView selected(const LevelView& view, const std::vector<std::size_t>& indice
   LevelView part{view.T_world_camera, {}};
   for (const std::size_t i : indices) part.seen.push_back(view.seen[i]);
   return part;
+}
+
+// The feature near a ray whose descriptor is the most similar, and clearly so.
+std::optional<std::size_t> nearest_feature(const Place& place, const Eigen::Vector2d& ray,
+                                           const unsigned char* descriptor) {
+  std::optional<std::size_t> nearest;
+  int smallest = kMaxSquaredDistance;
+  int second = kMaxSquaredDistance;
+  for (std::size_t j = 0; j < place.rays.size(); ++j) {
+    if ((place.rays[j] - ray).squaredNorm() > kSearchRadius * kSearchRadius) continue;
+    const int distance = squared_distance(descriptor, place.descriptors.ptr(static_cast<int>(j)));
+    if (distance < smallest) {
+      second = std::exchange(smallest, distance);
+      nearest = j;
+    } else {
+      second = std::min(second, distance);
+    }
+  }
+  return smallest < kMaxRatio * kMaxRatio * second ? nearest : std::nullopt;
 }
 
 LevelView without(const LevelView& view, const std::vector<std::size_t>& indices) {
@@ -99,7 +121,8 @@ std::vector<MapFix> KnownMap::find(const Place& place, const SE3& T_world_camera
   std::vector<MapFix> fixes;
   const auto best = fix(seen);
   if (!best) return fixes;
-  fixes.push_back(*best);
+  const auto again = find_near(place, T_world_camera, best->pose.T_world_map);
+  fixes.push_back(again && again->features > best->features ? *again : *best);
   LevelView rest = without(seen, fitting_points(seen, best->pose.T_world_map, sigma_));
   const SE3 T_map_camera = best->pose.T_world_map.inverse() * T_world_camera;
   const LevelView apart = match(place, T_world_camera, places_apart(ranking, T_map_camera));
@@ -108,8 +131,8 @@ std::vector<MapFix> KnownMap::find(const Place& place, const SE3& T_world_camera
   return fixes;
 }
 
-// The best ranked ones after the candidates that are not near a camera, so that one that looks alike
-// is matched too.
+// The best ranked ones after the candidates that are not near a camera, so that one that looks
+// alike is matched too.
 std::vector<std::size_t> KnownMap::places_apart(const std::vector<std::size_t>& ranking,
                                                 const SE3& T_map_camera) const {
   std::vector<std::size_t> apart;
@@ -122,8 +145,26 @@ std::vector<std::size_t> KnownMap::places_apart(const std::vector<std::size_t>& 
 
 std::optional<MapFix> KnownMap::find_near(const Place& place, const SE3& T_world_camera,
                                           const SE3& T_world_map) const {
+  return fix(match_near(place, T_world_camera, T_world_map));
+}
+
+LevelView KnownMap::match_near(const Place& place, const SE3& T_world_camera,
+                               const SE3& T_world_map) const {
   const SE3 T_map_camera = T_world_map.inverse() * T_world_camera;
-  return fix(match(place, T_world_camera, visible_places(T_map_camera)));
+  LevelView view{T_world_camera, {}};
+  for (const std::size_t k : visible_places(T_map_camera)) {
+    const SE3 T_camera_place = T_map_camera.inverse() * map_.places[k].T_map_camera;
+    for (std::size_t i = 0; i < places_[k].points.size(); ++i) {
+      const Eigen::Vector3d& point = *places_[k].points[i];
+      const Eigen::Vector3d seen = T_camera_place * point;
+      if (seen.z() <= 0.0) continue;
+      const auto feature = nearest_feature(place, seen.hnormalized(),
+                                           places_[k].descriptors.ptr(static_cast<int>(i)));
+      if (!feature) continue;
+      view.seen.push_back({map_.places[k].T_map_camera * point, place.rays[*feature]});
+    }
+  }
+  return view;
 }
 
 std::vector<std::size_t> KnownMap::visible_places(const SE3& T_map_camera) const {

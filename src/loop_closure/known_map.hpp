@@ -21,7 +21,8 @@ struct MapFix {
 };
 
 /// The map of an earlier dive, in which images are found. Features are matched with those of
-/// several places, and their points are put together in one RANSAC, so few are needed of each.
+/// several places, and their points are put together in one RANSAC, so few are needed of each. With
+/// a pose, features are matched again near where the points should be seen, which finds more.
 class KnownMap {
  public:
   KnownMap(PlaceMap map, const CameraModel& camera, double pixel_sigma);
@@ -42,6 +43,7 @@ class KnownMap {
   std::vector<std::size_t> visible_places(const SE3& T_map_camera) const;
   LevelView match(const Place& place, const SE3& T_world_camera,
                   const std::vector<std::size_t>& places) const;
+  LevelView match_near(const Place& place, const SE3& T_world_camera, const SE3& T_world_map) const;
   std::optional<MapFix> fix(const LevelView& seen) const;
 
   PlaceMap map_;

@@ -127,7 +127,7 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
   graph_.add(keyframe);
   reported_.push_back(reported_.empty() ? DriftCorrection{} : reported_.back());
   const bool new_place = !gray.empty() && places_.is_new_place(graph_);
-  searched_ = new_place || (!gray.empty() && anchors_ && anchors_->is_searching());
+  searched_ = new_place || (!gray.empty() && anchors_);
   if (!searched_) return false;
   search(gray, new_place);
   return (was_found_ || is_optimization_due()) && flush();

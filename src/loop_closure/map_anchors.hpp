@@ -29,7 +29,6 @@ class MapAnchors {
   /// `gate`: largest squared Mahalanobis distance of an anchor from the graph.
   MapAnchors(std::shared_ptr<const KnownMap> map, double gate);
 
-  /// Whether every image is wanted, not only those of new places.
   bool is_searching() const { return !found_; }
   /// The newest keyframe of the graph, with its place. True if the graph has got an anchor.
   bool process(const Place& place, KeyframeGraph& graph);

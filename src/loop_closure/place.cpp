@@ -121,6 +121,15 @@ Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_fea
   return place;
 }
 
+int squared_distance(const unsigned char* a, const unsigned char* b) {
+  int sum = 0;
+  for (int k = 0; k < kDescriptorSize; ++k) {
+    const int difference = static_cast<int>(a[k]) - static_cast<int>(b[k]);
+    sum += difference * difference;
+  }
+  return sum;
+}
+
 // All squared distances as one matrix product; exact, as descriptors are integers.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b) {
   std::vector<std::pair<int, int>> pairs;

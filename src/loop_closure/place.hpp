@@ -32,6 +32,10 @@ cv::Mat to_gray(const cv::Mat& image);
 /// pinhole: rays are undistorted.
 Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features);
 
+inline constexpr int kDescriptorSize = 128;
+/// Squared distance of two descriptors.
+int squared_distance(const unsigned char* a, const unsigned char* b);
+
 /// Mutual nearest neighbors that pass the ratio test.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);
 

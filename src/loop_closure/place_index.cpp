@@ -9,7 +9,6 @@
 namespace apvi::loop_closure {
 namespace {
 
-constexpr int kSize = 128;          // of a descriptor
 constexpr std::size_t kProbes = 8;  // cells searched for a descriptor
 // Cells per square root of the number of descriptors.
 constexpr double kCellsPerRoot = 2.0;
@@ -18,15 +17,6 @@ constexpr double kCellsPerRoot = 2.0;
 constexpr double kTie = 1.1;
 // Descriptors compared at a time, to bound the memory.
 constexpr int kChunk = 4096;
-
-int squared_distance(const unsigned char* a, const unsigned char* b) {
-  int sum = 0;
-  for (int k = 0; k < kSize; ++k) {
-    const int difference = static_cast<int>(a[k]) - static_cast<int>(b[k]);
-    sum += difference * difference;
-  }
-  return sum;
-}
 
 // Indices of the smallest values, in order; ties by index.
 std::vector<Eigen::Index> smallest(const Eigen::RowVectorXf& values, std::size_t count) {
@@ -52,11 +42,11 @@ PlaceIndex::PlaceIndex(const PlaceMap& map) {
   const double root = std::sqrt(static_cast<double>(all.size()));
   const auto count =
       std::min(all.size(), static_cast<std::size_t>(std::ceil(kCellsPerRoot * root)));
-  centers_.resize(static_cast<Eigen::Index>(count), kSize);
+  centers_.resize(static_cast<Eigen::Index>(count), kDescriptorSize);
   for (std::size_t c = 0; c < count; ++c) {
     const Entry& entry = all[c * all.size() / count];
     const unsigned char* row = descriptors_[entry.place].ptr(static_cast<int>(entry.row));
-    for (int k = 0; k < kSize; ++k) centers_(static_cast<Eigen::Index>(c), k) = row[k];
+    for (int k = 0; k < kDescriptorSize; ++k) centers_(static_cast<Eigen::Index>(c), k) = row[k];
   }
   cells_.resize(count);
   for (std::uint32_t p = 0; p < descriptors_.size(); ++p) {
@@ -76,7 +66,8 @@ std::vector<std::vector<Eigen::Index>> PlaceIndex::nearest_cells(const cv::Mat& 
   for (int begin = 0; begin < descriptors.rows; begin += kChunk) {
     const cv::Mat chunk =
         descriptors.rowRange(begin, std::min(begin + kChunk, descriptors.rows)).clone();
-    const Rows rows = Eigen::Map<const Bytes>(chunk.ptr(), chunk.rows, kSize).cast<float>();
+    const Rows rows =
+        Eigen::Map<const Bytes>(chunk.ptr(), chunk.rows, kDescriptorSize).cast<float>();
     Rows squared = -2.0F * rows * centers_.transpose();
     squared.rowwise() += norms;
     for (Eigen::Index i = 0; i < squared.rows(); ++i) {

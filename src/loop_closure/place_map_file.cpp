@@ -18,7 +18,6 @@ constexpr std::string_view kMagic = "APVI places\n";
 constexpr std::uint32_t kVersion = 1;
 // What describes a feature; descriptors of another kind cannot be compared.
 constexpr std::string_view kFeatures = "sift 128 u8 clahe";
-constexpr int kDescriptorSize = 128;
 constexpr std::uint32_t kMaxCount = 10'000'000;
 
 template <typename T>
