@@ -28,6 +28,10 @@ void check_given_poses(const RunConfig& config) {
   if (m.enabled == slam::MapSwitch::off) {
     fail_input("localization.enabled: false with mapping.enabled: false: nothing to do");
   }
+  if (!config.smoothing.known_map.empty()) {
+    fail_input("{}: given poses are not changed: to be found in a map needs localization",
+               config.smoothing.known_map);
+  }
   if (m.trainer.densify.kind == mapping::Densification::quadtree) {
     fail_input(
         "mapping.densification: quadtree needs localization; with given poses use none, "

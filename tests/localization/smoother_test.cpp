@@ -8,6 +8,7 @@
 #include "apvi/geometry/so3.hpp"
 #include "support/simulated_dive.hpp"
 #include "support/textured_floor.hpp"
+#include "support/tmp_dir.hpp"
 
 namespace apvi::localization {
 namespace {
@@ -74,6 +75,8 @@ MapFrame map_frame_of(int frame, const Rig& rig) {
 struct Result {
   Trajectory odometry;
   Trajectory smoothed;
+  loop_closure::PlaceMap places;
+  bool found = false;
   SE3 T_map_odom;
   std::size_t closures = 0;
 };
@@ -96,6 +99,9 @@ Result dive(const Options& options, int from = 0, int to = 0, bool restarts = fa
   result.smoothed = smoother.smoothed(result.odometry);
   result.T_map_odom = smoother.T_map_odom();
   result.closures = smoother.closer().closures();
+  result.places = smoother.closer().place_map();
+  const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
+  result.found = anchors != nullptr && anchors->found();
   return result;
 }
 
@@ -149,6 +155,38 @@ TEST(Smoother, AThreadOfItsOwnGivesTheSameBits) {
   const Result a = dive({});
   const Result b = dive(replay);
   EXPECT_EQ(a.closures, b.closures);
+  for (std::size_t i = 0; i < a.smoothed.size(); ++i) {
+    const SE3& p = a.smoothed.poses[i].T_world_body;
+    const SE3& q = b.smoothed.poses[i].T_world_body;
+    EXPECT_TRUE(p.translation == q.translation && p.rotation.coeffs() == q.rotation.coeffs());
+  }
+}
+
+/// The same dive once more, in the map that it left.
+Result second_dive(RunMode mode) {
+  static const loop_closure::PlaceMap places = dive({}).places;
+  const test::TmpDir run;
+  save(places, run.path() / loop_closure::kPlacesFile);
+  Options options;
+  options.run.mode = mode;
+  options.smoothing.known_map = run.path().string();
+  return dive(options);
+}
+
+TEST(Smoother, ADiveFoundInAKnownMapIsInItsFrame) {
+  const Result first = dive({});
+  const Result again = second_dive(RunMode::sequential);
+  ASSERT_TRUE(again.found);
+  EXPECT_FALSE(first.found);
+  EXPECT_LT(largest_error(again.smoothed), 1.2 * largest_error(first.smoothed));
+  const SE3 newest = again.T_map_odom * again.odometry.poses.back().T_world_body;
+  const SE3& last = again.smoothed.poses.back().T_world_body;
+  EXPECT_LT((newest.translation - last.translation).norm(), 1e-9);
+}
+
+TEST(Smoother, AKnownMapGivesTheSameBitsOnAThread) {
+  const Result a = second_dive(RunMode::sequential);
+  const Result b = second_dive(RunMode::replay);
   for (std::size_t i = 0; i < a.smoothed.size(); ++i) {
     const SE3& p = a.smoothed.poses[i].T_world_body;
     const SE3& q = b.smoothed.poses[i].T_world_body;

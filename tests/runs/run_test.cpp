@@ -12,6 +12,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/io/tum.hpp"
 #include "eval/metrics_file.hpp"
+#include "loop_closure/place_map.hpp"
 #include "support/dive_folder.hpp"
 #include "support/source_dir.hpp"
 #include "support/test_data.hpp"
@@ -116,6 +117,25 @@ TEST(Run, RefusesToOverwriteRun) {
   run(config, {.folder = tmp.path() / "run"});
   EXPECT_THROW(run(config, {.folder = tmp.path() / "run"}), InputError);
   EXPECT_NO_THROW(run(config, {.folder = tmp.path() / "run", .overwrite = true}));
+}
+
+TEST(Run, RefusesAKnownMapThatCannotBeUsedBeforeItWritesAnything) {
+  const test::TmpDir tmp;
+  test::write_dive(tmp, "dive", {});
+  RunConfig config = config_for(tmp.path() / "dive");
+  const auto refuses = [&](const std::string& map, const std::string& text) {
+    config.smoothing.known_map = (tmp.path() / map).string();
+    EXPECT_THAT([&] { run(config, {.folder = tmp.path() / "run"}); },
+                testing::ThrowsMessage<InputError>(testing::HasSubstr(text)));
+    EXPECT_FALSE(fs::exists(tmp.path() / "run"));
+  };
+  refuses("none", "no such run folder");
+  refuses("dive", "no places.bin");
+  loop_closure::PlaceMap map;
+  map.places.emplace_back();
+  fs::create_directory(tmp.path() / "map");
+  save(map, tmp.path() / "map" / loop_closure::kPlacesFile);
+  refuses("map", "needs a camera");
 }
 
 TEST(Run, ReportsFullDisk) {

@@ -69,6 +69,29 @@ TEST_F(RealImages, AteIsBelow2cmWithEightSecondsOfBlackImages) {
   EXPECT_LT(result.metrics.fused.ate.value->rmse, 0.02);
 }
 
+// The second run begins elsewhere, so that its odometry has another origin and heading.
+TEST_F(RealImages, IsFoundInTheMapOfAnEarlierRun) {
+  run_with("first", {});
+  const std::string map = (tmp_.path() / "first").string();
+  run_with("second", {"dataset.start_s=6", "smoothing.known_map=" + map});
+  const auto metrics = nlohmann::json::parse(text("second/metrics.json"));
+  ASSERT_TRUE(metrics["relocalization"]["found"].get<bool>());
+  EXPECT_LT(metrics["relocalization"]["found_after_s"].get<double>(), 5.0);
+  const Trajectory first = io::read_trajectory(tmp_.path() / "first/trajectory_smoothed.tum");
+  const Trajectory second = io::read_trajectory(tmp_.path() / "second/trajectory_smoothed.tum");
+  std::size_t common = 0;
+  for (const StampedPose& pose : second.poses) {
+    for (const StampedPose& known : first.poses) {
+      if (known.stamp != pose.stamp) continue;
+      ++common;
+      const Eigen::Vector3d error = pose.T_world_body.translation - known.T_world_body.translation;
+      EXPECT_LT(error.norm(), 0.05);
+    }
+  }
+  EXPECT_GT(common, 100U);
+  EXPECT_GT(fs::file_size(tmp_.path() / "second/places.bin"), 1000U);
+}
+
 TEST_F(RealImages, ReplayOnThreadsIsBitIdenticalToSequential) {
   run_with("one", {"dataset.duration_s=10"});
   run_with("three", {"dataset.duration_s=10", "run.mode=replay"});
