@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "apvi/core/log.hpp"
+#include "cli/calibrate_rig.hpp"
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
 #include "core/interrupt.hpp"
@@ -32,12 +33,13 @@ void add_calibrate(CLI::App& app) {
   const auto a = std::make_shared<CalibrateOptions>();
   a->folder = "runs/calibration";
   CLI::App* command = app.add_subcommand(
-      "calibrate", "find the thresholds of the degeneracy check from recordings with good vision");
+      "calibrate",
+      "find the thresholds of the degeneracy check from recordings with good vision; or, as "
+      "calibrate rig, the calibration of a vehicle");
   command
       ->add_option("RECORDING|RUN", a->inputs,
                    "recordings to run, or folders of finished runs with `vio.graph: paper`")
-      ->type_name("FILE|FOLDER")
-      ->required();
+      ->type_name("FILE|FOLDER");
   command->add_option("-c,--config", a->config, "run configuration for recordings")
       ->type_name("FILE");
   command->add_option("--set", a->overrides, "override a configuration key; repeatable")
@@ -63,7 +65,10 @@ void add_calibrate(CLI::App& app) {
       ->check(CLI::Range(0.0, 0.5))
       ->type_name("FRACTION")
       ->capture_default_str();
-  command->callback([a] { calibrate(*a); });
+  add_calibrate_rig(*command);
+  command->callback([a, command] {
+    if (command->get_subcommands().empty()) calibrate(*a);
+  });
 }
 
 }  // namespace apvi::cli

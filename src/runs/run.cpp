@@ -98,7 +98,7 @@ struct Pass {
   Trajectory vio;
   double length_m = 0.0;
   double accel_factor = 1.0;  // final value of the adaptive noise
-  std::optional<double> dvl_time_offset_s;
+  std::optional<DvlTimeOffset> dvl_time_offset;
   std::vector<double> frame_s;  // tracking and estimation time per frame
   SampleStatistics samples;
   VioService vio_service;
@@ -210,7 +210,8 @@ class Runner {
       if (observer_ != nullptr) observer_->ping(output);
     }
     pass_.accel_factor = output.ping.accel_factor;
-    pass_.dvl_time_offset_s = output.estimate.state.dvl_time_offset_s;
+    const double variance = output.estimate.covariance(dipo::kTimeOffset, dipo::kTimeOffset);
+    pass_.dvl_time_offset = {output.estimate.state.dvl_time_offset_s, std::sqrt(variance)};
   }
 
   // Called from the last stage's thread; the status line reads the guarded members.
@@ -335,16 +336,23 @@ std::vector<std::string> collect_warnings(const Evidence& evidence, const Rig& r
   return warnings;
 }
 
+vio::CalibrationEstimate calibration_of(const RunConfig& config, const Rig& rig,
+                                        const localization::VisualPipeline& visual,
+                                        const Pass& pass) {
+  vio::CalibrationEstimate found = visual.fusion_stage().estimator().calibration();
+  const dipo::CalibrationState& offset = config.dipo.dvl.time_offset;
+  if (rig.dvl && offset.estimate && pass.dvl_time_offset) {
+    append_time_offset(*pass.dvl_time_offset, rig.dvl->time_offset_s, offset.sigma, found);
+  }
+  return found;
+}
+
 // Nothing when the recording told no parameter.
 eval::Json self_calibration(const RunFolder& folder, const config::Node& rig,
-                            const localization::VisualPipeline& visual, const Pass& pass) {
-  const vio::Estimator& estimator = visual.fusion_stage().estimator();
-  const std::vector<vio::CalibrationParameter> parameters = estimator.calibration();
+                            const std::vector<vio::CalibrationParameter>& parameters) {
   const auto told = [](const vio::CalibrationParameter& p) { return p.observable(); };
   if (std::ranges::none_of(parameters, told)) return eval::Json::object();
-  Rig estimate = estimator.calibrated_rig();
-  if (estimate.dvl && pass.dvl_time_offset_s) estimate.dvl->time_offset_s = *pass.dvl_time_offset_s;
-  report_self_calibration(folder.file("rig_estimated.yaml"), rig, estimate, parameters);
+  report_self_calibration(folder.file("rig_estimated.yaml"), rig, parameters);
   return self_calibration_json(parameters);
 }
 
@@ -480,7 +488,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
-    eval::Json calibration = self_calibration(folder, rig_node, *visual, pass);
+    result.calibration = calibration_of(config, rig, *visual, pass);
+    eval::Json calibration = self_calibration(folder, rig_node, result.calibration.parameters);
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
     if (!relocalization.empty()) sections["relocalization"] = relocalization;

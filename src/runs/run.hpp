@@ -12,6 +12,7 @@
 #include "runs/live_hooks.hpp"
 #include "runs/run_config.hpp"
 #include "runs/run_observer.hpp"
+#include "vio/window/calibration.hpp"
 
 namespace apvi::runs {
 
@@ -33,6 +34,8 @@ struct RunResult {
   double wall_s = 0.0;      ///< processing time
   eval::RunTrajectories metrics;
   std::vector<std::string> warnings;  ///< sensors that did not serve, implausible results
+  /// Of self-calibration, with "dvl0.time_offset_s" of DIPO; empty without a camera.
+  vio::CalibrationEstimate calibration = {};
 };
 
 /// Runs localization on a recording into a run folder and evaluates it against the recording's

@@ -13,6 +13,8 @@
 namespace apvi::runs {
 namespace {
 
+constexpr const char* kDvlTimeOffset = "dvl0.time_offset_s";
+
 config::Node numbers(const std::vector<double>& values) {
   return config::parse_yaml(fmt::format("[{:.9g}]", fmt::join(values, ", ")), "estimate");
 }
@@ -65,6 +67,28 @@ bool differs(const vio::CalibrationParameter& p) {
 
 }  // namespace
 
+void append_time_offset(const DvlTimeOffset& offset, double rig_s, double prior_sigma_s,
+                        vio::CalibrationEstimate& estimate) {
+  const auto scalar = [](double value) { return Eigen::VectorXd::Constant(1, value); };
+  estimate.parameters.push_back({.name = kDvlTimeOffset,
+                                 .change = scalar(offset.value_s - rig_s),
+                                 .sigma = scalar(offset.sigma_s),
+                                 .prior_sigma = prior_sigma_s});
+  const Eigen::Index size = estimate.covariance.rows();
+  Eigen::MatrixXd both = Eigen::MatrixXd::Zero(size + 1, size + 1);
+  both.topLeftCorner(size, size) = estimate.covariance;
+  both(size, size) = offset.sigma_s * offset.sigma_s;
+  estimate.covariance = std::move(both);
+}
+
+Rig changed(const Rig& rig, const std::vector<vio::CalibrationParameter>& parameters) {
+  Rig result = vio::calibrated(rig, vio::with_changes(rig, parameters));
+  for (const vio::CalibrationParameter& p : parameters) {
+    if (result.dvl && p.name == kDvlTimeOffset) result.dvl->time_offset_s += p.change(0);
+  }
+  return result;
+}
+
 config::Node estimated_rig(const config::Node& rig, const Rig& estimate) {
   config::Node out = rig;
   const Rig before = make_rig(rig);
@@ -87,8 +111,8 @@ eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& p
 }
 
 void report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
-                             const Rig& estimate,
                              const std::vector<vio::CalibrationParameter>& parameters) {
+  const Rig estimate = changed(make_rig(rig), parameters);
   io::write_text_file(file, "# The rig with the calibration that this run estimated.\n" +
                                 config::to_yaml(estimated_rig(rig, estimate)));
   for (const vio::CalibrationParameter& p : parameters) {

@@ -249,10 +249,10 @@ std::shared_ptr<const Prior> Estimator::with_calibration(
   return std::make_shared<Prior>(joined(*prior, calibration_memory_.knowledge()));
 }
 
-std::vector<CalibrationParameter> Estimator::calibration() const {
+CalibrationEstimate Estimator::calibration() const {
   const Prior known = calibration_part(window_.prior, calibration_blocks_);
-  return parameters(window_.calibration, rig_, config_.calibration,
-                    known.kept.empty() ? calibration_memory_.knowledge() : known);
+  return estimate_of(window_.calibration, rig_, config_.calibration,
+                     known.kept.empty() ? calibration_memory_.knowledge() : known);
 }
 
 // In small steps, so that frames stay in order. An image before its stamp is left to the window, as

@@ -58,7 +58,7 @@ class Estimator {
 
   bool started() const { return !window_.frames.empty(); }
   /// What self-calibration knows now.
-  std::vector<CalibrationParameter> calibration() const;
+  CalibrationEstimate calibration() const;
   /// The rig with the calibration of the window.
   Rig calibrated_rig() const { return calibrated(rig_, window_.calibration); }
   const Window& window() const { return window_; }

@@ -51,6 +51,20 @@ TEST(EstimatedRig, IsReadAsTheRigThatWasEstimated) {
   EXPECT_EQ(read.imu->rate_hz, 200.0);
 }
 
+TEST(ChangedRig, HasTheTimeOffsetOfTheDvlOnce) {
+  Rig rig = make_rig(rig_node());
+  rig.dvl->time_offset_s = 0.1;
+  vio::CalibrationEstimate estimate{{{"dvl0.scale", Eigen::VectorXd::Constant(1, 0.02),
+                                      Eigen::VectorXd::Constant(1, 0.001), 0.01}},
+                                    Eigen::MatrixXd::Constant(1, 1, 1e-6)};
+  append_time_offset({.value_s = 0.15, .sigma_s = 0.002}, 0.1, 0.1, estimate);
+  const Rig now = changed(rig, estimate.parameters);
+  EXPECT_DOUBLE_EQ(now.dvl->time_offset_s, 0.15);
+  EXPECT_DOUBLE_EQ(now.dvl->scale, 1.02 * rig.dvl->scale);
+  EXPECT_TRUE(estimate.parameters.back().observable());
+  EXPECT_EQ(estimate.covariance, (Eigen::Matrix2d{{1e-6, 0.0}, {0.0, 4e-6}}));
+}
+
 TEST(SelfCalibrationJson, SaysWhatTheRecordingTold) {
   const Eigen::Vector3d turned(0.01, 0.0, -0.02);
   const Eigen::VectorXd scale = Eigen::VectorXd::Constant(1, 0.002);

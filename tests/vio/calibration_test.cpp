@@ -34,7 +34,7 @@ TEST(Calibration, StartsWithTheRigAndItsUncertainty) {
   Calibration calibration = calibration_of(rig);
   const CalibrationConfig config;
   const Prior prior = calibration_prior(calibration, config);
-  const auto all = parameters(calibration, rig, config, prior);
+  const auto all = estimate_of(calibration, rig, config, prior).parameters;
   ASSERT_EQ(all.size(), 12U);
   for (const CalibrationParameter& p : all) {
     EXPECT_TRUE(p.change.isZero(1e-12)) << p.name;
@@ -50,9 +50,13 @@ TEST(Calibration, OmitsWhatIsNotEstimatedAndADvlThatIsNotThere) {
   rig.dvl.reset();
   Calibration calibration = calibration_of(rig);
   CalibrationConfig config = CalibrationConfig::fixed();
-  EXPECT_TRUE(parameters(calibration, rig, config, calibration_prior(calibration, config)).empty());
+  const CalibrationEstimate none =
+      estimate_of(calibration, rig, config, calibration_prior(calibration, config));
+  EXPECT_TRUE(none.parameters.empty());
+  EXPECT_EQ(none.covariance.size(), 0);
   config.camera_mounting.estimate = config.dvl_scale.estimate = true;
-  const auto all = parameters(calibration, rig, config, calibration_prior(calibration, config));
+  const auto all =
+      estimate_of(calibration, rig, config, calibration_prior(calibration, config)).parameters;
   ASSERT_EQ(all.size(), 2U);
   EXPECT_EQ(all[0].name, "cam0.mounting");
   EXPECT_EQ(all[1].name, "cam1.mounting");
@@ -71,6 +75,46 @@ TEST(Calibration, ChangesTheRigSoThatPixelsAgree) {
   EXPECT_LT((true_point(by_rig, calibration.lenses[0]) - truth.head<2>()).norm(), 1e-9);
   EXPECT_DOUBLE_EQ(changed.dvl->scale, 0.99 * rig.dvl->scale);
   EXPECT_DOUBLE_EQ(changed.cameras[0].time_offset_s, 0.03);
+}
+
+TEST(Calibration, IsRecoveredFromTheChangesOfItsParameters) {
+  const Rig rig = stereo_rig();
+  Calibration calibration = calibration_of(rig);
+  const CalibrationConfig config;
+  const Prior prior = calibration_prior(calibration, config);
+  const SE3 turn{so3::exp(Vector3d(0.02, -0.01, 0.03)), Vector3d(0.01, 0.02, -0.03)};
+  calibration.T_body_camera[1] = to_block(to_se3(calibration.T_body_camera[1].data()) * turn);
+  calibration.T_body_dvl = to_block(to_se3(calibration.T_body_dvl.data()) * turn);
+  calibration.lenses[0] = {std::log(1.02), 0.01, -0.02};
+  calibration.camera_time_offset_s = 0.04;
+  calibration.dvl_log_scale = -0.01;
+  const CalibrationEstimate found = estimate_of(calibration, rig, config, prior);
+  const Calibration again = with_changes(rig, found.parameters);
+  for (int k = 0; k < kPoseSize; ++k) {
+    EXPECT_NEAR(again.T_body_camera[1][k], calibration.T_body_camera[1][k], 1e-12);
+    EXPECT_NEAR(again.T_body_dvl[k], calibration.T_body_dvl[k], 1e-12);
+  }
+  for (int k = 0; k < kLensSize; ++k)
+    EXPECT_NEAR(again.lenses[0][k], calibration.lenses[0][k], 1e-12);
+  EXPECT_EQ(again.camera_time_offset_s, 0.04);
+  EXPECT_NEAR(again.dvl_log_scale, -0.01, 1e-12);
+}
+
+TEST(CalibrationEstimate, CovarianceIsThatOfTheComponentsInOrder) {
+  const Rig rig = test::SimulatedDive::rig();
+  CalibrationConfig config = CalibrationConfig::fixed();
+  config.camera_lever_arm = {.estimate = true, .sigma = 0.03};
+  config.dvl_scale = {.estimate = true, .sigma = 0.01};
+  Calibration calibration = calibration_of(rig);
+  Prior prior = calibration_prior(calibration, config);
+  const Eigen::Index scale = prior.J.cols() - 1;
+  prior.J(scale, 4) = 7.0;  // the y of the lever arm
+  const Eigen::MatrixXd all = (prior.J.transpose() * prior.J).inverse();
+  const Eigen::MatrixXd found = estimate_of(calibration, rig, config, prior).covariance;
+  ASSERT_EQ(found.rows(), 4);
+  EXPECT_NEAR(found(1, 3), all(4, scale), 1e-12);
+  EXPECT_NEAR(found(3, 3), all(scale, scale), 1e-12);
+  EXPECT_NEAR(found(0, 0), 9e-4, 1e-12);
 }
 
 TEST(CalibrationPart, IsTheMarginalOfAJointPrior) {

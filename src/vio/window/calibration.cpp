@@ -75,7 +75,8 @@ class ParameterReader {
     if (column + change.size() > covariance_.cols()) return;
     const Eigen::VectorXd sigma =
         covariance_.diagonal().segment(column, change.size()).cwiseMax(0.0).cwiseSqrt();
-    found_.push_back({name, change, sigma, prior.sigma});
+    found_.parameters.push_back({name, change, sigma, prior.sigma});
+    for (int k = 0; k < change.size(); ++k) columns_.push_back(column + k);
   }
   void add_pose(const std::string& sensor, const PoseBlock& block, const SE3& rig,
                 const CalibrationPrior& mounting, const CalibrationPrior& lever_arm) {
@@ -84,16 +85,36 @@ class ParameterReader {
         mounting);
     add(sensor + ".lever_arm", block.data(), 3, now.translation - rig.translation, lever_arm);
   }
-  std::vector<CalibrationParameter> take() { return std::move(found_); }
+  CalibrationEstimate take() {
+    found_.covariance = covariance_(columns_, columns_);
+    return std::move(found_);
+  }
 
  private:
   const Prior& knowledge_;
   Eigen::MatrixXd covariance_;
-  std::vector<CalibrationParameter> found_;
+  CalibrationEstimate found_;
+  std::vector<int> columns_;  // of the covariance, by component
 };
 
 Eigen::VectorXd scalar(double value) {
   return Eigen::VectorXd::Constant(1, value);
+}
+
+const Eigen::VectorXd* change_of(const std::vector<CalibrationParameter>& parameters,
+                                 const std::string& name) {
+  const auto found = std::ranges::find(parameters, name, &CalibrationParameter::name);
+  return found == parameters.end() ? nullptr : &found->change;
+}
+
+void change_pose(PoseBlock& block, const std::string& sensor,
+                 const std::vector<CalibrationParameter>& parameters) {
+  SE3 pose = to_se3(block.data());
+  if (const auto* turn = change_of(parameters, sensor + ".mounting")) {
+    pose.rotation *= so3::exp(Eigen::Vector3d(*turn));
+  }
+  if (const auto* shift = change_of(parameters, sensor + ".lever_arm")) pose.translation += *shift;
+  block = to_block(pose);
 }
 
 }  // namespace
@@ -217,9 +238,8 @@ void CalibrationMemory::restore(Calibration& calibration) {
   calibration.dvl_log_scale = before_.values.dvl_log_scale;
 }
 
-std::vector<CalibrationParameter> parameters(const Calibration& calibration, const Rig& rig,
-                                             const CalibrationConfig& config,
-                                             const Prior& knowledge) {
+CalibrationEstimate estimate_of(const Calibration& calibration, const Rig& rig,
+                                const CalibrationConfig& config, const Prior& knowledge) {
   if (knowledge.kept.empty()) return {};
   ParameterReader reader(knowledge);
   for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
@@ -242,6 +262,29 @@ std::vector<CalibrationParameter> parameters(const Calibration& calibration, con
   reader.add("dvl0.scale", &calibration.dvl_log_scale, 0,
              scalar(std::expm1(calibration.dvl_log_scale)), config.dvl_scale);
   return reader.take();
+}
+
+Calibration with_changes(const Rig& rig, const std::vector<CalibrationParameter>& parameters) {
+  Calibration changed = calibration_of(rig);
+  for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
+    const std::string camera = "cam" + std::to_string(k);
+    change_pose(changed.T_body_camera[k], camera, parameters);
+    LensBlock& lens = changed.lenses[k];
+    if (const auto* c = change_of(parameters, camera + ".focal_length"))
+      lens[0] = std::log1p((*c)(0));
+    if (const auto* c = change_of(parameters, camera + ".principal_point")) {
+      lens[1] = (*c)(0);
+      lens[2] = (*c)(1);
+    }
+  }
+  if (const auto* c = change_of(parameters, "cam0.time_offset_s")) {
+    changed.camera_time_offset_s = (*c)(0);
+  }
+  if (!rig.dvl) return changed;
+  change_pose(changed.T_body_dvl, "dvl0", parameters);
+  if (const auto* c = change_of(parameters, "dvl0.scale"))
+    changed.dvl_log_scale = std::log1p((*c)(0));
+  return changed;
 }
 
 }  // namespace apvi::vio

@@ -82,10 +82,19 @@ class CalibrationMemory {
   Snapshot before_, latest_;
 };
 
+/// Estimated parameters and their joint covariance: square, the components of all parameters in
+/// order.
+struct CalibrationEstimate {
+  std::vector<CalibrationParameter> parameters;
+  Eigen::MatrixXd covariance;
+};
+
 /// The estimated parameters. `knowledge`: of calibration_prior or calibration_part.
-std::vector<CalibrationParameter> parameters(const Calibration& calibration, const Rig& rig,
-                                             const CalibrationConfig& config,
-                                             const Prior& knowledge);
+CalibrationEstimate estimate_of(const Calibration& calibration, const Rig& rig,
+                                const CalibrationConfig& config, const Prior& knowledge);
+/// The inverse of `estimate_of`: the calibration that differs from the rig by the parameters'
+/// changes. Ignores names that it does not know.
+Calibration with_changes(const Rig& rig, const std::vector<CalibrationParameter>& parameters);
 
 /// The point on the plane z = 1 of a true lens.
 inline Eigen::Vector2d true_point(const Eigen::Vector2d& point, const LensBlock& lens) {
