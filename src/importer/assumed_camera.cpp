@@ -11,7 +11,6 @@
 namespace apvi::importer {
 namespace {
 
-constexpr double kRefraction = 1.333;  // of water against air
 constexpr int kFitSamples = 200;
 constexpr double kMaxAngle = 1.5;  // [rad] in air; a flat port shows no more
 
@@ -41,7 +40,7 @@ CameraModel::Coefficients fit_under_water(Lens lens, double f_air, double f, dou
   for (int i = 0; i < kFitSamples; ++i) {
     const double r = corner_px * (i + 1) / kFitSamples;
     const double in_air = std::min(kMaxAngle, angle_of(lens, r / f_air));
-    const double a = std::asin(std::sin(in_air) / kRefraction);
+    const double a = std::asin(std::sin(in_air) / kWaterRefraction);
     for (int k = 0; k < 4; ++k) powers(i, k) = std::pow(a, 3 + 2 * k);
     rest(i) = r / f - a;
   }
@@ -64,6 +63,7 @@ std::optional<FieldOfView> gopro_field_of_view(const std::string& device, const 
   const bool linear = letter == 'L' || letter == 'N';
   FieldOfView view{.lens = linear ? Lens::rectilinear : Lens::equidistant, .in_air = true};
   view.diagonal = known;
+  view.stated = known || !mode.empty();
   // GoPro's published angles of 16:9 video: wide, linear, narrow.
   const double nominal = letter == 'L' ? 87.0 : letter == 'N' ? 73.0 : 118.0;
   view.degrees = known ? *diagonal_deg : nominal;
@@ -82,7 +82,7 @@ CameraModel::Parameters assumed_camera(const FieldOfView& view, ImageSize size, 
   const double corner_px = 0.5 * std::hypot(size.width, size.height);
   const double f = focal_length(view, view.diagonal ? corner_px : 0.5 * size.width);
   const bool port = view.in_air && under_water;
-  p.fx = p.fy = port ? kRefraction * f : f;
+  p.fx = p.fy = port ? kWaterRefraction * f : f;
   if (port) {
     p.distortion = Distortion::equidistant;
     p.coefficients = fit_under_water(view.lens, f, p.fx, corner_px);

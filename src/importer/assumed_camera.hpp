@@ -10,6 +10,8 @@
 /// enough to try; a calibration under water is always better.
 namespace apvi::importer {
 
+inline constexpr double kWaterRefraction = 1.333;  ///< refractive index of water against air
+
 /// How rays map to the image in air.
 enum class Lens {
   rectilinear,  ///< r = f tan(angle)
@@ -21,6 +23,7 @@ struct FieldOfView {
   bool diagonal = false;  ///< else horizontal
   Lens lens = Lens::rectilinear;
   bool in_air = false;      ///< else as seen where the images were taken
+  bool stated = false;      ///< by the file or the user, and not a guess
   std::string origin = {};  ///< where the angle is from, for messages
 };
 

@@ -84,6 +84,7 @@ void DiveWriter::add_image(Stamp stamp, const std::string& extension, Bytes enco
   if (!out) fail_run("{}: cannot be written; is the disk full?", path.string());
   images_csv_ += fmt::format("{},{}\n", stamp.ns, name);
   stamps_.push_back(stamp);
+  image_files_.push_back(path);
 }
 
 double DiveWriter::image_rate_hz() const {

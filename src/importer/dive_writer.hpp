@@ -42,6 +42,8 @@ class DiveWriter {
   void add_image(Stamp stamp, const std::string& extension, Bytes encoded);
   std::size_t images() const { return stamps_.size(); }
   const std::vector<Stamp>& stamps() const { return stamps_; }
+  /// The images so far, until `finish`.
+  const std::vector<std::filesystem::path>& image_files() const { return image_files_; }
   /// Mean rate of the images, for rig.yaml [Hz]; 1 for a single image.
   double image_rate_hz() const;
 
@@ -58,6 +60,7 @@ class DiveWriter {
   std::filesystem::path folder_;
   std::filesystem::path partial_;
   std::vector<Stamp> stamps_;
+  std::vector<std::filesystem::path> image_files_;
   std::string images_csv_ = "#timestamp [ns],filename\n";
   bool finished_ = false;
 };

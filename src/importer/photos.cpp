@@ -70,6 +70,7 @@ std::optional<FieldOfView> field_of_view(const PhotoHeader& header) {
   const double half = std::atan(18.0 / *header.focal_length_35mm);
   return FieldOfView{.degrees = 2.0 * half * 180.0 / std::numbers::pi,
                      .in_air = true,
+                     .stated = true,
                      .origin = fmt::format("the EXIF focal length of {} mm (35 mm equivalent)",
                                            *header.focal_length_35mm)};
 }
@@ -106,9 +107,9 @@ ImportResult import_photos(const fs::path& folder, const ImportOptions& options,
     add_photo(photos[i].path, stamps[i], options.images, dive);
   }
   const PhotoHeader& first = photos.front().header;
-  const CameraRig rig =
-      make_camera_rig(options, field_of_view(first), scaled(first.size, options.images.scale),
-                      dive.image_rate_hz());
+  const CameraRig rig = make_camera_rig(options, field_of_view(first),
+                                        scaled(first.size, options.images.scale), dive);
+  result.interrupted = options.interrupted();
   result.assumed_camera = rig.assumed;
   dive.write_text("rig.yaml", rig.yaml);
   return result;

@@ -22,13 +22,14 @@ std::optional<std::filesystem::path> find_colmap_model(const std::filesystem::pa
 std::vector<std::filesystem::path> list_photos(const std::filesystem::path& folder);
 
 /// The rig of images without calibration: `options.rig`, else `options.fov_deg`, else `known`, else
-/// the default; with a warning unless a rig was given. `size` is that of the stored images.
+/// the default; with a warning unless a rig was given. A lens that is not stated is replaced by one
+/// that explains the dive's images clearly better (`choose_lens`). `size` is that of the images.
 struct CameraRig {
   std::string yaml;
   bool assumed = false;
   bool describes_imu = false;
 };
 CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
-                          ImageSize size, double rate_hz);
+                          ImageSize size, const DiveWriter& dive);
 
 }  // namespace apvi::importer

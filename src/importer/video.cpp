@@ -169,8 +169,8 @@ ImportResult import_video(const fs::path& path, const ImportOptions& options, Di
   const Images images = write_images(video, file, options, dive);
   result.interrupted = images.interrupted;
   if (result.interrupted || dive.images() == 0) return result;
-  const CameraRig camera =
-      make_camera_rig(options, field_of_view(file), images.size, dive.image_rate_hz());
+  const CameraRig camera = make_camera_rig(options, field_of_view(file), images.size, dive);
+  result.interrupted = options.interrupted();
   result.assumed_camera = camera.assumed;
   std::string rig = camera.yaml;
   if (file.telemetry) {

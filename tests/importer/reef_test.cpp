@@ -4,6 +4,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <filesystem>
 
 #include "apvi/config/node.hpp"
 #include "apvi/geometry/so3.hpp"
@@ -45,6 +47,27 @@ TEST(Reef, ImportHasTheImagesAndTheImuOfTheContainer) {
   mean /= static_cast<double>(imu.size());
   EXPECT_NEAR(mean.norm(), 9.81, 0.3);
   EXPECT_LT(mean.y(), -8.0);  // the camera is about level: gravity is along y
+}
+
+// The clip does not tell its lens, and the wide mode is wrong by 7 degrees there.
+TEST(Reef, ImagesTellThatTheLensIsLinear) {
+  APVI_NEEDS_DATA(folder, "reef_gopro");
+  const TmpDir dir;
+  const auto out = dir.path() / "dive";
+  ImportOptions options;
+  options.images.scale = 0.5;
+  import_source(folder / "reef_clip.mp4", out, options);
+  const auto camera = [](const std::filesystem::path& rig) {
+    return make_rig(config::load_file(rig)).cameras.front().model;
+  };
+  const CameraModel found = camera(out / "rig.yaml");
+  const CameraModel colmap = camera(folder / "rig.yaml");
+  for (const Eigen::Vector2d pixel :
+       {Eigen::Vector2d(40.0, 120.0), Eigen::Vector2d(800.0, 500.0)}) {
+    const Eigen::Vector3d a = *found.unproject(pixel);
+    const Eigen::Vector3d b = *colmap.unproject(pixel);
+    EXPECT_LT(std::acos(a.normalized().dot(b.normalized())), 0.04);
+  }
 }
 
 // Rotation of the body from one time to another by the gyro.
