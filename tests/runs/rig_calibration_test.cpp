@@ -111,12 +111,10 @@ TEST(RefineRig, ReportsValuesInTheUnitsOfTheRig) {
   EXPECT_THAT(to_table(found), testing::HasSubstr("| dvl0.time_offset_s | 0 | kept |"));
 }
 
-// Folders of recordings without samples.
+// A recording of one image.
 fs::path write_recording(const TmpDir& tmp, const std::string& name, const std::string& rig) {
   tmp.write(name + "/rig.yaml", rig);
-  tmp.write(name + "/mav0/imu0/data.csv",
-            "#timestamp [ns],w_x [rad s^-1],w_y [rad s^-1],w_z [rad s^-1],a_x [m s^-2],"
-            "a_y [m s^-2],a_z [m s^-2]\n0,0,0,0,0,0,9.8\n");
+  tmp.write(name + "/mav0/cam0/data.csv", "#timestamp [ns],filename\n0,0.png\n");
   return tmp.path() / name;
 }
 
@@ -133,6 +131,7 @@ TEST(CalibrateRig, SaysWhatIsWrongWithItsDives) {
   const TmpDir tmp;
   RigCalibrationOptions options;
   options.config = test::source_dir() / "configs/localization.yaml";
+  options.overrides = {"sensors.use=[camera]"};  // the folders have no other samples
   options.output = tmp.path() / "out.yaml";
   options.dives = {tmp.path() / "absent"};
   EXPECT_THAT(message_of(options), testing::HasSubstr("no such recording"));
