@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/run.hpp"
 
-#include <algorithm>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
@@ -26,6 +25,7 @@
 #include "runs/self_calibration.hpp"
 #include "runs/smoothed.hpp"
 #include "runs/warnings.hpp"
+#include "vio/visual/two_view.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -347,15 +347,6 @@ vio::CalibrationEstimate calibration_of(const RunConfig& config, const Rig& rig,
   return found;
 }
 
-// Nothing when the recording told no parameter.
-eval::Json self_calibration(const RunFolder& folder, const config::Node& rig,
-                            const std::vector<vio::CalibrationParameter>& parameters) {
-  const auto told = [](const vio::CalibrationParameter& p) { return p.observable(); };
-  if (std::ranges::none_of(parameters, told)) return eval::Json::object();
-  report_self_calibration(folder.file("rig_estimated.yaml"), rig, parameters);
-  return self_calibration_json(parameters);
-}
-
 // Images that were skipped, if any.
 eval::Json image_counts_json(const Evidence& evidence) {
   eval::Json json = eval::Json::object();
@@ -420,12 +411,6 @@ double sequence_s(const Pass& pass) {
   return seconds_between(*pass.first, pass.last) - pass.samples.silent_s();
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 void log_ports(const Rig& rig) {
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     if (rig.cameras[i].port) log::info("cam{}: {}", i, port_summary(rig.cameras[i]));
@@ -479,7 +464,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   const eval::Json relocalization =
       report_relocalization(config, pipeline.visual(), pass.first, result.warnings);
   eval::Json speed = speed_json(result);
-  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
+  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / vio::median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
                       {"warnings", result.warnings},
                       {"scale", scale_section(scale, sensors, pass, evidence)},
@@ -489,7 +474,8 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
     result.calibration = calibration_of(config, rig, *visual, pass);
-    eval::Json calibration = self_calibration(folder, rig_node, result.calibration.parameters);
+    eval::Json calibration = report_self_calibration(folder.file("rig_estimated.yaml"), rig_node,
+                                                     result.calibration.parameters);
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
     sections["dropped"]["images"] = visual->dropped_images();
     if (!relocalization.empty()) sections["relocalization"] = relocalization;

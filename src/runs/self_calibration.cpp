@@ -110,8 +110,10 @@ eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& p
   return json;
 }
 
-void report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
-                             const std::vector<vio::CalibrationParameter>& parameters) {
+eval::Json report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
+                                   const std::vector<vio::CalibrationParameter>& parameters) {
+  const auto told = [](const vio::CalibrationParameter& p) { return p.observable(); };
+  if (std::ranges::none_of(parameters, told)) return eval::Json::object();
   const Rig estimate = changed(make_rig(rig), parameters);
   io::write_text_file(file, "# The rig with the calibration that this run estimated.\n" +
                                 config::to_yaml(estimated_rig(rig, estimate)));
@@ -120,6 +122,7 @@ void report_self_calibration(const std::filesystem::path& file, const config::No
     log::warning("self-calibration: {} differs from the rig by {:.4g} (sigma {:.2g}): see {}",
                  p.name, fmt::join(to_list(p.change), ", "), p.sigma.maxCoeff(), file.string());
   }
+  return self_calibration_json(parameters);
 }
 
 }  // namespace apvi::runs

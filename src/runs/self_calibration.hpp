@@ -33,9 +33,10 @@ config::Node estimated_rig(const config::Node& rig, const Rig& estimate);
 /// its `sigma` (lists for vectors) and whether the recording told it (`observable`).
 eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& parameters);
 
-/// Writes rig_estimated.yaml, for `dataset.rig` of a later run. Logs what differs from the rig by
+/// Writes rig_estimated.yaml, for `dataset.rig` of a later run, and returns the section of
+/// metrics.json; neither when the recording told no parameter. Logs what differs from the rig by
 /// more than three standard deviations of either. Throws RunError when the file cannot be written.
-void report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
-                             const std::vector<vio::CalibrationParameter>& parameters);
+eval::Json report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
+                                   const std::vector<vio::CalibrationParameter>& parameters);
 
 }  // namespace apvi::runs
