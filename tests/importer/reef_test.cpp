@@ -62,7 +62,7 @@ TEST(Reef, ImagesTellThatTheLensIsLinear) {
   };
   const CameraModel found = camera(out / "rig.yaml");
   const CameraModel colmap = camera(folder / "rig.yaml");
-  for (const Eigen::Vector2d pixel :
+  for (const Eigen::Vector2d& pixel :
        {Eigen::Vector2d(40.0, 120.0), Eigen::Vector2d(800.0, 500.0)}) {
     const Eigen::Vector3d a = *found.unproject(pixel);
     const Eigen::Vector3d b = *colmap.unproject(pixel);

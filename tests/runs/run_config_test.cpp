@@ -60,7 +60,7 @@ TEST(MappingConfig, AutoLoopClosureIsPoseGraphUnlessRigHasLamp) {
   Rig daylight;
   daylight.cameras.emplace_back();
   Rig lamplight = daylight;
-  lamplight.lamp.emplace();
+  lamplight.lamps.emplace_back();
   const RunConfig usual = load("mapping: {enabled: true}\n");
   EXPECT_EQ(slam::resolve_loop_closure_method(usual.mapping, daylight),
             slam::LoopClosureMethod::pose_graph);
