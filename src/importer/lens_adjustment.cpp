@@ -64,7 +64,7 @@ struct Reprojection {
 
   template <typename T>
   bool operator()(const T* log_focal, const T* pose, const T* point, T* residual) const {
-    std::array<T, 3> p;
+    std::array<T, 3> p{};
     ceres::AngleAxisRotatePoint(pose, point, p.data());
     for (std::size_t i = 0; i < 3; ++i) p[i] += pose[3 + i];
     const std::array<T, 2> r = project(shape, p.data());

@@ -138,9 +138,13 @@ TEST(CalibrateRig, SaysWhatIsWrongWithItsDives) {
   const fs::path a = write_recording(tmp, "a", kRig);
   options.dives = {a, a};
   EXPECT_THAT(message_of(options), testing::HasSubstr("given twice"));
-  const std::string blind = "imu0: {rate_hz: 200}\n";
-  options.dives = {write_recording(tmp, "blind", blind)};
-  EXPECT_THAT(message_of(options), testing::HasSubstr("no camera"));
+  tmp.write("blind/rig.yaml", "imu0: {rate_hz: 200}\n");
+  tmp.write("blind/mav0/imu0/data.csv",
+            "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n0,0,0,0,0,0,9.8\n5000000,0,0,0,0,0,9.8\n");
+  options.dives = {tmp.path() / "blind"};
+  RigCalibrationOptions all_sensors = options;
+  all_sensors.overrides = {};
+  EXPECT_THAT(message_of(all_sensors), testing::HasSubstr("no camera"));
   options.dives = {a, write_recording(tmp, "b", std::string(kRig) + "  time_offset_s: 0.1\n")};
   EXPECT_THAT(message_of(options), testing::HasSubstr("with --rig"));
   const std::string with_depth = std::string(kRig) + "depth0: {noise_m: 0.01}\n";
