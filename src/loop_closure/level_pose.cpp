@@ -86,7 +86,7 @@ struct RayError {
   PointOnRay seen;
   SE3 T_camera_world;
   Center center;
-  double sigma;
+  double sigma = 1.0;
 
   template <typename T>
   bool operator()(const T* state, T* error) const {

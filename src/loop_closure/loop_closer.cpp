@@ -31,10 +31,11 @@ constexpr double kMinReportedTurn = 2e-4;
 }  // namespace
 
 CloserOptions closer_options(const LoopOptions& options) {
+  const PlaceOptions& places = options;
   const double horizontal = options.drift_m_sqrt_s;
   const double heading = kRadiansPerDegree * options.drift_deg_sqrt_s;
   const double vertical = kVerticalDriftRatio * horizontal;
-  return {.places = options,
+  return {.places = places,
           .graph = {},
           .min_news_sigmas = kKnownLoopSigmas,
           .lists_corrections = true,
@@ -43,7 +44,8 @@ CloserOptions closer_options(const LoopOptions& options) {
 }
 
 CloserOptions closer_options(const SmoothingOptions& options) {
-  return {.places = options,
+  const PlaceOptions& places = options;
+  return {.places = places,
           .graph = {.node_step_s = options.node_step_s,
                     .max_nodes = static_cast<std::size_t>(options.max_nodes)},
           .gate = options.gate};

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <numbers>
 #include <ostream>
 #include <string_view>
 #include <vector>
@@ -43,7 +42,7 @@ std::string lamp_json(const medium::LampLight& light) {
   for (const medium::Lamp& lamp : light.lamps) {
     lamps.push_back(fmt::format(
         "{{\"position_m\": [{}], \"axis\": [{}], \"half_beam_deg\": {:.9g}, \"share\": {:.9g}}}",
-        three(lamp.position_m), three(lamp.axis), lamp.half_beam_rad * 180.0 / std::numbers::pi,
+        three(lamp.position_m), three(lamp.axis), lamp.half_beam_rad * 180.0 / std::acos(-1.0),
         lamp.share));
   }
   return fmt::format(

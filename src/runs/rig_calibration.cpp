@@ -76,7 +76,7 @@ void check_same(const fs::path& first, const config::Node& a, const fs::path& ot
 
 config::Node common_rig(const RigCalibrationOptions& options) {
   const fs::path& first = options.dives.front();
-  const config::Node rig = rig_of(first, options);
+  config::Node rig = rig_of(first, options);
   if (make_rig(rig).cameras.empty()) {
     fail_input("{}: the rig has no camera (cam0), and so no self-calibration", first.string());
   }

@@ -22,7 +22,9 @@
 namespace apvi::importer {
 namespace {
 
-using namespace test;
+using test::config_for;
+using test::read_dataset;
+using test::TmpDir;
 
 TEST(Reef, ImportHasTheImagesAndTheImuOfTheContainer) {
   APVI_NEEDS_DATA(clip, "reef_gopro/reef_clip.mp4");

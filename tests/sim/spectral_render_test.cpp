@@ -197,8 +197,8 @@ TEST(SpectralRenderer, DoesNotDependOnThreads) {
   const RenderedFrame one = renderer.render(request, 1);
   const RenderedFrame three = renderer.render(request, 3);
   ASSERT_EQ(one.image.size(), cv::Size(64, 48));
-  EXPECT_EQ(std::memcmp(one.image.data, three.image.data, 64 * 48 * 3), 0);
-  EXPECT_EQ(std::memcmp(one.clear.data, three.clear.data, 64 * 48 * 3), 0);
+  EXPECT_EQ(std::memcmp(one.image.data, three.image.data, std::size_t{64} * 48 * 3), 0);
+  EXPECT_EQ(std::memcmp(one.clear.data, three.clear.data, std::size_t{64} * 48 * 3), 0);
 }
 
 Scene scene_of(const std::string& text) {

@@ -36,10 +36,11 @@ class BackscatterGrid {
   static float max_range();
 
  private:
-  using Profile = std::array<float, 3 * 37>;  ///< accumulated raw values at the nodes
+  using Profile = std::array<float, std::size_t{3} * 37>;  ///< accumulated raw values at the nodes
 
   std::size_t vertex(int column, int row) const {
-    return static_cast<std::size_t>(row * columns_ + column);
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
   }
 
   int step_;

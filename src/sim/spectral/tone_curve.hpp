@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 namespace apvi::sim {
@@ -19,7 +20,7 @@ class ToneTable {
 
   std::uint8_t operator()(float light) const {
     const float x = light < 0.0F ? 0.0F : (light > 1.0F ? 1.0F : light);
-    return bytes_[static_cast<std::size_t>(x * kSteps + 0.5F)];
+    return bytes_[static_cast<std::size_t>(std::lround(x * kSteps))];
   }
 
  private:
