@@ -9,6 +9,7 @@
 #include "cli/calibrate_rig.hpp"
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
+#include "cli/run_support.hpp"
 #include "core/interrupt.hpp"
 
 namespace apvi::cli {
@@ -42,12 +43,7 @@ void add_calibrate(CLI::App& app) {
       ->type_name("FILE|FOLDER");
   command->add_option("-c,--config", a->config, "run configuration for recordings")
       ->type_name("FILE");
-  command->add_option("--set", a->overrides, "override a configuration key; repeatable")
-      ->type_name("KEY=VALUE")
-      ->take_all()
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_overrides(*command, a->overrides, "override a configuration key; repeatable");
   command->add_option("-o,--output", a->folder, "output folder")
       ->type_name("FOLDER")
       ->capture_default_str();

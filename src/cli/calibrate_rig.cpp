@@ -7,6 +7,7 @@
 
 #include "apvi/core/log.hpp"
 #include "cli/configurations.hpp"
+#include "cli/run_support.hpp"
 #include "core/interrupt.hpp"
 #include "runs/rig_calibration.hpp"
 
@@ -45,12 +46,7 @@ void add_calibrate_rig(CLI::App& calibrate) {
   command->add_option("-c,--config", a->config, "run configuration")
       ->type_name("FILE")
       ->capture_default_str();
-  command->add_option("--set", a->overrides, "override a configuration key; repeatable")
-      ->type_name("KEY=VALUE")
-      ->take_all()
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_overrides(*command, a->overrides, "override a configuration key; repeatable");
   command->add_option("--runs", a->runs, "keep the runs in this folder")->type_name("FOLDER");
   command->callback([a] { calibrate_rig(*a); });
 }

@@ -111,14 +111,8 @@ void add_options(CLI::App& command, Arguments& a) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command.add_option("-c,--config", a.configuration, "configuration (default: default.yaml)")
       ->type_name("FILE");
-  command
-      .add_option("--set", a.overrides,
-                  "override a configuration key, e.g. live.duration_s=60; repeatable")
-      ->type_name("KEY=VALUE")
-      ->take_all()
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_overrides(command, a.overrides,
+                "override a configuration key, e.g. live.duration_s=60; repeatable");
   command.add_option("-o,--output", a.folder, "run folder (default: runs/live)")
       ->type_name("FOLDER");
   command.add_flag("--overwrite", a.overwrite, "replace an existing run in the folder");

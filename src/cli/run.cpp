@@ -169,14 +169,8 @@ void add_run(CLI::App& app) {
                    "recording, video, photographs, COLMAP model, or configuration (.yaml)")
       ->type_name("FILE|FOLDER")
       ->required();
-  command
-      ->add_option("--set", a->overrides,
-                   "override a configuration key, e.g. dataset.path=FOLDER; repeatable")
-      ->type_name("KEY=VALUE")
-      ->take_all()
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_overrides(*command, a->overrides,
+                "override a configuration key, e.g. dataset.path=FOLDER; repeatable");
   command
       ->add_option("-o,--output", a->folder, "run folder (default: runs/DIVE or runs/CONFIG-DIVE)")
       ->type_name("FOLDER");

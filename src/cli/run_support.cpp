@@ -21,6 +21,16 @@ fs::path vacant_folder(const std::string& base) {
   return folder;
 }
 
+void add_overrides(CLI::App& command, std::vector<std::string>& overrides,
+                   const std::string& description) {
+  command.add_option("--set", overrides, description)
+      ->type_name("KEY=VALUE")
+      ->take_all()
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
 void add_view_options(CLI::App& command, ViewOptions& options) {
   command
       .add_flag_function(
