@@ -11,7 +11,6 @@ namespace apvi::sim::parts {
 namespace {
 
 using shapes::GridPoint;
-using shapes::Skin;
 
 struct Opening {
   float x0, x1, z0, z1;
@@ -213,8 +212,8 @@ void add_dam(TriangleMesh& mesh, const WorldConfig& config, Random random) {
   add_pipe(mesh, 12.5F, layout.floor - 0.2F);
   add_pipe(mesh, -13.0F, layout.floor - 0.2F);
   add_rubble(mesh, config, layout.floor, random);
-  add_surface_growth(mesh, first, last, static_cast<int>(260.0 * config.marine_life), 0.16F,
-                     random.fork(1));
+  add_surface_growth(mesh, first, last, static_cast<int>(260.0 * config.marine_life),
+                     0.16F * static_cast<float>(config.growth), random.fork(1));
 }
 
 }  // namespace apvi::sim::parts

@@ -149,6 +149,7 @@ void write_truth(const fs::path& root, const Scene& scene, const EventSchedule& 
   } else {
     write_medium(root, scene.config);
   }
+  write_file(truth / "objects.json", objects_json(scene.config.world, scene.seed(), mesh));
   if (scene.config.truth.mesh) write_ply(mesh, truth / "mesh.ply");
 }
 

@@ -37,7 +37,7 @@ void write_recording(const std::filesystem::path& root, OutputFormat format, con
 void write_exposures(const std::filesystem::path& root, const Scene& scene,
                      const Recording& recording, const std::vector<Development>& exposures);
 
-/// Writes truth/: rig.yaml, events.csv, trajectory.tum, mesh.ply (if the scene requests it), and
+/// Writes truth/: rig.yaml, events.csv, trajectory.tum, objects.json, mesh.ply (if requested), and
 /// medium.json from the per-frame files in truth/medium, or from the scene when there are none;
 /// with spectral physics also camera.json.
 void write_truth(const std::filesystem::path& root, const Scene& scene, const EventSchedule& events,

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <string>
 
 #include "sim/scene_config.hpp"
 #include "sim/simulation.hpp"
@@ -16,6 +18,9 @@ void write_file(const std::filesystem::path& path, const std::string& content);
 config::Node rig_with_depth(const Scene& scene);
 /// Samples of the pressure or depth sensor, as depths.
 std::vector<PressureDepthSample> depth_samples(const Scene& scene, const Recording& recording);
+
+/// truth/objects.json: what the scene places by hand, in the world `mesh`.
+std::string objects_json(const WorldConfig& world, std::uint64_t seed, const TriangleMesh& mesh);
 
 void write_folder(const std::filesystem::path& root, const Scene& scene,
                   const Recording& recording);

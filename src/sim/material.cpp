@@ -131,4 +131,18 @@ void evaluate_material(Material material, SurfaceBatch& batch) {
   }
 }
 
+void apply_tints(const std::vector<Tint>& tints, SurfaceBatch& batch) {
+  for (const Tint& tint : tints) {
+    for (int i = 0; i < kBatch; ++i) {
+      const float dx = batch.p.x[i] - tint.x;
+      const float dy = batch.p.y[i] - tint.y;
+      const float distance = std::sqrt(dx * dx + dy * dy);
+      const float part = tint.amount * smooth_step(tint.radius, 0.8F * tint.radius, distance);
+      batch.r[i] = mix(batch.r[i], tint.r, part);
+      batch.g[i] = mix(batch.g[i], tint.g, part);
+      batch.b[i] = mix(batch.b[i], tint.b, part);
+    }
+  }
+}
+
 }  // namespace apvi::sim

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "sim/noise_texture.hpp"
 
@@ -37,5 +38,14 @@ struct SurfaceBatch {  // NOLINT(cppcoreguidelines-pro-type-member-init)
   Lanes r, g, b;       ///< albedo, filled
 };
 void evaluate_material(Material material, SurfaceBatch& batch);
+
+/// A vertical cylinder in whose inside an albedo is mixed into that of every surface.
+struct Tint {
+  float x, y;     ///< of the axis [m]
+  float radius;   ///< [m]; the mixing fades in the outer fifth
+  float r, g, b;  ///< albedo
+  float amount;   ///< its part, 0 to 1
+};
+void apply_tints(const std::vector<Tint>& tints, SurfaceBatch& batch);
 
 }  // namespace apvi::sim

@@ -76,7 +76,8 @@ void scatter_marine_life(TriangleMesh& mesh, const Terrain& terrain, const World
     for (int k = 0; k < members; ++k) {
       const Spot spot{center.x + static_cast<float>(random.normal(0.0, 0.5)),
                       center.y + static_cast<float>(random.normal(0.0, 0.5))};
-      const float size = 0.12F + 0.5F * static_cast<float>(std::pow(random.uniform(), 2.5));
+      const float usual = 0.12F + 0.5F * static_cast<float>(std::pow(random.uniform(), 2.5));
+      const float size = usual * static_cast<float>(config.growth);
       if (!is_free(config, spot.x, spot.y) || terrain.richness(spot.x, spot.y) < 0.9F) continue;
       add_marine_life(mesh, upright(terrain, spot, random), size, random, object_number(random),
                       Ground::bed);
@@ -119,6 +120,20 @@ void add_surface_growth(TriangleMesh& mesh, std::size_t first_triangle, std::siz
   }
 }
 
+void add_tire(TriangleMesh& mesh, const Affine3f& T, std::uint16_t object) {
+  std::vector<shapes::Ring> loop;
+  for (int k = 0; k <= 28; ++k) {
+    const float angle = 2.0F * std::numbers::pi_v<float> * static_cast<float>(k) / 28.0F;
+    loop.push_back({T * Vector3f(0.26F * std::cos(angle), 0.26F * std::sin(angle), 0.05F), 0.09F});
+  }
+  shapes::tube(mesh, loop, 12, {.material = Material::mussels, .object = object}, false);
+}
+
+void add_block(TriangleMesh& mesh, const Affine3f& T, std::uint16_t object) {
+  shapes::box(mesh, T * Eigen::Translation3f(0, 0, 0.15F), {0.3F, 0.25F, 0.2F},
+              {.material = Material::concrete, .object = object}, 0.05F);
+}
+
 void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uint16_t object) {
   const float heading = uniform(random, 0, 6.28);
   Affine3f T = Affine3f::Identity();
@@ -128,13 +143,7 @@ void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uin
   const Vector3f along = T.linear() * Vector3f::UnitX();
   const double kind = random.uniform();
   if (kind < 0.2) {  // a tire
-    std::vector<shapes::Ring> loop;
-    for (int k = 0; k <= 28; ++k) {
-      const float angle = 2.0F * std::numbers::pi_v<float> * static_cast<float>(k) / 28.0F;
-      loop.push_back(
-          {T * Vector3f(0.26F * std::cos(angle), 0.26F * std::sin(angle), 0.05F), 0.09F});
-    }
-    shapes::tube(mesh, loop, 12, {.material = Material::mussels, .object = object}, false);
+    add_tire(mesh, T, object);
   } else if (kind < 0.45) {  // a pipe
     const float length = uniform(random, 0.6, 2.5);
     const float radius = uniform(random, 0.03, 0.12);
@@ -178,9 +187,7 @@ void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uin
                    {{0, 0, 0.55F}, 0.04F}},
                   26, {.material = Material::rock, .object = object});
   } else {  // a mooring block
-    T.translate(Vector3f(0, 0, 0.15F));
-    shapes::box(mesh, T, {0.3F, 0.25F, 0.2F}, {.material = Material::concrete, .object = object},
-                0.05F);
+    add_block(mesh, T, object);
   }
 }
 

@@ -82,6 +82,7 @@ void for_each_patch(const TriangleMesh& mesh, const BakedLight& baked, const Til
     patch.surface.p.count = n;
     pad(patch);
     evaluate_material(static_cast<Material>(m), patch.surface);
+    apply_tints(mesh.tints, patch.surface);
     use(patch);
   }
 }

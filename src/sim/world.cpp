@@ -15,6 +15,10 @@ TriangleMesh make_world(const WorldConfig& config, std::uint64_t seed) {
   parts::scatter_rocks(mesh, terrain, config, random.fork(3));
   parts::scatter_marine_life(mesh, terrain, config, random.fork(4));
   parts::scatter_debris(mesh, terrain, config, random.fork(5));
+  for (const TriangleMesh& object : make_objects(config, seed)) {
+    mesh.append(object, Eigen::Affine3f::Identity());
+  }
+  mesh.tints = make_tints(config);
   return mesh;
 }
 

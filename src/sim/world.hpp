@@ -7,6 +7,7 @@
 
 #include "apvi/config/fields.hpp"
 #include "sim/mesh.hpp"
+#include "sim/objects.hpp"
 
 namespace apvi::sim {
 
@@ -41,7 +42,10 @@ struct WorldConfig {
   double rocks = 1.0;
   double marine_life = 1.0;
   double debris = 1.0;
+  double growth = 1.0;
   std::vector<BarePatch> bare_patches{};
+  std::vector<ObjectConfig> objects{};
+  std::vector<RecoloredDisc> recolored{};
 
   template <typename V>
   void visit(V& v) {
@@ -59,11 +63,22 @@ struct WorldConfig {
     v("marine_life", marine_life, config::Range{0.0, 5.0},
       "density of corals, sponges and weed, relative to the default");
     v("debris", debris, config::Range{0.0, 5.0}, "density of litter, relative to the default");
+    v("growth", growth, config::Range{0.2, 5.0},
+      "size of corals, sponges and weed that grow at random places, relative to the default");
     v("bare_patches", bare_patches, "discs of featureless bed");
+    v("objects", objects, "objects placed by hand: name, shape, x_m, y_m, size_m, turn_deg, seed");
+    v("recolored", recolored, "discs of another color: name, x_m, y_m, radius_m, color, amount");
   }
 };
 
-/// Builds the world; the same seed gives the same mesh.
+/// Builds the world; the same seed gives the same mesh. Objects come last, so that the rest of the
+/// mesh is the same with and without them.
 TriangleMesh make_world(const WorldConfig& config, std::uint64_t seed);
+/// The mesh of every one of `world.objects` in the world.
+std::vector<TriangleMesh> make_objects(const WorldConfig& world, std::uint64_t seed);
+/// `world.recolored`, as the renderer applies them.
+std::vector<Tint> make_tints(const WorldConfig& world);
+/// Throws InputError if objects or discs lack a name, share one, or are outside of the world.
+void check_objects(const WorldConfig& world);
 
 }  // namespace apvi::sim

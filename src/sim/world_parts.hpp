@@ -57,6 +57,10 @@ void add_weed(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
 enum class Ground { bed, wall };
 void add_marine_life(TriangleMesh& mesh, const Affine3f& T, float size, Random& random,
                      std::uint16_t object, Ground ground);
+/// A tire that lies on the bed, 0.7 m wide.
+void add_tire(TriangleMesh& mesh, const Affine3f& T, std::uint16_t object);
+/// A mooring block of 0.6 x 0.5 x 0.4 m.
+void add_block(TriangleMesh& mesh, const Affine3f& T, std::uint16_t object);
 /// A random tire, pipe, plank, drum, jar or concrete block lying on the bed.
 void add_debris(TriangleMesh& mesh, const Vector3f& at, Random& random, std::uint16_t object);
 

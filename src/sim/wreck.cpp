@@ -271,9 +271,10 @@ void add_wreck(TriangleMesh& mesh, const WorldConfig& config, const Terrain& ter
   add_wheelhouse(ship);
   add_deck_gear(ship, random);
   const std::size_t deck_end = ship.triangles.size();
-  const int growth = static_cast<int>(420.0 * config.marine_life);
-  add_surface_growth(ship, 0, shell_end, growth, 0.28F, random.fork(1));
-  add_surface_growth(ship, deck_start, deck_end, growth, 0.24F, random.fork(2));
+  const int count = static_cast<int>(420.0 * config.marine_life);
+  const auto growth = static_cast<float>(config.growth);
+  add_surface_growth(ship, 0, shell_end, count, 0.28F * growth, random.fork(1));
+  add_surface_growth(ship, deck_start, deck_end, count, 0.24F * growth, random.fork(2));
   Affine3f T = Affine3f::Identity();
   T.translation() = Vector3f(0, 0, terrain.height(0, 0) - 0.75F);
   T.rotate(Eigen::AngleAxisf(0.16F, Vector3f::UnitX()));

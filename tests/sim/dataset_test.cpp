@@ -108,6 +108,20 @@ Counts read_back(const fs::path& path) {
   return counts;
 }
 
+TEST(Dataset, TruthListsWhatIsPlacedByHand) {
+  const test::TmpDir dir;
+  const fs::path out = dir.path() / "set";
+  simulate(scene_without_camera({"world.objects=[{name: wheel, shape: tire, x_m: 3, y_m: 3}]",
+                                 "world.recolored=[{name: algae, x_m: -3}]"}),
+           out, {});
+  const auto json = nlohmann::json::parse(std::ifstream(out / "truth" / "objects.json"));
+  ASSERT_EQ(json["objects"].size(), 1U);
+  EXPECT_EQ(json["objects"][0]["name"], "wheel");
+  EXPECT_NEAR(json["objects"][0]["center"][1].get<double>(), 3.0, 1e-3);
+  ASSERT_EQ(json["recolored"].size(), 1U);
+  EXPECT_EQ(json["recolored"][0]["name"], "algae");
+}
+
 TEST(Dataset, FolderRoundTripKeepsAllSamples) {
   const test::TmpDir dir;
   const fs::path out = dir.path() / "set";
