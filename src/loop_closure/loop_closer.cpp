@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kKnownLoopSigmas = 2.0;  // a loop with a smaller error adds nothing to the map
 constexpr double kOptimizationPeriod_s = 4.0;
+constexpr double kNews = 1.0;  // squared Mahalanobis distance of a loop that moves the graph
 constexpr double kVerticalDriftRatio = 0.25;  // relative to horizontal drift: pressure bounds it
 
 // Plausibility limits from the drift of DVL odometry; larger errors indicate a similar but
@@ -68,9 +69,19 @@ bool LoopCloser::is_plausible(const Loop& loop) const {
          offset.head<2>().norm() < kMaxHorizontal_m + kMaxPathFraction * path;
 }
 
-bool LoopCloser::is_accepted(const Loop& loop) const {
+// Where the state of the graph lags behind its loops, its covariance is too small to check the
+// next.
+bool LoopCloser::is_accepted(const Loop& loop) {
   if (!is_plausible(loop)) return false;
-  return std::isinf(options_.gate) || graph_.squared_distance(loop) < options_.gate;
+  if (std::isinf(options_.gate)) return true;
+  if (lags_) {
+    graph_.optimize();
+    lags_ = false;
+  }
+  const double squared_distance = graph_.squared_distance(loop);
+  if (squared_distance >= options_.gate) return false;
+  lags_ = squared_distance > kNews;
+  return true;
 }
 
 // Searches for loops with earlier places.
@@ -167,6 +178,7 @@ bool LoopCloser::flush() {
   if (!has_new_loops_) return false;
   last_optimization_ = graph_[graph_.newest()].stamp;
   has_new_loops_ = false;
+  lags_ = false;
   graph_.optimize();
   return true;
 }

@@ -80,7 +80,7 @@ class LoopCloser {
 
  private:
   bool is_plausible(const Loop& loop) const;
-  bool is_accepted(const Loop& loop) const;
+  bool is_accepted(const Loop& loop);
   void detect_loops(const Place& place);
   void anchor_to_map(const Place& place);
   void search(const cv::Mat& gray, bool new_place);
@@ -95,6 +95,7 @@ class LoopCloser {
   std::size_t rejected_ = 0;
   bool searched_ = false;
   bool has_new_loops_ = false;  ///< a loop or anchor has been found since the last optimization
+  bool lags_ = false;           ///< the newest loop has not moved the graph yet
   bool was_found_ = false;      ///< the newest keyframe has found the known map
   std::optional<Stamp> last_optimization_;
 };
