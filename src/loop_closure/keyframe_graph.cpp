@@ -5,13 +5,9 @@
 #include <cmath>
 #include <utility>
 
-#include "apvi/core/constants.hpp"
-
 namespace apvi::loop_closure {
 namespace {
 
-const EdgeSigmas kLoopSigmas{
-    .heading_rad = 0.05 * kRadiansPerDegree, .horizontal_m = 0.007, .vertical_m = 0.007};
 constexpr double kMinSigma = 1e-5;  // of odometry: the graph must stay solvable
 constexpr std::size_t kLoopsPerNode = 4;
 constexpr std::size_t kAnchorsPerNode = 2;

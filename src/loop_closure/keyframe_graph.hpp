@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/stamp.hpp"
 #include "loop_closure/pose_graph.hpp"
 
@@ -32,6 +33,10 @@ struct Keyframe {
   /// Standard deviation of the absolute height [m]; nothing if it is not measured.
   std::optional<double> height_sigma_m;
 };
+
+/// Of the relative pose of two places by their images.
+inline constexpr EdgeSigmas kLoopSigmas{
+    .heading_rad = 0.05 * kRadiansPerDegree, .horizontal_m = 0.007, .vertical_m = 0.007};
 
 /// Relative pose of the cameras of two keyframes, seen in their images.
 struct Loop {

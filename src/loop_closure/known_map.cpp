@@ -24,16 +24,6 @@ constexpr double kMaxRatio = 0.85;                     // Lowe's ratio test amon
 constexpr double kMinVisibleFraction = 0.2;            // of the points of a place
 constexpr double kMaxTurn = 60.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
 
-Place to_place(const MapPlace& known) {
-  Place place;
-  place.descriptors = known.descriptors;
-  for (const Eigen::Vector3f& point : known.points) {
-    place.points.emplace_back(point.cast<double>());
-    place.rays.emplace_back(place.points.back()->hnormalized());
-  }
-  return place;
-}
-
 std::size_t different_rays(const LevelView& view) {
   std::set<std::array<double, 2>> rays;
   for (const PointOnRay& s : view.seen) rays.insert({s.ray.x(), s.ray.y()});

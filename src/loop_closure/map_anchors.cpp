@@ -33,13 +33,13 @@ EdgeSigmas sigmas_of(const Eigen::Matrix4d& covariance) {
           .vertical_m = sigmas[2]};
 }
 
+}  // namespace
+
 Anchor anchor_of(std::size_t keyframe, const MapFix& fix) {
   return {.keyframe = keyframe,
           .T_known_camera = fix.pose.T_world_map.inverse() * fix.view.T_world_camera,
           .sigmas = sigmas_of(covariance_in_map(fix.pose))};
 }
-
-}  // namespace
 
 MapAnchors::MapAnchors(std::shared_ptr<const KnownMap> map, double gate)
     : map_(std::move(map)), relocalizer_(map_->sigma()), gate_(gate) {}

@@ -23,6 +23,9 @@ struct FoundInMap {
   Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
 };
 
+/// The fix of a keyframe as an edge, with what errors of the points add to its own covariance.
+Anchor anchor_of(std::size_t keyframe, const MapFix& fix);
+
 /// Finds a dive in a known map, then keeps its graph anchored there.
 class MapAnchors {
  public:

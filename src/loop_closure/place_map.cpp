@@ -108,6 +108,16 @@ MapPlace triangulate_place(const PosedPlace& place, const std::vector<std::vecto
 
 }  // namespace
 
+Place to_place(const MapPlace& place) {
+  Place result;
+  result.descriptors = place.descriptors;
+  for (const Eigen::Vector3f& point : place.points) {
+    result.points.emplace_back(point.cast<double>());
+    result.rays.emplace_back(result.points.back()->hnormalized());
+  }
+  return result;
+}
+
 PlaceMap make_place_map(const std::vector<PosedPlace>& places, double sigma) {
   const Rays rays = match_neighbors(places);
   PlaceMap map;

@@ -20,6 +20,9 @@ struct MapPlace {
   cv::Mat descriptors;                  ///< [n,128] 8-bit, one row per point
 };
 
+/// Its features as they are matched, all of them triangulated.
+Place to_place(const MapPlace& place);
+
 /// What a dive leaves for later ones to be found in: its places, in order of time.
 struct PlaceMap {
   std::vector<MapPlace> places;
