@@ -38,7 +38,8 @@ struct MapFrame {
   std::optional<Stamp> newest_keyframe;       ///< in the window, before this frame
   bool vio_failing = false;
   std::optional<ScaleChange> scale_change;  ///< of the map so far, before this frame
-  std::optional<SE3> motion;                ///< of the whole map, when it is finished
+  /// Poses of camera 0 at the keyframes by the pose graph of the whole dive, when that is finished.
+  Trajectory final_camera_poses;
 };
 
 /// Interface of the mapper. `push` is called in order of time from the last stage's thread. Mapping

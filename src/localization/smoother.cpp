@@ -89,7 +89,8 @@ void Smoother::add_image(const FrameOutput& output, const MapFrame& news) {
   push({.T_odom_body = T_odom_body,
         .T_graph_image = T_graph_window_ * news.T_world_body,
         .T_image_body = news.T_world_body.inverse() * T_window_body,
-        .T_body_camera = news.T_body_camera.value_or(T_body_camera_)},
+        .T_body_camera = news.T_body_camera.value_or(T_body_camera_),
+        .has_image = true},
        news.stamp, news.image, continues);
 }
 
@@ -133,6 +134,17 @@ SE3 Smoother::T_map_odom() const {
   const SE3 T_map_graph = closer_.newest_correction();
   const std::scoped_lock lock(mutex_);
   return T_map_graph * T_graph_odom_;
+}
+
+Trajectory Smoother::camera_poses() const {
+  const loop_closure::KeyframeGraph& graph = closer().graph();
+  const SE3 T_map_graph = graph.T_world_known().inverse();
+  Trajectory poses;
+  for (std::size_t k = 0; k < std::min(keyframes_.size(), graph.size()); ++k) {
+    if (!keyframes_[k].has_image) continue;
+    poses.poses.push_back({stamps_[k], T_map_graph * graph.corrected_pose(k)});
+  }
+  return poses;
 }
 
 // The pose as the odometry since a keyframe continues the corrected keyframe.

@@ -37,6 +37,9 @@ class Smoother {
   /// The odometry with the corrections of the graph, interpolated between keyframes, in the frame
   /// of the known map if it was found. After `finish` or `stop`.
   Trajectory smoothed(const Trajectory& odometry) const;
+  /// Poses of the camera at the images of the keyframes, in the same frame. After `finish` or
+  /// `stop`.
+  Trajectory camera_poses() const;
   /// After `finish` or `stop`.
   const loop_closure::LoopCloser& closer() const { return closer_.closer(); }
   const std::vector<double>& keyframe_seconds() const { return closer_.seconds(); }
@@ -48,6 +51,7 @@ class Smoother {
     SE3 T_graph_image;  ///< of the body when the image was taken; the graph's odometry
     SE3 T_image_body;   ///< motion between the two times
     SE3 T_body_camera;
+    bool has_image = false;
     SE3 T_graph_body() const { return T_graph_image * T_image_body; }
   };
 

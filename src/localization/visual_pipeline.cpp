@@ -63,6 +63,12 @@ void VisualPipeline::finish() {
     fusion_worker_->wait();
   }
   if (smoother_) smoother_->finish();
+  if (smoother_ && map_ != nullptr && last_) {
+    MapFrame news;
+    news.stamp = *last_;
+    news.final_camera_poses = smoother_->camera_poses();
+    map_->push(std::move(news));
+  }
 }
 
 void VisualPipeline::stop() {
@@ -102,6 +108,7 @@ void VisualPipeline::fuse(const Tracked& tracked) {
   output.timing.decode_s = tracked.decode_s;
   output.timing.track_s = tracked.track_s;
   sink_(output);
+  last_ = output.stamp;
   if (!map_feed_) return;
   auto map_frame = map_feed_->process(tracked.job, tracked.image, output, fusion_stage_.window());
   if (smoother_) {

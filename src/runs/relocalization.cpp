@@ -10,7 +10,6 @@
 #include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
-#include "geometry/umeyama.hpp"
 #include "loop_closure/place_map.hpp"
 
 namespace apvi::runs {
@@ -48,12 +47,6 @@ eval::Json found_json(const loop_closure::FoundInMap& found, Stamp first) {
           {"covariance", to_json(C)}};
 }
 
-std::vector<Eigen::Vector3d> positions(const Trajectory& trajectory) {
-  std::vector<Eigen::Vector3d> all;
-  for (const StampedPose& pose : trajectory.poses) all.push_back(pose.T_world_body.translation);
-  return all;
-}
-
 }  // namespace
 
 void check_known_map(const RunConfig& config, const localization::ActiveSensors& sensors,
@@ -69,15 +62,6 @@ void check_known_map(const RunConfig& config, const localization::ActiveSensors&
   fail_input("{}: to be found in a map needs a camera, an IMU and smoothing.enabled: true", run);
 }
 
-bool was_found(const localization::Smoother& smoother) {
-  const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
-  return anchors != nullptr && anchors->found();
-}
-
-SE3 mean_motion(const Trajectory& odometry, const Trajectory& smoothed, const SE3& otherwise) {
-  return align_yaw(positions(odometry), positions(smoothed)).value_or(otherwise);
-}
-
 eval::Json report_relocalization(const RunConfig& config,
                                  const localization::VisualPipeline* visual,
                                  std::optional<Stamp> first, std::vector<std::string>& warnings) {
@@ -85,13 +69,13 @@ eval::Json report_relocalization(const RunConfig& config,
   if (run.empty() || !first) return eval::Json::object();
   const localization::Smoother& smoother = *visual->smoother();
   eval::Json json{{"map", run}, {"found", false}};
-  if (!was_found(smoother)) {
+  const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
+  if (anchors == nullptr || !anchors->found()) {
     warnings.push_back(fmt::format(
         "the dive was not found in the map of {}: its results are in a frame of their own", run));
     log::warning("{}", warnings.back());
     return json;
   }
-  const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
   json.update(found_json(*anchors->found(), *first));
   json["anchors"] = anchors->anchors();
   json["rejected_anchors"] = anchors->rejected();

@@ -19,13 +19,6 @@ namespace apvi::runs {
 void check_known_map(const RunConfig& config, const localization::ActiveSensors& sensors,
                      const std::filesystem::path& folder);
 
-/// Whether the frame of the results is that of a known map.
-bool was_found(const localization::Smoother& smoother);
-
-/// The rigid motion, a rotation about z and a translation, that takes positions of the odometry to
-/// those of the smoothed trajectory, by least squares.
-SE3 mean_motion(const Trajectory& odometry, const Trajectory& smoothed, const SE3& otherwise);
-
 /// Section `relocalization` of metrics.json: whether, when and how the dive was found in the known
 /// map, and a warning when it was not. Empty for a run without a known map.
 eval::Json report_relocalization(const RunConfig& config,

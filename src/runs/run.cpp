@@ -151,7 +151,7 @@ class Runner {
       throw;
     }
     write_smoothed();
-    if (map_ != nullptr) finish_map();
+    if (map_ != nullptr) map_->finish();
     return std::move(pass_);
   }
 
@@ -186,18 +186,6 @@ class Runner {
     io::write_tum(folder_.file(kSmoothedFile), pass_.smoothed);
     loop_closure::save(visual->smoother()->closer().place_map(),
                        folder_.file(loop_closure::kPlacesFile));
-  }
-
-  // The map goes where the trajectory is.
-  void finish_map() {
-    const localization::VisualPipeline* visual = pipeline_.visual();
-    if (!pass_.smoothed.empty() && was_found(*visual->smoother())) {
-      localization::MapFrame news;
-      news.stamp = pass_.last;
-      news.motion = mean_motion(pass_.fused, pass_.smoothed, visual->smoother()->T_map_odom());
-      map_->push(std::move(news));
-    }
-    map_->finish();
   }
 
   void record(const localization::PingOutput& output) {

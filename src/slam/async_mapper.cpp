@@ -14,6 +14,7 @@
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "slam/final_poses.hpp"
 #include "slam/map_access.hpp"
 
 namespace apvi::slam {
@@ -122,14 +123,17 @@ void AsyncMapper::finish_map() {
     const std::scoped_lock lock(mutex_);
     mapper_.add(input);
   }
-  if (motion_) move(*motion_);
+  if (!final_camera_poses_.empty()) adopt_final_poses();
   flush_depth();
 }
 
-// A correction before the first keyframe is one of all.
-void AsyncMapper::move(const SE3& motion) {
+// As a whole: each keyframe for itself would need many steps of optimization afterwards. A
+// correction before the first keyframe is one of all.
+void AsyncMapper::adopt_final_poses() {
+  const auto motion = final_motion(mapper_.keyframes(), final_camera_poses_);
+  if (!motion) return;
   mapping::MapperInput input;
-  input.loop_corrections.push_back({std::numeric_limits<std::int64_t>::min(), to_tensor(motion)});
+  input.loop_corrections.push_back({std::numeric_limits<std::int64_t>::min(), to_tensor(*motion)});
   const std::scoped_lock lock(mutex_);
   mapper_.add(input);
 }
@@ -166,7 +170,7 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
   optimize_outage(frame);
   if (frame.scale_change) change_scale(*frame.scale_change);
-  if (frame.motion) motion_ = frame.motion;
+  if (!frame.final_camera_poses.empty()) final_camera_poses_ = frame.final_camera_poses;
   if (frame.T_body_camera) {
     const std::scoped_lock lock(mutex_);
     T_body_camera_ = *frame.T_body_camera;

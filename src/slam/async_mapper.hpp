@@ -120,7 +120,7 @@ class AsyncMapper : public localization::MapSink {
   void make_loop_closer();
   void process(const localization::MapFrame& frame);
   void change_scale(const ScaleChange& change);
-  void move(const SE3& motion);
+  void adopt_final_poses();
   mapping::KeyframeDecision add_frame(const localization::MapFrame& frame);
   mapping::MapperInput to_input(const localization::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
@@ -145,7 +145,7 @@ class AsyncMapper : public localization::MapSink {
   Profiler times_;
   std::optional<Stamp> first_frame_;
   std::optional<Stamp> failing_since_;  // VIO has failed; no steps yet for the time since then
-  std::optional<SE3> motion_;           // of the whole map, when it is finished
+  Trajectory final_camera_poses_;       // see localization::MapFrame
   double outages_s_ = 0.0;
   std::size_t dropped_ = 0;
   std::exception_ptr failure_;  // of the mapper's thread, until `finish`
