@@ -54,7 +54,8 @@ MapRendering render_map(const Map& map, const gaussians::View& view) {
       map.gaussians, view, {.antialiased = map.antialiased, .background = {}, .light = light});
   MapRendering rendering = {
       .color = out.color, .restored = out.color, .depth = out.depth, .alpha = out.alpha};
-  if (water) rendering.color = water->apply(out.color, out.depth, out.alpha);
+  if (map.light.defined()) rendering.color = out.color * map.light.to(out.color.options());
+  if (water) rendering.color = water->apply(rendering.color, out.depth, out.alpha);
   return rendering;
 }
 
@@ -62,11 +63,14 @@ torch::Tensor with_water(const Map& map, const gaussians::Intrinsics& camera,
                          const MapRendering& rendering, double amount) {
   const torch::NoGradGuard no_grad;
   if (!map.medium || amount == 1.0) return rendering.color;
-  if (amount <= 0.0) return rendering.restored;
+  torch::Tensor color = map.light.defined()
+                            ? rendering.restored * map.light.to(rendering.restored.options())
+                            : rendering.restored;
+  if (amount <= 0.0) return color;
   Map other{.gaussians = map.gaussians, .medium = map.medium};
   other.medium->beta_d = map.medium->beta_d * amount;
   other.medium->beta_b = map.medium->beta_b * amount;
-  return medium_view(other, camera)->apply(rendering.restored, rendering.depth, rendering.alpha);
+  return medium_view(other, camera)->apply(color, rendering.depth, rendering.alpha);
 }
 
 torch::Tensor render_open_water(const Map& map, const gaussians::Intrinsics& camera) {

@@ -19,6 +19,9 @@ namespace apvi::mapping {
 struct Map {
   gaussians::Gaussians gaussians;
   std::optional<medium::Medium> medium;
+  /// [3] color of the light of this session, by which surfaces are brighter than in the session
+  /// that the colors of the Gaussians are for; undefined: the same light.
+  torch::Tensor light = {};
   bool antialiased = false;  ///< as it was trained
   /// [n] log gains of the keyframes: brightness of their images relative to the map; undefined: all
   /// equal.
@@ -32,10 +35,11 @@ struct Map {
 
 /// Renderings of a map from one view, in linear light.
 struct MapRendering {
-  torch::Tensor color;     ///< [H,W,3] with the medium, if there is one
-  torch::Tensor restored;  ///< [H,W,3] without the medium, lit as from this view
-  torch::Tensor depth;     ///< [H,W] along the optical axis [m], 0 where empty
-  torch::Tensor alpha;     ///< [H,W] accumulated opacity
+  torch::Tensor color;  ///< [H,W,3] with the medium, if there is one
+  /// [H,W,3] without the medium, lit as from this view, in the light that the colors are for.
+  torch::Tensor restored;
+  torch::Tensor depth;  ///< [H,W] along the optical axis [m], 0 where empty
+  torch::Tensor alpha;  ///< [H,W] accumulated opacity
 };
 
 /// Renders the map without recording gradients, for a camera of gain one without vignetting.

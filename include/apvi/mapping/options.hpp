@@ -176,6 +176,8 @@ struct TrainerOptions {
   double depth_curvature_weight = 1.0;  ///< weight of `depth_curvature_loss`
   int initial_downscale = 4;            ///< initial image reduction: 1, 2 or 4
   double full_resolution_after = 0.25;  ///< fraction of the training
+  /// The initial map is a finished one: full images, all degrees and gains from the start.
+  bool refine = false;
   bool antialiased = false;
   bool gain_compensation = true;  ///< estimate a gain per keyframe
   ToneCurveOptions tone_curve;

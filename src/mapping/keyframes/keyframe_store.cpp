@@ -92,7 +92,7 @@ gaussians::View KeyframeStore::view(std::size_t i, int factor) const {
 }
 
 Tensor to_float_image(const Tensor& bytes, int factor, const Tensor& table) {
-  const Tensor image =
+  Tensor image =
       table.defined()
           ? table.index_select(0, bytes.reshape({-1}).to(torch::kInt64)).view(bytes.sizes())
           : bytes.to(torch::kFloat32) / 255.0;
@@ -132,9 +132,15 @@ Tensor camera_center(const Tensor& T_camera_world) {
 }
 
 double scene_extent(const KeyframeStore& store) {
+  return scene_extent(std::vector{&store});
+}
+
+double scene_extent(const std::vector<const KeyframeStore*>& stores) {
   std::vector<Tensor> centers;
-  for (const std::size_t i : store.training()) {
-    centers.push_back(camera_center(store[i].T_camera_world));
+  for (const KeyframeStore* store : stores) {
+    for (const std::size_t i : store->training()) {
+      centers.push_back(camera_center((*store)[i].T_camera_world));
+    }
   }
   if (centers.empty()) return kMinExtent_m;
   const Tensor all = torch::stack(centers);

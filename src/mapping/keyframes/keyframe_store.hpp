@@ -109,5 +109,7 @@ torch::Tensor camera_center(const torch::Tensor& T_camera_world);
 /// Scene extent that scales the learning rate of the means: 1.1 times the largest distance of a
 /// training camera from the mean camera center [m] (Kerbl et al., 2023), at least 0.1 m.
 double scene_extent(const KeyframeStore& store);
+/// The same of all cameras of several stores.
+double scene_extent(const std::vector<const KeyframeStore*>& stores);
 
 }  // namespace apvi::mapping

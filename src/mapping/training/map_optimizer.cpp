@@ -43,6 +43,13 @@ gaussians::Gaussians on_device(const gaussians::Gaussians& gaussians) {
   return copy;
 }
 
+template <typename Part>
+void save_part(torch::serialize::OutputArchive& archive, const char* name, const Part& part) {
+  torch::serialize::OutputArchive inner;
+  part.save(inner);
+  archive.write(name, inner);
+}
+
 }  // namespace
 
 gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent, double progress) {
@@ -60,15 +67,30 @@ gaussians::GaussianLearningRates rates_at(const LearningRates& r, double extent,
 
 MapOptimizer::MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
                            std::size_t views, const std::optional<medium::Medium>& medium)
+    : MapOptimizer(std::make_shared<SharedGaussians>(SharedGaussians{
+                       .store = gaussians::GaussianStore(on_device(initial)),
+                       .statistics = DensityStatistics(initial.size(), gaussians::active_device()),
+                       .max_gaussians = gaussian_limit(options.densify)}),
+                   options, views, medium) {}
+
+MapOptimizer::MapOptimizer(std::shared_ptr<SharedGaussians> shared, const TrainerOptions& options,
+                           std::size_t views, const std::optional<medium::Medium>& medium)
     : options_(options),
-      max_gaussians_(gaussian_limit(options.densify)),
-      store_(on_device(initial)),
-      statistics_(initial.size(), gaussians::active_device()),
+      shared_(std::move(shared)),
       corrections_(views, options.pose_refinement, options.exposure_correction),
       gains_(views, gaussians::active_device()),
       tone_curve_evidence_(options.tone_curve),
       tone_curve_(tone_curve_evidence_.initial()) {
   if (medium) create_medium(*medium);
+}
+
+MapOptimizer MapOptimizer::session(const TrainerOptions& options, std::size_t views,
+                                   const std::optional<medium::Medium>& medium,
+                                   const Tensor& light) {
+  shared_->has_sessions = true;
+  MapOptimizer other(shared_, options, views, medium);
+  other.light_.emplace(light, gaussians::active_device());
+  return other;
 }
 
 const medium::MediumView& MapOptimizer::medium_view(const gaussians::Intrinsics& camera) {
@@ -78,11 +100,12 @@ const medium::MediumView& MapOptimizer::medium_view(const gaussians::Intrinsics&
 }
 
 bool MapOptimizer::optimizes_medium() const {
-  return medium_ && (!medium_->has_prior() || store_.steps() % kMediumInterval == 0);
+  return medium_ && (!medium_->has_prior() || shared_->store.steps() % kMediumInterval == 0);
 }
 
 bool MapOptimizer::updates_gain(const StepSettings& settings) const {
-  return options_.gain_compensation && settings.match_gain && store_.steps() % kGainInterval == 0;
+  return options_.gain_compensation && settings.match_gain &&
+         shared_->store.steps() % kGainInterval == 0;
 }
 
 Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
@@ -95,19 +118,20 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   const medium::MediumView* const water =
       update_medium ? &*differentiable : (medium_ ? &medium_view(camera.intrinsics) : nullptr);
   const gaussians::RenderOutput out = gaussians::render(
-      store_.view(), camera,
+      shared_->store.view(), camera,
       {.sh_degree = settings.sh_degree,
        .antialiased = options_.antialiased,
        .background = {},
-       .light =
-           water ? water->illumination_at(store_.view().means, camera.T_camera_world) : Tensor(),
+       .light = water ? water->illumination_at(shared_->store.view().means, camera.T_camera_world)
+                      : Tensor(),
        .sparse_gradient = true});
-  const Tensor seen = water ? water->apply(out.color, out.depth, out.alpha) : out.color;
+  const Tensor color = light_ ? out.color * light_->color(/*learn=*/true) : out.color;
+  const Tensor seen = water ? water->apply(color, out.depth, out.alpha) : color;
   const bool lit = illumination_ && settings.match_gain;
   const Tensor image = corrections_.expose(
       i, lit ? illumination_->apply(i, seen, 1.0 / tone_curve_.exponent()) : seen,
       /*learn=*/true);
-  const bool add_opacity_loss = water != nullptr && store_.steps() % kOpacityInterval == 0;
+  const bool add_opacity_loss = water != nullptr && shared_->store.steps() % kOpacityInterval == 0;
   const bool needs_open_water = add_opacity_loss || (water != nullptr && updates_gain(settings));
   const RenderedView rendered = {.image = image.detach(),
                                  .alpha = out.alpha.detach(),
@@ -118,7 +142,7 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
       tone_curve_.encode(image), tone_curve_.encode(target.saturation_adjusted(rendered.image)),
       options_.ssim_weight);
   if (options_.depth_curvature_weight > 0.0 &&
-      store_.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
+      shared_->store.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
     loss = loss + options_.depth_curvature_weight *
                       depth_curvature_loss(out.depth, rendered.alpha, target.image);
   }
@@ -132,15 +156,16 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   } else {
     loss.backward();
   }
-  statistics_.observe(out.statistics);
+  shared_->statistics.observe(out.statistics);
   const bool sparse = options_.sparse_adam.value_or(false);
   if (out.sparse_gradient != nullptr) {
-    store_.step(settings.rates, *out.sparse_gradient, sparse);
+    shared_->store.step(settings.rates, *out.sparse_gradient, sparse);
   } else {
-    store_.step(settings.rates, {}, sparse ? out.statistics.visible : Tensor());
+    shared_->store.step(settings.rates, {}, sparse ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
   if (lit) illumination_->step(i);
+  if (light_) light_->step();
   if (update_medium) {
     medium_->step();
     const medium::Medium now = *medium();
@@ -180,32 +205,32 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
 DensifyResult MapOptimizer::densify(double extent, std::int64_t limit, std::uint64_t seed,
                                     std::int64_t passed) {
   const DensifyResult result =
-      mapping::densify(store_, statistics_, options_.densify, extent, limit, seed);
-  statistics_.begin_round();
+      mapping::densify(shared_->store, shared_->statistics, options_.densify, extent, limit, seed);
+  shared_->statistics.begin_round();
   // The interval is derived from state that checkpoints contain.
-  if (store_.steps() % kReorderInterval < passed) reorder();
+  if (shared_->store.steps() % kReorderInterval < passed) reorder();
   return result;
 }
 
 void MapOptimizer::reorder() {
-  const Tensor order = gaussians::morton_order(store_.view().means);
-  store_.reorder(order);
-  statistics_.reorder(order);
+  const Tensor order = gaussians::morton_order(shared_->store.view().means);
+  shared_->store.reorder(order);
+  shared_->statistics.reorder(order);
 }
 
 void MapOptimizer::insert(const gaussians::Gaussians& gaussians, const Tensor& anchors) {
-  store_.insert(gaussians, anchors);
-  statistics_.extend(gaussians.size());
+  shared_->store.insert(gaussians, anchors);
+  shared_->statistics.extend(gaussians.size());
 }
 
 void MapOptimizer::remove(const Tensor& remove) {
-  store_.prune(remove);
-  statistics_.keep(remove.logical_not());
+  shared_->store.prune(remove);
+  shared_->statistics.keep(remove.logical_not());
 }
 
 void MapOptimizer::prune_least_important(std::int64_t count, const Tensor& among) {
   if (count <= 0) return;
-  Tensor order = statistics_.importance();
+  Tensor order = shared_->statistics.importance();
   if (among.defined()) order = order.masked_fill(~among, std::numeric_limits<float>::infinity());
   Tensor pruned = torch::zeros_like(order, order.options().dtype(torch::kBool));
   pruned.index_fill_(0, std::get<1>(order.topk(count, 0, /*largest=*/false)), true);
@@ -214,20 +239,20 @@ void MapOptimizer::prune_least_important(std::int64_t count, const Tensor& among
 
 void MapOptimizer::keep_most_important(int count) {
   const torch::NoGradGuard no_grad;
-  max_gaussians_ = count;
-  if (!statistics_.has_size(size())) statistics_ = DensityStatistics(size());
+  shared_->max_gaussians = count;
+  if (!shared_->statistics.has_size(size())) shared_->statistics = DensityStatistics(size());
   move_to(torch::kCPU);
   prune_least_important(size() - count);
   move_to(gaussians::active_device());
 }
 
 std::int64_t MapOptimizer::room() const {
-  return std::max<std::int64_t>(0, max_gaussians_ - size());
+  return std::max<std::int64_t>(0, shared_->max_gaussians - size());
 }
 
 void MapOptimizer::move_to(const torch::Device& device) {
-  store_.to(device);
-  statistics_.to(device);
+  shared_->store.to(device);
+  shared_->statistics.to(device);
 }
 
 void MapOptimizer::move(const std::map<std::int64_t, Tensor>& motions) {
@@ -239,11 +264,11 @@ void MapOptimizer::move(const std::map<std::int64_t, Tensor>& motions) {
     which[1 + static_cast<std::size_t>(anchor)] = static_cast<std::int64_t>(transforms.size());
     transforms.push_back(motion);
   }
-  const Tensor anchors = store_.anchors();
+  const Tensor anchors = shared_->store.anchors();
   const auto last = static_cast<std::int64_t>(which.size()) - 1;
   const Tensor lookup = torch::tensor(which, torch::kInt64).to(anchors.device());
   const Tensor index = lookup.index_select(0, torch::where(anchors < last, anchors + 1, 0));
-  store_.transform(gaussians::rigid_transforms(torch::stack(transforms)), index);
+  shared_->store.transform(gaussians::rigid_transforms(torch::stack(transforms)), index);
 }
 
 void MapOptimizer::change_scale(const gaussians::ScaleChange& change) {
@@ -259,8 +284,8 @@ void MapOptimizer::change_scale(const gaussians::ScaleChange& change) {
   medium_posterior_ = {};
   if (size() == 0) return;
   const Tensor all = torch::zeros({size()}, torch::kInt64);
-  store_.transform(gaussians::scaling(change), all);
-  store_.reset_momentum(torch::ones({size()}, torch::kBool));
+  shared_->store.transform(gaussians::scaling(change), all);
+  shared_->store.reset_momentum(torch::ones({size()}, torch::kBool));
 }
 
 void MapOptimizer::add_view() {
@@ -311,7 +336,7 @@ void MapOptimizer::set_vio_failing(bool failing) {
 }
 
 gaussians::Gaussians MapOptimizer::map() const {
-  const gaussians::Gaussians& view = store_.view();
+  const gaussians::Gaussians& view = shared_->store.view();
   gaussians::Gaussians map;
   const auto from = view.tensors();
   const auto to = map.tensors();
@@ -322,6 +347,7 @@ gaussians::Gaussians MapOptimizer::map() const {
 Map MapOptimizer::full_map() const {
   return {.gaussians = map(),
           .medium = medium(),
+          .light = light_ ? light_->color(/*learn=*/false) : Tensor(),
           .antialiased = options_.antialiased,
           .log_gains = options_.gain_compensation ? gains_.logs() : Tensor(),
           .illumination = illumination_ ? illumination_->logs() : Tensor(),
@@ -343,19 +369,22 @@ std::optional<double> MapOptimizer::medium_rate() const {
 }
 
 void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
+  save_part(archive, "map", shared_->store);
+  save_part(archive, "statistics", shared_->statistics);
+  save_session(archive);
+}
+
+void MapOptimizer::save_session(torch::serialize::OutputArchive& archive) const {
   const auto child = [&archive](const char* name, const auto& part) {
-    torch::serialize::OutputArchive inner;
-    part.save(inner);
-    archive.write(name, inner);
+    save_part(archive, name, part);
   };
-  child("map", store_);
-  child("statistics", statistics_);
   child("corrections", corrections_);
   child("gains", gains_);
   child("water", medium_posterior_);
   child("tone_curve_evidence", tone_curve_evidence_);
   child("medium_support", medium_support_);
   if (illumination_) child("illumination", *illumination_);
+  if (light_) child("light", *light_);
   archive.write("vignetting_square", torch::IValue(vignetting_.square));
   archive.write("vignetting_fourth", torch::IValue(vignetting_.fourth));
   archive.write("tone_curve", gaussians::to_tensor(tone_curve_));
@@ -367,13 +396,18 @@ void MapOptimizer::save(torch::serialize::OutputArchive& archive) const {
 void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   torch::serialize::InputArchive part;
   archive.read("map", part);
-  store_ = gaussians::GaussianStore::load(part);
+  shared_->store = gaussians::GaussianStore::load(part);
   archive.read("statistics", part);
-  statistics_.load(part);
-  TORCH_CHECK(statistics_.has_size(size()),
+  shared_->statistics.load(part);
+  TORCH_CHECK(shared_->statistics.has_size(size()),
               "checkpoint: density statistics do not match the number of Gaussians");
-  prune_least_important(size() - max_gaussians_);
+  prune_least_important(size() - shared_->max_gaussians);
   move_to(gaussians::active_device());
+  load_session(archive);
+}
+
+void MapOptimizer::load_session(torch::serialize::InputArchive& archive) {
+  torch::serialize::InputArchive part;
   archive.read("corrections", part);
   corrections_.load(part);
   archive.read("gains", part);
@@ -387,6 +421,10 @@ void MapOptimizer::load(torch::serialize::InputArchive& archive) {
   if (illumination_) {
     archive.read("illumination", part);
     illumination_->load(part);
+  }
+  if (light_) {
+    archive.read("light", part);
+    light_->load(part);
   }
   vignetting_ = {.square = gaussians::read_double(archive, "vignetting_square"),
                  .fourth = gaussians::read_double(archive, "vignetting_fourth")};

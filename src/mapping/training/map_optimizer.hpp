@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "gaussians/model/gaussian_store.hpp"
 #include "gaussians/render/render.hpp"
 #include "mapping/appearance/illumination.hpp"
+#include "mapping/appearance/session_light.hpp"
 #include "mapping/appearance/view_corrections.hpp"
 #include "mapping/appearance/view_gains.hpp"
 #include "mapping/density/densify.hpp"
@@ -40,11 +42,20 @@ gaussians::GaussianLearningRates rates_at(const LearningRates& rates, double ext
 
 /// Optimizes a map together with its medium and per-view corrections, and holds the optimizer
 /// state. The owner chooses views, schedules and densification: `Trainer` offline, `Mapper` online.
+///
+/// Several sessions can share one set of Gaussians: each has its own medium, light and camera
+/// response, with an optimizer of its own that `session` makes.
 class MapOptimizer {
  public:
   /// Copies the Gaussians. With `medium`, the water is optimized too, starting from it.
   MapOptimizer(const gaussians::Gaussians& initial, const TrainerOptions& options,
                std::size_t views, const std::optional<medium::Medium>& medium = std::nullopt);
+
+  /// An optimizer of the same Gaussians for the views of another session, whose light has the color
+  /// `light` [3] relative to that of this one. From now on a new medium of either does not recolor
+  /// the Gaussians, because the other's images would no longer fit.
+  MapOptimizer session(const TrainerOptions& options, std::size_t views,
+                       const std::optional<medium::Medium>& medium, const torch::Tensor& light);
 
   /// One optimizer step on the image of view `i`; returns its loss as a tensor on the map's device,
   /// without synchronizing.
@@ -80,6 +91,8 @@ class MapOptimizer {
   /// tone curve becomes that of the estimation. Without MediumSupport, the map gets no medium, or
   /// loses it.
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
+  /// Keeps the medium as it is until `apply_medium`.
+  void hold_medium();
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
   /// Follows moving light from now on, with gain compensation; see Illumination.
@@ -93,15 +106,15 @@ class MapOptimizer {
   gaussians::Gaussians map() const;
   /// The same with medium and camera response.
   Map full_map() const;
-  std::int64_t size() const { return store_.size(); }
+  std::int64_t size() const { return shared_->store.size(); }
   /// Maximum number of Gaussians, which the owner respects: as configured, the default of the
   /// device, or less after `keep_most_important`.
-  int max_gaussians() const { return max_gaussians_; }
+  int max_gaussians() const { return shared_->max_gaussians; }
   /// Number of Gaussians until this limit.
   std::int64_t room() const;
-  torch::Tensor anchors() const { return store_.anchors(); }
+  torch::Tensor anchors() const { return shared_->store.anchors(); }
   /// See DensityStatistics.
-  torch::Tensor importance() const { return statistics_.importance(); }
+  torch::Tensor importance() const { return shared_->statistics.importance(); }
   std::optional<medium::Medium> medium() const;
   /// Combined result of all applied medium estimations.
   const medium::MediumPosterior& medium_posterior() const { return medium_posterior_; }
@@ -117,8 +130,20 @@ class MapOptimizer {
   /// Loads at most `max_gaussians`, the most important ones. Throws c10::Error when
   /// the archive does not match.
   void load(torch::serialize::InputArchive& archive);
+  /// All but the Gaussians.
+  void save_session(torch::serialize::OutputArchive& archive) const;
+  void load_session(torch::serialize::InputArchive& archive);
 
  private:
+  struct SharedGaussians {
+    gaussians::GaussianStore store;
+    DensityStatistics statistics;
+    int max_gaussians = 0;
+    bool has_sessions = false;
+  };
+
+  MapOptimizer(std::shared_ptr<SharedGaussians> shared, const TrainerOptions& options,
+               std::size_t views, const std::optional<medium::Medium>& medium);
   void move_to(const torch::Device& device);
   void create_medium(const medium::Medium& medium);
   const medium::MediumView& medium_view(const gaussians::Intrinsics& camera);
@@ -139,6 +164,7 @@ class MapOptimizer {
   };
   Target target_of(const KeyframeStore& keyframes, std::size_t i, const RenderedView& rendered,
                    const StepSettings& settings);
+  void recolor_for(const Map& after, const KeyframeStore& keyframes);
   void apply_appearance(const Map& after, const torch::Tensor& resolution,
                         const KeyframeStore& keyframes);
   /// The map with another tone curve, which also scales the logarithms of gains.
@@ -146,9 +172,8 @@ class MapOptimizer {
   void remove_medium(const KeyframeStore& keyframes);
 
   TrainerOptions options_;
-  int max_gaussians_;
-  gaussians::GaussianStore store_;
-  DensityStatistics statistics_;
+  std::shared_ptr<SharedGaussians> shared_;
+  std::optional<SessionLight> light_;
   ViewCorrections corrections_;
   ViewGains gains_;
   std::optional<Illumination> illumination_;

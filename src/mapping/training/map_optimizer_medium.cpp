@@ -47,13 +47,21 @@ void MapOptimizer::create_medium(const medium::Medium& medium) {
   medium_->set_vio_failing(vio_failing_);
 }
 
+void MapOptimizer::recolor_for(const Map& after, const KeyframeStore& keyframes) {
+  if (!shared_->has_sessions) recolor(full_map(), after, keyframes);
+}
+
 void MapOptimizer::start_medium(const medium::Medium& medium, const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;
   Map after = full_map();
   after.medium = on_device(medium);
-  recolor(full_map(), after, keyframes);
+  recolor_for(after, keyframes);
   create_medium(*after.medium);
   medium_views_.clear();
+}
+
+void MapOptimizer::hold_medium() {
+  if (medium_) medium_->set_prior(*medium(), torch::zeros({3, 3, 3}));
 }
 
 void MapOptimizer::apply_medium(const MediumEstimation& estimation,
@@ -111,7 +119,7 @@ Map MapOptimizer::with_curve(const gaussians::ToneCurve& curve) const {
 
 void MapOptimizer::apply_appearance(const Map& after, const Tensor& resolution,
                                     const KeyframeStore& keyframes) {
-  recolor(full_map(), after, keyframes);
+  recolor_for(after, keyframes);
   if (options_.gain_compensation) gains_.set_logs(after.log_gains);
   vignetting_ = after.vignetting;
   falloffs_.clear();

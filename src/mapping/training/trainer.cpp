@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
+#include <string>
 #include <utility>
 
 #include "apvi/core/log.hpp"
@@ -25,20 +27,50 @@ constexpr double kGainStartProgress = 0.1;  // before, the map is too rough to e
 constexpr double kMediumViewSpacing = 0.1;  // of the extent, between keyframes used for estimation
 constexpr std::array<double, 4> kMediumEstimationProgress = {0.15, 0.3, 0.5, 0.7};
 
+std::string session_key(std::size_t i) {
+  return "session" + std::to_string(i);
+}
+
+double extent_of(const std::vector<TrainingSession>& sessions) {
+  std::vector<const KeyframeStore*> stores;
+  for (const TrainingSession& session : sessions) stores.push_back(session.keyframes);
+  return scene_extent(stores);
+}
+
 }  // namespace
 
 Trainer::Trainer(KeyframeStore& keyframes, const gaussians::Gaussians& initial,
                  const TrainerOptions& options, const std::optional<medium::Medium>& medium)
-    : keyframes_(keyframes),
-      options_(options),
-      extent_(scene_extent(keyframes)),
-      initial_size_(initial.size()),
-      estimates_medium_(medium && options.medium_estimation == MediumEstimationMethod::fit),
-      optimizer_(initial, options_, keyframes.size(), medium) {
-  TORCH_CHECK(!keyframes.training().empty(), "trainer: there are no training keyframes");
+    : Trainer({{.keyframes = &keyframes, .options = options, .medium = medium}}, initial) {}
+
+Trainer::Trainer(const std::vector<TrainingSession>& sessions, const gaussians::Gaussians& initial)
+    : options_(sessions.at(0).options),
+      extent_(extent_of(sessions)),
+      initial_size_(initial.size()) {
   TORCH_CHECK(initial.size() > 0, "trainer: the initial map is empty");
-  keyframes_.set_tone_curve(optimizer_.tone_curve());
-  if (resolves_moving_light(keyframes)) optimizer_.track_illumination(keyframes);
+  sessions_.reserve(sessions.size());
+  for (const TrainingSession& s : sessions) {
+    if (sessions_.empty()) {
+      add(s, MapOptimizer(initial, s.options, s.keyframes->size(), s.medium));
+    } else {
+      add(s, optimizer().session(s.options, s.keyframes->size(), s.medium, s.light));
+    }
+  }
+  TORCH_CHECK(!views_.empty(), "trainer: there are no training keyframes");
+}
+
+void Trainer::add(const TrainingSession& session, MapOptimizer optimizer) {
+  KeyframeStore& keyframes = *session.keyframes;
+  const TrainerOptions& options = session.options;
+  for (const std::size_t i : keyframes.training()) views_.push_back({sessions_.size(), i});
+  keyframes.set_tone_curve(optimizer.tone_curve());
+  if (resolves_moving_light(keyframes)) optimizer.track_illumination(keyframes);
+  if (options.refine) {
+    optimizer.hold_medium();
+    for (const std::size_t i : keyframes.training()) optimizer.match_gain(keyframes, i);
+  }
+  const bool estimates = session.medium && options.medium_estimation == MediumEstimationMethod::fit;
+  sessions_.push_back({&keyframes, options, estimates, std::move(optimizer)});
 }
 
 double Trainer::progress() const {
@@ -53,7 +85,7 @@ bool Trainer::done() const {
 }
 
 bool Trainer::reduce_memory() {
-  if (!shrink_map(optimizer_)) return false;
+  if (!shrink_map(optimizer())) return false;
   initial_size_ = std::min(initial_size_, most_gaussians());
   return true;
 }
@@ -62,12 +94,12 @@ void Trainer::retry_on_oom(const std::function<void()>& work) {
   mapping::retry_on_oom(work, [this] { return reduce_memory(); });
 }
 
-// Every keyframe once per epoch, in a new random order each epoch.
+// Every training image once per epoch, in a new random order each epoch.
 std::size_t Trainer::choose_view() const {
-  const auto& training = keyframes_.training();
-  const auto count = static_cast<std::int64_t>(training.size());
+  const auto count = static_cast<std::int64_t>(views_.size());
   Random random(derive_seed(options_.seed, Stream::order, iteration_ / count));
-  std::vector<std::size_t> order = training;
+  std::vector<std::size_t> order(views_.size());
+  std::iota(order.begin(), order.end(), 0);
   for (std::size_t i = order.size() - 1; i > 0; --i) {
     std::swap(order[i], order[static_cast<std::size_t>(random.next() % (i + 1))]);
   }
@@ -76,6 +108,7 @@ std::size_t Trainer::choose_view() const {
 
 // The reduction halves in equal intervals of the coarse phase.
 int Trainer::reduction() const {
+  if (options_.refine) return 1;
   const int levels = static_cast<int>(std::lround(std::log2(options_.initial_downscale)));
   if (levels == 0 || options_.full_resolution_after <= 0.0) return 1;
   const double phase = progress() / options_.full_resolution_after * levels;
@@ -86,13 +119,18 @@ int Trainer::reduction() const {
 double Trainer::step() {
   const Stopwatch watch;
   const auto degree = static_cast<int>(iteration_ / options_.sh_degree_interval);
-  const std::size_t view = choose_view();
-  const StepSettings settings{.reduction = reduction(),
-                              .sh_degree = std::min(options_.sh_degree, degree),
-                              .correct_pose = progress() >= options_.pose_refinement.start_fraction,
-                              .match_gain = progress() >= kGainStartProgress,
-                              .rates = rates_at(options_.learning_rates, extent_, progress())};
-  retry_on_oom([&] { losses_.add(view, optimizer_.step(keyframes_, view, settings)); });
+  const std::size_t chosen = choose_view();
+  const TrainingView& view = views_[chosen];
+  Session& session = sessions_[view.session];
+  const StepSettings settings{
+      .reduction = reduction(),
+      .sh_degree = options_.refine ? options_.sh_degree : std::min(options_.sh_degree, degree),
+      .correct_pose = progress() >= options_.pose_refinement.start_fraction,
+      .match_gain = options_.refine || progress() >= kGainStartProgress,
+      .rates = rates_at(options_.learning_rates, extent_, progress())};
+  retry_on_oom([&] {
+    losses_.add(chosen, session.optimizer.step(*session.keyframes, view.keyframe, settings));
+  });
   losses_.take();
   ++iteration_;
   maybe_densify();
@@ -103,20 +141,28 @@ double Trainer::step() {
 
 // Repeated during training, because the estimate improves with the map.
 void Trainer::maybe_estimate_medium() {
-  if (!estimates_medium_ || medium_estimations_ >= kMediumEstimationProgress.size() ||
+  if (medium_estimations_ >= kMediumEstimationProgress.size() ||
       progress() < kMediumEstimationProgress[medium_estimations_]) {
     return;
   }
   ++medium_estimations_;
+  for (Session& session : sessions_) {
+    if (session.estimates_medium) estimate_medium_of(session);
+  }
+}
+
+void Trainer::estimate_medium_of(Session& session) {
   const torch::NoGradGuard no_grad;
+  MapOptimizer& optimizer = session.optimizer;
+  const TrainerOptions& options = session.options;
   retry_on_oom([&] {
-    const auto estimation = estimate_medium(full_map(), keyframes_, kMediumViewSpacing * extent_,
-                                            medium::default_medium_prior(options_.lamps),
-                                            derive_seed(options_.seed, Stream::medium, iteration_),
-                                            {}, optimizer_.tone_curve_evidence());
+    const auto estimation = estimate_medium(
+        optimizer.full_map(), *session.keyframes, kMediumViewSpacing * extent_,
+        medium::default_medium_prior(options.lamps),
+        derive_seed(options.seed, Stream::medium, iteration_), {}, optimizer.tone_curve_evidence());
     if (!estimation) return;
-    optimizer_.apply_medium(*estimation, keyframes_);
-    keyframes_.set_tone_curve(optimizer_.tone_curve());
+    optimizer.apply_medium(*estimation, *session.keyframes);
+    session.keyframes->set_tone_curve(optimizer.tone_curve());
   });
 }
 
@@ -132,26 +178,32 @@ void Trainer::maybe_densify() {
     const std::int64_t growth = std::max<std::int64_t>(0, most_gaussians() - initial_size_);
     const std::int64_t limit =
         initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
-    result = optimizer_.densify(extent_, limit,
-                                derive_seed(options_.seed, Stream::split, iteration_), d.interval);
+    result = optimizer().densify(extent_, limit,
+                                 derive_seed(options_.seed, Stream::split, iteration_), d.interval);
   });
   log::debug("iteration {}: {} cloned, {} split, {} pruned: {} Gaussians", iteration_,
              result.cloned, result.split, result.pruned, size());
 }
 
 void Trainer::insert_random() {
-  const auto& training = keyframes_.training();
   Random random(derive_seed(options_.seed, Stream::insertion, iteration_));
-  const std::size_t view = training[static_cast<std::size_t>(random.next() % training.size())];
+  const TrainingView& view = views_[static_cast<std::size_t>(random.next() % views_.size())];
+  const Session& session = sessions_[view.session];
   const std::int64_t count =
-      std::min<std::int64_t>(options_.densify.random_per_round, optimizer_.room());
+      std::min<std::int64_t>(options_.densify.random_per_round, optimizer().room());
   if (count <= 0) return;
-  optimizer_.insert(random_gaussians(full_map(), keyframes_, view, count, extent_, random));
+  optimizer().insert(random_gaussians(session.optimizer.full_map(), *session.keyframes,
+                                      view.keyframe, count, extent_, random));
 }
 
 void Trainer::save(const std::filesystem::path& checkpoint) const {
   torch::serialize::OutputArchive archive;
-  optimizer_.save(archive);
+  optimizer().save(archive);
+  for (std::size_t i = 1; i < sessions_.size(); ++i) {
+    torch::serialize::OutputArchive session;
+    sessions_[i].optimizer.save_session(session);
+    archive.write(session_key(i), session);
+  }
   archive.write("iteration", torch::IValue(iteration_));
   archive.write("seconds", torch::IValue(seconds_));
   archive.write("medium_estimations",
@@ -162,8 +214,13 @@ void Trainer::save(const std::filesystem::path& checkpoint) const {
 
 void Trainer::resume(const std::filesystem::path& checkpoint) {
   gaussians::read_archive(checkpoint, [this](torch::serialize::InputArchive& archive) {
-    optimizer_.load(archive);
-    keyframes_.set_tone_curve(optimizer_.tone_curve());
+    optimizer().load(archive);
+    for (std::size_t i = 1; i < sessions_.size(); ++i) {
+      torch::serialize::InputArchive session;
+      archive.read(session_key(i), session);
+      sessions_[i].optimizer.load_session(session);
+    }
+    for (Session& s : sessions_) s.keyframes->set_tone_curve(s.optimizer.tone_curve());
     iteration_ = gaussians::read_int(archive, "iteration");
     seconds_ = gaussians::read_double(archive, "seconds");
     medium_estimations_ =
