@@ -44,7 +44,8 @@ BELOW = {
     "slam": ["localization", "loop_closure", "mapping"],
     "viewer": ["geometry"],
     "survey": ["mapping", "geometry"],
-    "runs": ["slam", "map_io", "io", "live", "eval", "viewer", "survey"],
+    "change": ["mapping", "geometry"],
+    "runs": ["slam", "map_io", "io", "live", "eval", "viewer", "survey", "change"],
     "cli": ["runs", "doctor", "importer", "sim"],
     "python": ["runs", "doctor"],
 }
@@ -52,7 +53,7 @@ BELOW = {
 # include this header of it, of which it needs the templates only.
 MAPPING_HALF = {"gaussians", "medium", "depth", "map_io", "mapping"}
 FOR_MAPPING_HALF = "apvi/config/fields.hpp"
-TORCH = MAPPING_HALF | {"slam", "survey", "runs", "cli", "python"}
+TORCH = MAPPING_HALF | {"slam", "survey", "change", "runs", "cli", "python"}
 LOCALIZATION_LIBRARIES = set(BELOW) - MAPPING_HALF - {"core", "config"}
 # Modules of the folders in kernels/ and cpu_fallback/.
 BACKENDS = {"common": "gaussians", "raster": "gaussians", "loss": "gaussians", "optimizer": "gaussians",
