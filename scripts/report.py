@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Creates a self-contained report.html from the folder of a run or a sweep.
+"""Creates a self-contained report.html from the folder of a run, a sweep or a change map.
 
     scripts/report.py RUN [-o report.html]
 
@@ -21,7 +21,7 @@ def missing_packages():
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="output folder of `apvi run` or `apvi sweep`")
+    parser.add_argument("run", type=pathlib.Path, metavar="RUN", help="output folder of `apvi run`, `apvi sweep` or `apvi diff`")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="FILE",
                         help="output file (default: RUN/report.html)")
     return parser.parse_args()
@@ -38,11 +38,13 @@ def main():
     if missing:
         return fail(f"missing packages: apt install {' '.join(missing)} (for /usr/bin/python3; this is "
                     f"{sys.executable})", 1)
-    from report import page, run_data, sweep_data, sweep_page, template  # pylint: disable=import-outside-toplevel
+    from report import change_data, change_page, page, run_data, sweep_data, sweep_page, template  # pylint: disable=import-outside-toplevel
     output = arguments.output or arguments.run / "report.html"
     try:
         if sweep_data.is_sweep(arguments.run):
             text = sweep_page.render(sweep_data.load(arguments.run))
+        elif change_data.is_change_map(arguments.run):
+            text = change_page.render(change_data.load(arguments.run))
         else:
             text = page.render(run_data.load(arguments.run))
     except run_data.InputError as error:

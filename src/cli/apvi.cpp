@@ -75,6 +75,8 @@ void add_commands(CLI::App& app) {
 #if APVI_WITH_MAPPING
   apvi::cli::add_render(app);
   apvi::cli::add_export(app);
+  apvi::cli::add_merge(app);
+  apvi::cli::add_diff(app);
 #endif
   apvi::cli::add_config(app);
 }

@@ -22,5 +22,7 @@ void add_view(CLI::App& app);
 /// Only in builds with mapping.
 void add_render(CLI::App& app);
 void add_export(CLI::App& app);
+void add_merge(CLI::App& app);
+void add_diff(CLI::App& app);
 
 }  // namespace apvi::cli

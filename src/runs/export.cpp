@@ -158,7 +158,7 @@ FinishedRun load_finished_run(const fs::path& folder) {
   RunConfig config = load_recorded_run_config(folder / "resolved.yaml");
   config.localization.poses_file = (folder / "keyframes.tum").string();
   FinishedRun run{.map = load_map(folder), .keyframes = mapping::KeyframeStore()};
-  run.keyframes = load_posed_images(config, run.map.origin).store;
+  run.keyframes = load_posed_images(config, {.origin = run.map.origin}).store;
   return run;
 }
 

@@ -81,7 +81,7 @@ class Training {
   void save() {
     save_checkpoint();
     write_map(options_.folder, map(), images_.origin);
-    io::write_tum(options_.folder / "keyframes.tum", keyframes());
+    io::write_tum(options_.folder / "keyframes.tum", body_poses(images_, trainer_.corrections()));
     log_.close();
   }
 
@@ -109,20 +109,6 @@ class Training {
   }
 
   void save_checkpoint() const { trainer_.save(options_.folder / kCheckpointFile); }
-
-  // Body poses, with the optimized corrections of the training images.
-  Trajectory keyframes() const {
-    Trajectory trajectory;
-    const mapping::KeyframeStore& store = images_.store;
-    for (std::size_t i = 0; i < store.size(); ++i) {
-      const torch::Tensor delta = trainer_.corrections().pose_delta(i, /*learn=*/false);
-      const SE3 T_camera_world =
-          slam::to_se3(mapping::corrected_pose(store[i].T_camera_world, delta));
-      trajectory.poses.push_back({Stamp{store[i].stamp_ns} - images_.camera_delay,
-                                  T_camera_world.inverse() * images_.T_body_camera.inverse()});
-    }
-    return to_recording(std::move(trajectory), images_.origin);
-  }
 
   const RunConfig& config_;
   const MappingRunOptions& options_;

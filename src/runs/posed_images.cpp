@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -21,6 +22,7 @@ namespace apvi::runs {
 namespace {
 
 constexpr double kMaxPoseGap_s = 0.1;  // between two poses used for interpolation
+constexpr double kSameStamp_s = 1e-3;  // of an image and its own pose
 
 Trajectory given_poses(const RunConfig& config, const io::SequenceReader& reader) {
   if (!config.localization.poses_file.empty())
@@ -43,17 +45,17 @@ CameraCalibration first_camera(const RunConfig& config, const io::SequenceReader
 
 class Loader {
  public:
-  Loader(const RunConfig& config, io::SequenceReader& reader,
-         const std::optional<map_io::Origin>& origin)
+  Loader(const RunConfig& config, io::SequenceReader& reader, const PosedImageOptions& options)
       : heldout_every_(config.eval.heldout_every),
         camera_(first_camera(config, reader)),
-        poses_(given_poses(config, reader)),
+        only_posed_(options.poses_of_images.has_value()),
+        poses_(only_posed_ ? *options.poses_of_images : given_poses(config, reader)),
         undistort_(camera_.model, config.mapping.image_scale) {
     if (!poses_.has_rotation) {
       fail_input("{}: the given poses have no rotations; mapping requires them",
                  config.dataset.path);
     }
-    images_.origin = origin ? *origin : local_origin(poses_);
+    images_.origin = options.origin ? *options.origin : local_origin(poses_);
     poses_ = to_local(std::move(poses_), images_.origin);
     images_.rig = runs::resolve_rig(config, reader.rig());
     images_.camera = camera_.model;
@@ -62,9 +64,10 @@ class Loader {
   }
 
   void add(const ImageFrame& frame) {
-    const std::size_t index = count_++;
-    const Stamp taken = frame.stamp - images_.camera_delay;
-    const auto T_world_body = poses_.at(taken, Duration::from_seconds(kMaxPoseGap_s));
+    const std::size_t index = number_++;
+    const auto T_world_body = pose_of(frame.stamp - images_.camera_delay);
+    if (!T_world_body && only_posed_) return;
+    ++count_;
     if (!T_world_body) {
       ++images_.missing_pose;
       return;
@@ -99,6 +102,16 @@ class Loader {
     bool low_visibility = false;
   };
 
+  std::optional<SE3> pose_of(Stamp taken) const {
+    if (!only_posed_) return poses_.at(taken, Duration::from_seconds(kMaxPoseGap_s));
+    const auto next = std::lower_bound(
+        poses_.poses.begin(), poses_.poses.end(), taken - Duration::from_seconds(kSameStamp_s),
+        [](const StampedPose& pose, Stamp stamp) { return pose.stamp < stamp; });
+    const bool found =
+        next != poses_.poses.end() && next->stamp <= taken + Duration::from_seconds(kSameStamp_s);
+    return found ? std::optional(next->T_world_body) : std::nullopt;
+  }
+
   std::optional<DecodedImage> decode(const ImageFrame& frame) {
     try {
       const cv::Mat raw = frame.decode();
@@ -112,15 +125,17 @@ class Loader {
 
   int heldout_every_;
   CameraCalibration camera_;
+  bool only_posed_;
   Trajectory poses_;
   slam::Undistorter undistort_;
   PosedImages images_;
-  std::size_t count_ = 0;
+  std::size_t number_ = 0;  ///< of the recording's images
+  std::size_t count_ = 0;   ///< of those to be used
 };
 
 void report(const PosedImages& images, std::size_t count, const std::string& path) {
   const auto& store = images.store;
-  if (count == 0) fail_input("{}: the recording has no images of cam0", path);
+  if (count == 0) fail_input("{}: the recording has no images of cam0 with a pose", path);
   if (store.training().empty()) {
     fail_input(
         "{}: none of {} images is usable: {} without a pose, {} damaged or of the wrong size, {} "
@@ -143,10 +158,9 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
 
 }  // namespace
 
-PosedImages load_posed_images(const RunConfig& config,
-                              const std::optional<map_io::Origin>& origin) {
+PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});
-  Loader loader(config, *reader, origin);
+  Loader loader(config, *reader, options);
   while (const auto event = reader->next()) {
     const auto* const frame = std::get_if<ImageFrame>(&*event);
     if (frame != nullptr && frame->camera == 0) loader.add(*frame);
@@ -155,6 +169,19 @@ PosedImages load_posed_images(const RunConfig& config,
   PosedImages images = loader.result();
   report(images, count, config.dataset.path);
   return images;
+}
+
+Trajectory body_poses(const PosedImages& images, const mapping::ViewCorrections& corrections) {
+  Trajectory trajectory;
+  const mapping::KeyframeStore& store = images.store;
+  for (std::size_t i = 0; i < store.size(); ++i) {
+    const torch::Tensor delta = corrections.pose_delta(i, /*learn=*/false);
+    const SE3 T_camera_world =
+        slam::to_se3(mapping::corrected_pose(store[i].T_camera_world, delta));
+    trajectory.poses.push_back({Stamp{store[i].stamp_ns} - images.camera_delay,
+                                T_camera_world.inverse() * images.T_body_camera.inverse()});
+  }
+  return to_recording(std::move(trajectory), images.origin);
 }
 
 }  // namespace apvi::runs

@@ -6,8 +6,10 @@
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
+#include "apvi/geometry/trajectory.hpp"
 #include "apvi/sensors/camera_model.hpp"
 #include "map_io/origin.hpp"
+#include "mapping/appearance/view_corrections.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "runs/run_config.hpp"
 
@@ -27,12 +29,21 @@ struct PosedImages {
   std::size_t low_visibility = 0;  ///< images that show only water, silt or glare
 };
 
+struct PosedImageOptions {
+  /// That poses become relative to; nothing: the local origin of the given poses.
+  std::optional<map_io::Origin> origin = std::nullopt;
+  /// Body poses at the only images that are loaded, instead of the given poses of a recording.
+  std::optional<Trajectory> poses_of_images = std::nullopt;
+};
+
 /// Loads the images of camera 0 with given poses, undistorted and downscaled; every
 /// `eval.heldout_every`-th is held out. Images without a pose and damaged, black or low-visibility
-/// images are skipped, counted and logged. Poses are made relative to `origin`, if it is given, or
-/// to the local origin of the given poses. Throws InputError when the recording has no images, no
+/// images are skipped, counted and logged. Throws InputError when the recording has no images, no
 /// poses or no camera in its rig, or when no image is usable.
-PosedImages load_posed_images(const RunConfig& config,
-                              const std::optional<map_io::Origin>& origin = std::nullopt);
+PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options = {});
+
+/// Poses of the body at the images, with their optimized corrections, in the coordinates of the
+/// recording.
+Trajectory body_poses(const PosedImages& images, const mapping::ViewCorrections& corrections);
 
 }  // namespace apvi::runs

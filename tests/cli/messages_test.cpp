@@ -86,6 +86,18 @@ TEST(RunCommand, ErrorsOfOverridesNameTheKeyOnce) {
       "error: --set: unknown key mapping.max_gausians; did you mean mapping.max_gaussians?\n");
 }
 
+TEST(DiffCommand, NamesWhatIsMissing) {
+  if (apvi({"--version"}).out.find("mapping: off") != std::string::npos) GTEST_SKIP();
+  const test::TmpDir dir;
+  EXPECT_THAT(error_of({"diff", "/nowhere/a", "/nowhere/b", "-o", (dir.path() / "c").string()}),
+              StartsWith("error: /nowhere/a: no such folder"));
+  const std::string empty = dir.write("a/log.txt", "").parent_path().string();
+  EXPECT_THAT(error_of({"diff", empty, empty, "-o", (dir.path() / "c").string()}),
+              HasSubstr("has no resolved.yaml; expected the folder of a run with a map"));
+  EXPECT_EQ(error_of({"diff", empty, empty}),
+            "error: --output is required; see apvi diff --help\n");
+}
+
 TEST(ConfigCommand, CountsInvalidFiles) {
   const test::TmpDir dir;
   const std::string good = dir.write("good.yaml", "run: {seed: 1}\n").string();

@@ -25,6 +25,7 @@
 #include "support/out_of_memory.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
+#include "wall_recording.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -32,51 +33,15 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-/// A recording of nine images of a known wall, with poses and initial points.
 class MappingRunTest : public testing::Test {
  protected:
-  MappingRunTest() {
-    const mapping::KeyframeStore images = test::render_keyframes(test::gaussian_wall());
-    std::string csv = "#timestamp [ns],filename\n";
-    for (std::size_t i = 0; i < images.size(); ++i) {
-      const std::string& name = images[i].name;
-      csv += name + "," + name + ".png\n";
-      cv::imwrite(data_.write("mav0/cam0/data/" + name + ".png", "").string(),
-                  slam::to_image(images[i].image));
-      poses_.poses.push_back(
-          {Stamp{images[i].stamp_ns}, slam::to_se3(images[i].T_camera_world).inverse()});
-    }
-    data_.write("mav0/cam0/data.csv", csv);
-    fs::create_directories(data_.path() / "mav0/state_groundtruth_estimate0");
-    io::write_euroc(data_.path() / kPoses, poses_);
-    data_.write("rig.yaml",
-                "body: imu0\ncam0:\n  model: pinhole\n  intrinsics: [40, 40, 23.5, 15.5]\n"
-                "  resolution: [48, 32]\n"
-                "  T_body_sensor: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n");
-    map_io::write_ply(data_.path() / "points.ply", test::gaussian_wall());
-  }
-
-  RunConfig config(int iterations) const {
-    RunConfig config;
-    config.dataset.path = data_.path().string();
-    config.localization.enabled = false;
-    config.mapping.enabled = slam::MapSwitch::on;
-    config.mapping.medium = false;
-    config.mapping.initial_points = (data_.path() / "points.ply").string();
-    config.mapping.trainer.iterations = iterations;
-    config.mapping.trainer.sh_degree = 0;
-    config.mapping.trainer.initial_downscale = 1;
-    config.mapping.trainer.densify.kind =
-        mapping::Densification::none;  // the initial points are complete
-    config.eval.heldout_every = 4;
-    return config;
-  }
+  RunConfig config(int iterations) const { return test::wall_config(data_, iterations); }
   fs::path run_folder() const { return data_.path() / "run"; }
   MappingRunOptions options() const { return {.folder = run_folder()}; }
 
   /// Moves the poses and the initial points from zero to UTM coordinates.
   RunConfig move_to_utm(int iterations) {
-    io::write_euroc(data_.path() / kPoses, to_recording(poses_, kUtm));
+    io::write_euroc(data_.path() / test::kWallPoses, to_recording(poses_, kUtm));
     const gaussians::Gaussians wall = test::gaussian_wall();
     const torch::Tensor colors = 255.0 * gaussians::sh_dc_to_color(wall.sh_dc).clamp(0.0, 1.0);
     std::string text;
@@ -95,11 +60,10 @@ class MappingRunTest : public testing::Test {
     return moved;
   }
 
-  static constexpr const char* kPoses = "mav0/state_groundtruth_estimate0/data.csv";
   static constexpr map_io::Origin kUtm = {596000.0, 6640000.0, 0.0};
 
   test::TmpDir data_;
-  Trajectory poses_;
+  Trajectory poses_ = test::write_wall_recording(data_, test::gaussian_wall());
 };
 
 TEST_F(MappingRunTest, WritesAllRunFiles) {

@@ -112,6 +112,20 @@ TEST_F(PosedImagesTest, LoadsGivenPosesFromFile) {
   EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[0][3].item<double>(), -5.0);
 }
 
+TEST_F(PosedImagesTest, LoadsOnlyTheImagesWithAPoseOfTheirOwn) {
+  write_images(7);
+  Trajectory poses;
+  for (const int i : {1, 3, 6}) {
+    poses.poses.push_back(
+        {Stamp{(i + 1) * 1000000000LL}, SE3{Eigen::Quaterniond::Identity(), {10.0 + i, 0.0, 0.0}}});
+  }
+  const PosedImages images = load_posed_images(config(), {.poses_of_images = poses});
+  ASSERT_EQ(images.store.size(), 3U);
+  EXPECT_DOUBLE_EQ(images.store[1].T_camera_world[0][3].item<double>(), -13.0);
+  EXPECT_EQ(images.store.held_out(), (std::vector<std::size_t>{1, 2}));  // 3 and 6
+  EXPECT_EQ(images.missing_pose, 0U);
+}
+
 TEST_F(PosedImagesTest, PosesFarFromZeroAreRelativeToRoundedCentroid) {
   write_images(3);
   RunConfig far = config();
@@ -124,7 +138,8 @@ TEST_F(PosedImagesTest, PosesFarFromZeroAreRelativeToRoundedCentroid) {
   EXPECT_EQ(images.origin, (map_io::Origin{596000.0, 6640000.0, 0.0}));
   EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[0][3].item<double>(), -10.25);
   EXPECT_DOUBLE_EQ(images.store[0].T_camera_world[1][3].item<double>(), -30.0);
-  const PosedImages fixed = load_posed_images(far, map_io::Origin{596010.0, 6640030.0, 0.0});
+  const PosedImages fixed =
+      load_posed_images(far, {.origin = map_io::Origin{596010.0, 6640030.0, 0.0}});
   EXPECT_DOUBLE_EQ(fixed.store[0].T_camera_world[0][3].item<double>(), -0.25);
 }
 
