@@ -16,15 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Moves a map to another origin of its coordinates.
-void rebase(mapping::Map& map, const map_io::Origin& from, const map_io::Origin& to) {
-  const torch::Tensor shift =
-      torch::tensor({from[0] - to[0], from[1] - to[1], from[2] - to[2]}, torch::kFloat64);
-  map.gaussians.means = map.gaussians.means + shift.to(map.gaussians.means.options());
-}
-
 change::Session session_of(const fs::path& run, StoredMap stored, const map_io::Origin& origin) {
-  rebase(stored.map, stored.origin, origin);
+  gaussians::Gaussians& map = stored.map.gaussians;
+  map.means = rebased(map.means, stored.origin, origin);
   const CameraMount mount = mount_of_run(load_recorded_run_config(run / "resolved.yaml"));
   change::Session session{.map = std::move(stored.map), .views = {}};
   for (const StampedPose& pose :

@@ -45,4 +45,11 @@ torch::Tensor to_local(const torch::Tensor& T_camera_world, const map_io::Origin
   return T_camera_world.mm(T_world_local);
 }
 
+torch::Tensor rebased(const torch::Tensor& means, const map_io::Origin& from,
+                      const map_io::Origin& to) {
+  const torch::Tensor shift =
+      torch::tensor({from[0] - to[0], from[1] - to[1], from[2] - to[2]}, torch::kFloat64);
+  return (means.to(torch::kFloat64) + shift.to(means.device())).to(means.scalar_type());
+}
+
 }  // namespace apvi::runs

@@ -17,5 +17,8 @@ Trajectory to_local(Trajectory poses, const map_io::Origin& origin);
 Trajectory to_recording(Trajectory poses, const map_io::Origin& origin);
 /// T_camera_world [4,4] float64 of the recording's world, for the map's world.
 torch::Tensor to_local(const torch::Tensor& T_camera_world, const map_io::Origin& origin);
+/// Means [n,3] of Gaussians relative to the origin `to` instead of `from`.
+torch::Tensor rebased(const torch::Tensor& means, const map_io::Origin& from,
+                      const map_io::Origin& to);
 
 }  // namespace apvi::runs

@@ -48,15 +48,6 @@ gaussians::Gaussians on_device(const gaussians::Gaussians& map) {
   return copy;
 }
 
-/// Relative to `origin` instead of their own.
-gaussians::Gaussians relative_to(const map_io::Origin& origin, const map_io::MapFile& map) {
-  gaussians::Gaussians moved = map.gaussians;
-  Tensor offset = torch::zeros({3}, torch::kFloat64);
-  for (int axis = 0; axis < 3; ++axis) offset[axis] = map.origin[axis] - origin[axis];
-  moved.means = (moved.means.to(torch::kFloat64) + offset).to(moved.means.scalar_type());
-  return moved;
-}
-
 std::vector<gaussians::View> training_views(const mapping::KeyframeStore& store) {
   const std::vector<std::size_t>& training = store.training();
   const std::size_t stride = (training.size() + kMaxUnionViews - 1) / kMaxUnionViews;
@@ -117,7 +108,8 @@ JointMapping load_joint_mapping(const std::vector<MergeSession>& sessions) {
     log::info("images of {}", session.run.string());
     joint.images.push_back(
         load_posed_images(session.config, {.origin = origin, .poses_of_images = session.poses}));
-    const gaussians::Gaussians map = on_device(relative_to(origin, session.map));
+    gaussians::Gaussians map = on_device(session.map.gaussians);
+    map.means = rebased(map.means, session.map.origin, origin);
     if (joint.images.size() == 1) {
       joint.initial = map;
       joint.lights.push_back(torch::ones({3}));
