@@ -118,6 +118,7 @@ RigCalibration calibrate_rig(const RigCalibrationOptions& options) {
                             int round) -> std::optional<vio::CalibrationEstimate> {
     RunConfig config = config_of(options.dives[dive], options);
     config.rig = now;
+    config.vio.calibration.release_sigmas = 0.0;  // all parameters are asked for
     const RunResult result =
         run(config, {.folder = folder.run(round, dive), .interrupted = options.interrupted});
     if (result.interrupted) return std::nullopt;

@@ -105,6 +105,7 @@ eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& p
     json[p.name] = {{"change", value_json(p.change)},
                     {"sigma", value_json(p.sigma)},
                     {"prior_sigma", p.prior_sigma},
+                    {"held", p.held},
                     {"observable", p.observable()}};
   }
   return json;
@@ -114,10 +115,12 @@ eval::Json report_self_calibration(const std::filesystem::path& file, const conf
                                    const std::vector<vio::CalibrationParameter>& parameters) {
   const auto told = [](const vio::CalibrationParameter& p) { return p.observable(); };
   if (std::ranges::none_of(parameters, told)) return eval::Json::object();
-  const Rig estimate = changed(make_rig(rig), parameters);
+  std::vector<vio::CalibrationParameter> in_use = parameters;
+  std::erase_if(in_use, [](const vio::CalibrationParameter& p) { return p.held; });
+  const Rig estimate = changed(make_rig(rig), in_use);
   io::write_text_file(file, "# The rig with the calibration that this run estimated.\n" +
                                 config::to_yaml(estimated_rig(rig, estimate)));
-  for (const vio::CalibrationParameter& p : parameters) {
+  for (const vio::CalibrationParameter& p : in_use) {
     if (!differs(p)) continue;
     log::warning("self-calibration: {} differs from the rig by {:.4g} (sigma {:.2g}): see {}",
                  p.name, fmt::join(to_list(p.change), ", "), p.sigma.maxCoeff(), file.string());

@@ -30,12 +30,14 @@ Rig changed(const Rig& rig, const std::vector<vio::CalibrationParameter>& parame
 config::Node estimated_rig(const config::Node& rig, const Rig& estimate);
 
 /// Section `self_calibration` of metrics.json: for each parameter `change` from the rig's value,
-/// its `sigma` (lists for vectors) and whether the recording told it (`observable`).
+/// its `sigma` (lists for vectors), whether the recording told it (`observable`) and whether the
+/// rig's value was used all the same (`held`).
 eval::Json self_calibration_json(const std::vector<vio::CalibrationParameter>& parameters);
 
 /// Writes rig_estimated.yaml, for `dataset.rig` of a later run, and returns the section of
-/// metrics.json; neither when the recording told no parameter. Logs what differs from the rig by
-/// more than three standard deviations of either. Throws RunError when the file cannot be written.
+/// metrics.json; neither when the recording told no parameter. Held parameters stay as in `rig`.
+/// Logs what differs from the rig by more than three standard deviations of either. Throws RunError
+/// when the file cannot be written.
 eval::Json report_self_calibration(const std::filesystem::path& file, const config::Node& rig,
                                    const std::vector<vio::CalibrationParameter>& parameters);
 

@@ -57,7 +57,9 @@ Estimator::Estimator(const Config& config, const Rig& rig)
       imu_(Duration::from_seconds(kSampleHistory_s)),
       window_(empty_window(rig)),
       calibration_blocks_(blocks(window_.calibration, config.calibration)),
-      calibration_memory_(window_.calibration, config.calibration) {
+      calibration_memory_(window_.calibration, config.calibration),
+      calibration_hold_(window_.calibration, config.calibration, rig) {
+  window_.calibration_hold = calibration_hold_.prior();
   const ImuCalibration imu = rig.imu.value_or(ImuCalibration{});
   noise_ = {.gyro = imu.gyro_noise_density * config.gyro_noise_factor,
             .accel = imu.accel_noise_density * config.accel_noise_factor,
@@ -157,6 +159,7 @@ void Estimator::estimate(Result& result, int iterations) {
   has_used_landmarks_ = has_used_landmarks_ || result.landmarks > 0;
   newest_is_keyframe_ = result.keyframe;
   Stopwatch watch;
+  if (newest_is_keyframe_ && !frozen_) release_calibration(graph);
   if (newest_is_keyframe_) limit_window(graph);
   if (!frozen_) {
     calibration_memory_.update(result.stamp, window_.prior, window_.calibration,
@@ -168,6 +171,16 @@ void Estimator::estimate(Result& result, int iterations) {
   }
   remove_rejected(window_);
   refresh_preintegrations();
+}
+
+// Parameters of the rig that the measurements contradict are estimated from now on.
+void Estimator::release_calibration(const Graph& graph) {
+  if (!calibration_hold_.holds_any()) return;
+  const Prior known = calibration_knowledge(graph, window_, config_);
+  if (known.kept.empty()) return;
+  calibration_hold_.update(
+      estimate_of(window_.calibration, rig_, config_.calibration, known).parameters);
+  window_.calibration_hold = calibration_hold_.prior();
 }
 
 void Estimator::limit_window(const Graph& graph) {
@@ -251,8 +264,11 @@ std::shared_ptr<const Prior> Estimator::with_calibration(
 
 CalibrationEstimate Estimator::calibration() const {
   const Prior known = calibration_part(window_.prior, calibration_blocks_);
-  return estimate_of(window_.calibration, rig_, config_.calibration,
-                     known.kept.empty() ? calibration_memory_.knowledge() : known);
+  CalibrationEstimate found =
+      estimate_of(window_.calibration, rig_, config_.calibration,
+                  known.kept.empty() ? calibration_memory_.knowledge() : known);
+  for (CalibrationParameter& p : found.parameters) p.held = calibration_hold_.holds(p.name);
+  return found;
 }
 
 // In small steps, so that frames stay in order. An image before its stamp is left to the window, as

@@ -13,6 +13,7 @@
 #include "imu/sample_buffer.hpp"
 #include "vio/result.hpp"
 #include "vio/state_prior.hpp"
+#include "vio/window/calibration_hold.hpp"
 #include "vio/window/window.hpp"
 
 namespace apvi::vio {
@@ -77,6 +78,7 @@ class Estimator {
   void shrink_to_size();
   Result track(const TrackedFrame& tracked, const std::optional<StatePrior>& prior);
   void use_prior(const StatePrior& prior);
+  void release_calibration(const class Graph& graph);
   void limit_window(const class Graph& graph);
 
   void estimate(Result& result, int iterations);
@@ -116,6 +118,7 @@ class Estimator {
   Window window_;
   std::vector<CalibrationBlock> calibration_blocks_;  // of the window
   CalibrationMemory calibration_memory_;
+  CalibrationHold calibration_hold_;
   double compensated_s_ = 0.0;  // part of the camera's time offset by which frames are dated back
   bool newest_is_keyframe_ = false;
   bool frozen_ = false;

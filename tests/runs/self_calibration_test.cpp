@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "support/tmp_dir.hpp"
+
 namespace apvi::runs {
 namespace {
 
@@ -65,6 +67,18 @@ TEST(ChangedRig, HasTheTimeOffsetOfTheDvlOnce) {
   EXPECT_EQ(estimate.covariance, (Eigen::Matrix2d{{1e-6, 0.0}, {0.0, 4e-6}}));
 }
 
+TEST(SelfCalibrationReport, WritesHeldParametersAsTheRigHasThem) {
+  const test::TmpDir folder;
+  const auto number = [](double value) { return Eigen::VectorXd::Constant(1, value); };
+  const std::filesystem::path file = folder.path() / "rig_estimated.yaml";
+  report_self_calibration(file, rig_node(),
+                          {{"cam0.focal_length", number(0.02), number(1e-3), 0.01, /*held=*/true},
+                           {"cam0.time_offset_s", number(0.03), number(1e-3), 0.05}});
+  const Rig written = make_rig(config::load_file(file));
+  EXPECT_NEAR(written.cameras[0].model.parameters().fx, 400.0, 1e-9);
+  EXPECT_NEAR(written.cameras[0].time_offset_s, 0.03, 1e-9);
+}
+
 TEST(SelfCalibrationJson, SaysWhatTheRecordingTold) {
   const Eigen::Vector3d turned(0.01, 0.0, -0.02);
   const Eigen::VectorXd scale = Eigen::VectorXd::Constant(1, 0.002);
@@ -75,6 +89,7 @@ TEST(SelfCalibrationJson, SaysWhatTheRecordingTold) {
   EXPECT_EQ(json["cam0.mounting"]["observable"], true);
   EXPECT_EQ(json["dvl0.scale"]["change"], 0.002);
   EXPECT_EQ(json["dvl0.scale"]["observable"], false);
+  EXPECT_EQ(json["dvl0.scale"]["held"], false);
 }
 
 }  // namespace

@@ -117,6 +117,18 @@ TEST(CalibrationEstimate, CovarianceIsThatOfTheComponentsInOrder) {
   EXPECT_NEAR(found(0, 0), 9e-4, 1e-12);
 }
 
+TEST(CalibrationEstimate, IsTheMinimumOfTheKnowledge) {
+  const Rig rig = test::SimulatedDive::rig();
+  CalibrationConfig config = CalibrationConfig::fixed();
+  config.dvl_scale = {.estimate = true, .sigma = 0.01};
+  Calibration calibration = calibration_of(rig);
+  Prior prior = calibration_prior(calibration, config);
+  prior.r(prior.r.size() - 1) = -0.5;  // half a sigma above the value in use
+  const CalibrationEstimate found = estimate_of(calibration, rig, config, prior);
+  ASSERT_EQ(found.parameters.size(), 1U);
+  EXPECT_NEAR(found.parameters.front().change(0), 0.005, 1e-12);
+}
+
 TEST(CalibrationPart, IsTheMarginalOfAJointPrior) {
   const Rig rig = test::SimulatedDive::rig();
   CalibrationConfig config = CalibrationConfig::fixed();

@@ -36,15 +36,23 @@ struct Outcome {
   Rig rig;
 };
 
+// What is wrong about a rig besides wrong_rig(): the images' scale and delay.
+struct Errors {
+  Rig rig = wrong_rig();
+  double focal = 1.01;
+  double late_s = kLate_s;
+};
+
 // The dive's frames, with corners by the wrong lens and stamps that are late.
-Outcome run(std::uint64_t seed, const vio::CalibrationConfig& calibration) {
+Outcome run(std::uint64_t seed, const vio::CalibrationConfig& calibration,
+            const Errors& errors = {}) {
   SimulatedDive dive({.seed = seed, .duration_s = 30.0});
   vio::Config config;
   config.vision.pixel_sigma = 0.5 * std::numbers::sqrt2;
   config.vision.short_track_weight = 1.0;
   config.window.max_solve_s = 1e3;
   config.calibration = calibration;
-  vio::Estimator estimator(config, wrong_rig());
+  vio::Estimator estimator(config, errors.rig);
   vio::Result last;
   int frames = 0;
   for (int k = 0; k + 1 < dive.frames(); ++k, ++frames) {
@@ -53,15 +61,16 @@ Outcome run(std::uint64_t seed, const vio::CalibrationConfig& calibration) {
     if (k % 4 == 0) estimator.add(dive.ping(stamp - Duration::from_seconds(0.03)));
     estimator.add(dive.depth(stamp - Duration::from_seconds(0.01)));
     vio::TrackedFrame tracked = dive.frame(k);
-    tracked.stamp = stamp + Duration::from_seconds(kLate_s);
-    for (vio::FeatureObservation& seen : tracked.observations) seen.point /= 1.01;
+    tracked.stamp = stamp + Duration::from_seconds(errors.late_s);
+    for (vio::FeatureObservation& seen : tracked.observations) seen.point /= errors.focal;
     std::optional<vio::StatePrior> prior;
     if (k == 0) prior = vio::StatePrior{dive.truth(0), 1e-3 * imu::NavMatrix::Identity()};
     last = estimator.process(tracked, prior);
   }
   // The pose of the last frame is that at its late stamp.
   const imu::NavState truth = dive.truth(frames - 1);
-  const Eigen::Vector3d expected = truth.p_world + kLate_s * (truth.R_world_body * truth.v_body);
+  const Eigen::Vector3d expected =
+      truth.p_world + errors.late_s * (truth.R_world_body * truth.v_body);
   return {(last.state.p_world - expected).norm(),
           so3::angle_between(last.state.R_world_body, truth.R_world_body),
           estimator.calibrated_rig()};
@@ -80,6 +89,19 @@ TEST(SelfCalibration, FindsTheCalibrationOfAWrongRig) {
   EXPECT_NEAR(camera.model.parameters().fx / SimulatedDive::kFocal, 1.0, 0.0015);
   EXPECT_LT(so3::angle_between(found.rig.dvl->T_body_dvl.rotation, truth.dvl->T_body_dvl.rotation),
             0.6 * kDegree);
+}
+
+TEST(SelfCalibration, KeepsARigThatIsRight) {
+  const Errors none{.rig = SimulatedDive::rig(), .focal = 1.0, .late_s = 0.0};
+  const Rig kept = run(2, {}, none).rig;
+  vio::CalibrationConfig free;
+  free.release_sigmas = 0.0;
+  const Rig moved = run(2, free, none).rig;
+  const auto turned = [&none](const Rig& rig) {
+    return so3::angle_between(rig.dvl->T_body_dvl.rotation, none.rig.dvl->T_body_dvl.rotation);
+  };
+  EXPECT_LT(turned(kept), 0.02 * kDegree);
+  EXPECT_GT(turned(moved), 0.05 * kDegree);
 }
 
 }  // namespace

@@ -49,7 +49,7 @@ struct SmoothingOptions : PlaceOptions {
   bool enabled = true;
   double node_step_s = 1.0;   ///< time between the nodes of the graph [s]
   int max_nodes = 2000;       ///< beyond this number every second one is dropped
-  double drift_factor = 3.0;  ///< estimators are overconfident, see docs/localization.md
+  double drift_factor = 5.0;  ///< estimators are overconfident, see docs/localization.md
   std::string known_map;      ///< run folder of an earlier dive to be found in; empty: none
   double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
 

@@ -181,6 +181,8 @@ struct CalibrationConfig {
   CalibrationPrior dvl_mounting{.estimate = true, .sigma = 0.02};
   CalibrationPrior dvl_lever_arm{.estimate = true, .sigma = 0.03};
   CalibrationPrior dvl_scale{.estimate = true, .sigma = 0.01};
+  /// A parameter is held at the rig's value until the measurements contradict that value by more.
+  double release_sigmas = 4.0;
 
   template <typename V>
   void visit(V& v) {
@@ -192,6 +194,9 @@ struct CalibrationConfig {
     v("dvl_mounting", dvl_mounting, "rotation of the DVL in the body frame [rad]");
     v("dvl_lever_arm", dvl_lever_arm, "position of the DVL in the body frame [m]");
     v("dvl_scale", dvl_scale, "relative error of the DVL's velocity, as of the speed of sound");
+    v("release_sigmas", release_sigmas, config::Range{0.0, 1e6},
+      "a parameter is held at the rig's value until the measurements contradict that value by more "
+      "than this many standard deviations; 0: estimated from the start");
   }
   /// Nothing is estimated.
   static CalibrationConfig fixed() {

@@ -62,6 +62,7 @@ class ParameterReader {
     covariance_ = (knowledge.J.transpose() * knowledge.J)
                       .ldlt()
                       .solve(Eigen::MatrixXd::Identity(knowledge.J.cols(), knowledge.J.cols()));
+    step_ = -covariance_ * (knowledge.J.transpose() * knowledge.r);
   }
   /// Part of a block: `change` are the components from `first` on.
   void add(const std::string& name, const double* block, int first, const Eigen::VectorXd& change,
@@ -75,7 +76,9 @@ class ParameterReader {
     if (column + change.size() > covariance_.cols()) return;
     const Eigen::VectorXd sigma =
         covariance_.diagonal().segment(column, change.size()).cwiseMax(0.0).cwiseSqrt();
-    found_.parameters.push_back({name, change, sigma, prior.sigma});
+    const Eigen::VectorXd estimate = change + step_.segment(column, change.size());
+    found_.parameters.push_back(
+        {.name = name, .change = estimate, .sigma = sigma, .prior_sigma = prior.sigma});
     for (int k = 0; k < change.size(); ++k) columns_.push_back(column + k);
   }
   void add_pose(const std::string& sensor, const PoseBlock& block, const SE3& rig,
@@ -93,6 +96,7 @@ class ParameterReader {
  private:
   const Prior& knowledge_;
   Eigen::MatrixXd covariance_;
+  Eigen::VectorXd step_;  // from the values in use to the estimate
   CalibrationEstimate found_;
   std::vector<int> columns_;  // of the covariance, by component
 };

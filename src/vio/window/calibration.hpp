@@ -32,6 +32,7 @@ struct CalibrationParameter {
   Eigen::VectorXd change;  ///< from the rig's value; rotations in the sensor's frame [rad]
   Eigen::VectorXd sigma;
   double prior_sigma = 0.0;  ///< of each component
+  bool held = false;         ///< the rig's value is in use, see CalibrationHold
 
   /// Whether the measurements told more than the prior, in every component.
   bool observable() const { return sigma.maxCoeff() < 0.5 * prior_sigma; }
@@ -89,7 +90,8 @@ struct CalibrationEstimate {
   Eigen::MatrixXd covariance;
 };
 
-/// The estimated parameters. `knowledge`: of calibration_prior or calibration_part.
+/// The estimated parameters: the values that `knowledge` (of calibration_prior, calibration_part or
+/// calibration_knowledge) makes most likely.
 CalibrationEstimate estimate_of(const Calibration& calibration, const Rig& rig,
                                 const CalibrationConfig& config, const Prior& knowledge);
 /// The inverse of `estimate_of`: the calibration that differs from the rig by the parameters'

@@ -26,6 +26,10 @@ Graph::Graph(Window& window, const Config& config, const Rig& rig)
       sensor_loss_(config.tight.huber_sigmas) {
   terms_.reserve(2048);
   add_prior(window_.prior, nullptr);
+  if (window_.calibration_hold) {
+    add_prior(window_.calibration_hold, nullptr);
+    terms_.back().is_hold = true;
+  }
   add_inertial();
   for (const auto& frame : window.frames) {
     add_dvl(*frame);

@@ -22,6 +22,7 @@ struct Term {
   std::vector<Block> blocks;
   const Frame* frame = nullptr;        ///< first frame of an inertial, DVL or depth term
   const Landmark* landmark = nullptr;  ///< of a visual term
+  bool is_hold = false;                ///< of CalibrationHold: no measurement
 };
 
 /// All terms of a window at its current state: built once per frame and used by the solver, the

@@ -75,6 +75,7 @@ struct Window {
   std::map<std::int64_t, Landmark> landmarks;
   std::set<std::int64_t> rejected_tracks;  ///< rejected as outliers
   std::shared_ptr<const Prior> prior;
+  std::shared_ptr<const Prior> calibration_hold;  ///< see CalibrationHold; may be null
   Calibration calibration;
   std::optional<double> depth_zero_m;  ///< measured depth at z = 0; nullopt: not measured
 

@@ -50,6 +50,7 @@ std::set<const Landmark*> landmarks_to_marginalize(const Window& window, const C
 
 bool is_marginalized(const Term& term, const Frame* oldest,
                      const std::set<const Landmark*>& landmarks) {
+  if (term.is_hold) return false;
   if (term.landmark != nullptr) return landmarks.contains(term.landmark);
   return term.frame == oldest || (term.frame == nullptr);  // the prior belongs to no frame
 }
@@ -236,6 +237,24 @@ PoseInformation newest_pose_information(const Graph& graph, Window& window, cons
   linearizer.hold_constant(window.frames.front()->state.pose.data());
   found.over_window = linearizer.marginal_information(newest);
   return found;
+}
+
+Prior calibration_knowledge(const Graph& graph, Window& window, const Config& config) {
+  Linearizer linearizer;
+  hold_fixed_blocks(linearizer, window, config);
+  std::set<const double*> calibration;
+  for (const CalibrationBlock& part : blocks(window.calibration, config.calibration)) {
+    calibration.insert(part.block.data);
+  }
+  std::vector<double*> drop;
+  for (const Term& term : graph.terms()) {
+    if (term.is_hold || (term.landmark != nullptr && !term.landmark->triangulated())) continue;
+    linearizer.add(*term.cost, term.loss, term.blocks);
+    for (const Block& block : term.blocks) {
+      if (!calibration.contains(block.data)) drop.push_back(block.data);
+    }
+  }
+  return linearizer.marginalize(drop, Linearizer::Method::schur);
 }
 
 void marginalize_oldest(const Graph& graph, Window& window, const Config& config) {

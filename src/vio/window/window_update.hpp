@@ -47,6 +47,10 @@ double newest_rms_px(const Window& window, const Rig& rig);
 /// time since the last keyframe.
 bool is_keyframe(const Window& window, const Config& config, const Rig& rig);
 
+/// What all terms but the hold of the calibration tell about the estimated calibration, at its
+/// present values.
+Prior calibration_knowledge(const Graph& graph, Window& window, const Config& config);
+
 /// Marginal information of the newest pose: absolute, and with the oldest pose held fixed.
 struct PoseInformation {
   Eigen::Matrix<double, 6, 6> absolute = Eigen::Matrix<double, 6, 6>::Zero();
