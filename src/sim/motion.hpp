@@ -57,6 +57,7 @@ struct MotionConfig {
   double length_m = 8.0;
   double spacing_m = 1.5;
   int lines = 4;
+  int cross_lines = 0;
   bool revisit = true;
   double radius_m = 4.0;
   double aspect_ratio = 1.0;
@@ -102,8 +103,9 @@ inline constexpr double kMotionMargin_s = 1.0;
 
 /// Spline of the body pose, at least from `start` to `start + duration_s`. A path that ends early
 /// is repeated (with `revisit`, lawnmower and wall return to their first point on a leg that
-/// crosses the earlier lines). Throws InputError when a path has no extent, `altitude_m` is set
-/// where there is no terrain, or the trajectory file is shorter than the duration.
+/// crosses the earlier lines, unless `cross_lines` did). Throws InputError when a path has no
+/// extent, `altitude_m` is set where there is no terrain, or the trajectory file is shorter than
+/// the duration.
 Se3Spline plan_motion(const MotionConfig& config, const MotionContext& context);
 
 /// The wave field used by `plan_motion`; the pressure sensor must use the same one.
@@ -130,6 +132,8 @@ void MotionConfig::visit(V& v) {
   v("length_m", length_m, Range{0.1, 1e4}, "length of a line [m]");
   v("spacing_m", spacing_m, Range{-100.0, 100.0}, "spacing of lines: to the left, or upward [m]");
   v("lines", lines, Range{1, 1000}, "number of lines");
+  v("cross_lines", cross_lines, Range{0, 1000},
+    "lines flown across the others after them, evenly spaced over their length");
   v("revisit", revisit, "return across the lines and start again; false: fly the lines back");
   v("radius_m", radius_m, Range{0.1, 1e4}, "radius of the orbit along heading_deg [m]");
   v("aspect_ratio", aspect_ratio, Range{0.1, 10.0}, "other semi-axis of the orbit over radius_m");

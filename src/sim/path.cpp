@@ -18,8 +18,23 @@ Vector3d origin_of(const MotionConfig& config) {
   return {config.origin[0], config.origin[1], config.origin[2]};
 }
 
-// Parallel lines, `across` apart, in alternating direction. With `revisit`, a diagonal across the
-// lines returns to the first corner; without, the lines are traversed in reverse.
+// Lines across the others, evenly spaced over their length, from where these end.
+void add_cross_lines(const MotionConfig& config, const Vector3d& along, const Vector3d& across,
+                     Points& corners) {
+  const bool ends_near = config.lines % 2 == 0;
+  const Vector3d width = (config.lines - 1) * across;
+  for (int i = 0; i < config.cross_lines; ++i) {
+    const double part = (i + 0.5) / config.cross_lines;
+    const Vector3d near =
+        origin_of(config) + config.length_m * (ends_near ? part : 1.0 - part) * along;
+    corners.emplace_back(i % 2 == 0 ? near + width : near);
+    corners.emplace_back(i % 2 == 0 ? near : near + width);
+  }
+}
+
+// Parallel lines, `across` apart, in alternating direction, then the lines across them. With
+// `revisit`, a leg returns to the first corner, a diagonal across the lines unless others have
+// crossed them; without, all is traversed in reverse.
 Points line_pattern_corners(const MotionConfig& config, const Vector3d& along,
                             const Vector3d& across) {
   Points corners;
@@ -29,9 +44,10 @@ Points line_pattern_corners(const MotionConfig& config, const Vector3d& along,
     corners.push_back(i % 2 == 0 ? near : far);
     corners.push_back(i % 2 == 0 ? far : near);
   }
+  add_cross_lines(config, along, across, corners);
   if (!config.revisit) {
     for (std::size_t i = corners.size() - 1; i-- > 1;) corners.push_back(corners[i]);
-  } else if (config.lines % 2 == 0) {
+  } else if (config.lines % 2 == 0 && config.cross_lines == 0) {
     // The last line ends on the side of the first corner: return along its length, so that the
     // diagonal crosses all lines.
     corners.push_back(origin_of(config) + config.length_m * along);

@@ -109,6 +109,28 @@ TEST(Motion, LawnmowerRevisitsItsFirstLine) {
   EXPECT_LT(nearest, 0.2);
 }
 
+TEST(Motion, CrossLinesPassOverTheLinesAtRightAngles) {
+  MotionConfig config = steady();
+  config.lines = 3;
+  config.length_m = 8.0;
+  config.spacing_m = 4.0;
+  config.cross_lines = 2;
+  const Se3Spline spline = plan_motion(config, context(120.0));
+  for (const double x : {2.0, 6.0}) {
+    double nearest_along = 1e9;
+    double nearest_across = 1e9;
+    for (double t = 5.0; t < 120.0; t += 0.1) {
+      const SE3 pose = at(spline, t).T_world_body;
+      const double distance = (pose.translation - Vector3d(x, 4.0, -5.0)).norm();
+      const double yaw = so3::yaw(pose.rotation);
+      if (std::abs(std::sin(yaw)) < 0.05) nearest_along = std::min(nearest_along, distance);
+      if (std::abs(std::cos(yaw)) < 0.05) nearest_across = std::min(nearest_across, distance);
+    }
+    EXPECT_LT(nearest_along, 0.1) << x;
+    EXPECT_LT(nearest_across, 0.1) << x;
+  }
+}
+
 TEST(Motion, FollowsTerrainAtConfiguredAltitude) {
   MotionConfig config = steady();
   config.altitude_m = 2.0;
