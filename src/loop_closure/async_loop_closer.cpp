@@ -62,7 +62,7 @@ SE3 AsyncLoopCloser::newest_correction() const {
 
 void AsyncLoopCloser::finish() {
   if (worker_) worker_->wait();
-  publish(closer_.flush());
+  publish(closer_.finish());
 }
 
 void AsyncLoopCloser::stop() {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 namespace apvi::loop_closure {
@@ -14,6 +15,15 @@ constexpr std::size_t kAnchorsPerNode = 2;
 
 double sigma(double variance) {
   return std::max(kMinSigma, std::sqrt(std::max(0.0, variance)));
+}
+
+// Sigmas with the drift from one keyframe to a later one added.
+EdgeSigmas grown(const EdgeSigmas& sigmas, const DriftVariance& before,
+                 const DriftVariance& after) {
+  return {
+      .heading_rad = std::hypot(sigmas.heading_rad, sigma(after.heading - before.heading)),
+      .horizontal_m = std::hypot(sigmas.horizontal_m, sigma(after.horizontal - before.horizontal)),
+      .vertical_m = std::hypot(sigmas.vertical_m, sigma(after.vertical - before.vertical))};
 }
 
 // Of each pair the later one; the first and the last stay.
@@ -48,7 +58,7 @@ void KeyframeGraph::add(const Keyframe& keyframe) {
   path_m_.push_back(first ? 0.0 : path_m_.back() + moved);
   drift_.push_back(drift);
   keyframes_.push_back(keyframe);
-  if (!first && age_s(nodes_.back()) < options_.node_step_s) return;
+  if (!first && age_s(nodes_.back()) < node_step_s_) return;
   nodes_.push_back(index);
   corrections_.push_back(corrections_.empty() ? DriftCorrection{} : corrections_.back());
   if (nodes_.size() > options_.max_nodes) thin_out();
@@ -57,7 +67,17 @@ void KeyframeGraph::add(const Keyframe& keyframe) {
 void KeyframeGraph::thin_out() {
   drop_every_second(nodes_);
   drop_every_second(corrections_);
-  options_.node_step_s *= 2.0;
+  node_step_s_ *= 2.0;
+  merge_loops();
+}
+
+// Of the loops between the same two nodes the first stays: what errs in the points of a place errs
+// in all of them.
+void KeyframeGraph::merge_loops() {
+  std::set<std::pair<std::size_t, std::size_t>> known;
+  std::erase_if(loops_, [&](const Loop& loop) {
+    return !known.emplace(nearest_node(loop.from), nearest_node(loop.to)).second;
+  });
 }
 
 void KeyframeGraph::update_pose(Stamp stamp, const SE3& T_world_camera) {
@@ -67,7 +87,9 @@ void KeyframeGraph::update_pose(Stamp stamp, const SE3& T_world_camera) {
 
 // As with nodes, half of the loops of a long dive say as much.
 void KeyframeGraph::add(const Loop& loop) {
+  all_loops_.push_back(loop);
   loops_.push_back(loop);
+  if (is_thinned()) merge_loops();
   if (loops_.size() / kLoopsPerNode > options_.max_nodes) drop_every_second(loops_);
 }
 
@@ -119,16 +141,19 @@ SE3 KeyframeGraph::motion(std::size_t a, std::size_t b) const {
   return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
 }
 
-// Expressed between the nodes nearest to its keyframes; odometry drift over that interval is
-// negligible.
+// Expressed between the nodes nearest to its keyframes, with the drift of odometry in between.
 Edge KeyframeGraph::edge(const Loop& loop) const {
   const std::size_t from = nearest_node(loop.from);
   const std::size_t to = nearest_node(loop.to);
+  EdgeSigmas sigmas = loop.sigmas;
+  for (const auto& [a, b] : {std::pair(loop.from, nodes_[from]), std::pair(loop.to, nodes_[to])}) {
+    sigmas = grown(sigmas, drift_[std::min(a, b)], drift_[std::max(a, b)]);
+  }
   return {
       .from = from,
       .to = to,
       .T_from_to = motion(nodes_[from], loop.from) * loop.T_from_to * motion(loop.to, nodes_[to]),
-      .sigmas = kLoopSigmas,
+      .sigmas = sigmas,
       .is_loop = true};
 }
 
@@ -204,6 +229,25 @@ void KeyframeGraph::optimize() {
     corrections.pop_back();
   }
   corrections_ = std::move(corrections);
+}
+
+bool KeyframeGraph::refine() {
+  if (!is_thinned()) return false;
+  std::vector<std::size_t> nodes;
+  std::vector<DriftCorrection> corrections;
+  for (std::size_t k = 0; k < keyframes_.size(); ++k) {
+    if (!nodes.empty() &&
+        seconds_between(keyframes_[nodes.back()].stamp, keyframes_[k].stamp) < options_.node_step_s)
+      continue;
+    nodes.push_back(k);
+    corrections.push_back(correction(k));
+  }
+  nodes_ = std::move(nodes);
+  corrections_ = std::move(corrections);
+  node_step_s_ = options_.node_step_s;
+  loops_ = all_loops_;
+  optimize();
+  return true;
 }
 
 }  // namespace apvi::loop_closure

@@ -43,6 +43,7 @@ struct Loop {
   std::size_t from = 0;
   std::size_t to = 0;
   SE3 T_from_to;
+  EdgeSigmas sigmas = kLoopSigmas;
 };
 
 /// A keyframe seen in the map of an earlier dive.
@@ -59,12 +60,14 @@ struct KeyframeGraphOptions {
 
 /// The pose graph of a dive: nodes are keyframes at even times, and corrections are interpolated
 /// between them, so that the error of a single loop does not distort the path between neighboring
-/// keyframes. Beyond `max_nodes` every second node is dropped, so the work is bounded; loops are
-/// kept between keyframes and expressed between their nearest nodes. A known map is one more node,
-/// to which anchors are edges.
+/// keyframes. Beyond `max_nodes` every second node is dropped, and of the loops between two nodes
+/// one is kept, so the work is bounded; `refine` solves for all of them in the end. Loops are kept
+/// between keyframes and expressed between their nearest nodes. A known map is one more node, to
+/// which anchors are edges.
 class KeyframeGraph {
  public:
-  explicit KeyframeGraph(const KeyframeGraphOptions& options) : options_(options) {}
+  explicit KeyframeGraph(const KeyframeGraphOptions& options)
+      : options_(options), node_step_s_(options.node_step_s) {}
 
   /// In order of time.
   void add(const Keyframe& keyframe);
@@ -96,11 +99,16 @@ class KeyframeGraph {
   double squared_distance(const Loop& loop) const;
   double squared_distance(const Anchor& anchor) const;
   void optimize();
+  /// Optimizes with every node and loop that has been left out for the bound of work. False if
+  /// there is none.
+  bool refine();
 
  private:
   std::size_t node_before(std::size_t keyframe) const;
   std::size_t nearest_node(std::size_t keyframe) const;
+  bool is_thinned() const { return node_step_s_ > options_.node_step_s; }
   void thin_out();
+  void merge_loops();
   SE3 motion(std::size_t a, std::size_t b) const;
   Edge edge(const Loop& loop) const;
   Edge edge(const Anchor& anchor) const;
@@ -110,13 +118,15 @@ class KeyframeGraph {
   PoseGraph graph() const;
 
   KeyframeGraphOptions options_;
+  double node_step_s_;  ///< at present
   std::vector<Keyframe> keyframes_;
   std::vector<double> path_m_;        ///< by keyframe, since the first one
   std::vector<DriftVariance> drift_;  ///< by keyframe, since the first one
   std::map<Stamp, std::size_t> by_stamp_;
   std::vector<std::size_t> nodes_;            ///< indices of keyframes
   std::vector<DriftCorrection> corrections_;  ///< of the nodes
-  std::vector<Loop> loops_;
+  std::vector<Loop> all_loops_;
+  std::vector<Loop> loops_;           ///< those of the present nodes
   std::optional<SE3> T_world_known_;  ///< before its correction
   DriftCorrection known_correction_;
   std::vector<Anchor> anchors_;

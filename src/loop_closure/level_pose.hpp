@@ -10,9 +10,9 @@
 
 namespace apvi::loop_closure {
 
-/// A point of a map and the ray on which a camera sees it.
+/// A point of a map or a place and the ray on which a camera sees it.
 struct PointOnRay {
-  Eigen::Vector3d point;  ///< in the map frame, z up [m]
+  Eigen::Vector3d point;  ///< for poses in the map frame, z up [m]
   Eigen::Vector2d ray;    ///< on the plane z = 1 of the camera
 };
 

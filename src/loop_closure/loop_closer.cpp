@@ -8,6 +8,7 @@
 #include "apvi/core/constants.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "loop_closure/loop_measurement.hpp"
 
 namespace apvi::loop_closure {
 namespace {
@@ -71,37 +72,47 @@ bool LoopCloser::is_plausible(const Loop& loop) const {
 
 // Where the state of the graph lags behind its loops, its covariance is too small to check the
 // next.
-bool LoopCloser::is_accepted(const Loop& loop) {
-  if (!is_plausible(loop)) return false;
-  if (std::isinf(options_.gate)) return true;
+double LoopCloser::distance_from_graph(const Loop& loop) {
+  if (std::isinf(options_.gate)) return 0.0;
   if (lags_) {
     graph_.optimize();
     lags_ = false;
   }
-  const double squared_distance = graph_.squared_distance(loop);
-  if (squared_distance >= options_.gate) return false;
-  lags_ = squared_distance > kNews;
-  return true;
+  return graph_.squared_distance(loop);
 }
 
-// Searches for loops with earlier places.
+// A loop with an earlier place that the graph accepts.
+std::optional<LoopCloser::Found> LoopCloser::find_loop(const PlaceStore::Stored& stored,
+                                                       const Place& place) {
+  const double ray_sigma = places_.ray_sigma();
+  const auto match = recognize_place(stored.place, place, ray_sigma, options_.places.min_inliers);
+  if (!match) return std::nullopt;
+  const std::size_t newest = graph_.newest();
+  std::optional<Found> found;
+  if (const auto loop = measure_loop(graph_, stored.keyframe, newest, *match, ray_sigma);
+      loop && is_plausible({stored.keyframe, newest, match->T_now_then.inverse()})) {
+    const double distance = distance_from_graph(*loop);
+    if (distance < options_.gate) found = Found{*loop, distance};
+  }
+  found ? ++closures_ : ++rejected_;
+  log::debug("loop: keyframe {} matches {}, {:.1f} s ago: {} of {} points are inliers{}",
+             graph_[newest].stamp.ns, graph_[stored.keyframe].stamp.ns,
+             graph_.age_s(stored.keyframe), match->inliers, match->matches,
+             found ? "" : ": rejected");
+  return found;
+}
+
+// Searches for loops with earlier places. All of a keyframe are checked with the same state of the
+// graph, which is optimized once.
 void LoopCloser::detect_loops(const Place& place) {
+  std::vector<Found> all;
   for (const PlaceStore::Stored* stored : places_.candidates(graph_)) {
-    const auto match =
-        recognize_place(stored->place, place, places_.ray_sigma(), options_.places.min_inliers);
-    if (!match) continue;
-    const Loop loop{stored->keyframe, graph_.newest(), match->T_now_then.inverse()};
-    const bool accepted = is_accepted(loop);
-    const double error_sigmas = graph_.residual_norm(loop);
-    log::debug(
-        "loop: keyframe {} matches {}, {:.1f} s ago: {} of {} points are inliers, {:.1f} sigmas "
-        "off{}",
-        graph_[loop.to].stamp.ns, graph_[loop.from].stamp.ns, graph_.age_s(loop.from),
-        match->inliers, match->matches, error_sigmas, accepted ? "" : ": rejected");
-    accepted ? ++closures_ : ++rejected_;
-    if (!accepted) continue;
-    has_new_loops_ = has_new_loops_ || error_sigmas > options_.min_news_sigmas;
-    graph_.add(loop);
+    if (const auto found = find_loop(*stored, place)) all.push_back(*found);
+  }
+  for (const Found& found : all) {
+    if (graph_.residual_norm(found.loop) > options_.min_news_sigmas) has_new_loops_ = true;
+    if (found.squared_distance > kNews) lags_ = true;
+    graph_.add(found.loop);
   }
 }
 
@@ -151,7 +162,7 @@ void LoopCloser::search(const cv::Mat& gray, bool new_place) {
   if (anchors_) anchor_to_map(place);
   if (!new_place) return;
   detect_loops(place);
-  places_.store(graph_.newest(), std::move(place));
+  places_.store(graph_, std::move(place));
 }
 
 void LoopCloser::anchor_to_map(const Place& place) {
@@ -167,9 +178,9 @@ SE3 LoopCloser::newest_correction() const {
 PlaceMap LoopCloser::place_map() const {
   const SE3 T_known_world = graph_.T_world_known().inverse();
   std::vector<PosedPlace> posed;
-  for (const PlaceStore::Stored& stored : places_.places()) {
-    posed.push_back({graph_[stored.keyframe].stamp,
-                     T_known_world * graph_.corrected_pose(stored.keyframe), &stored.place});
+  for (const PlaceStore::Stored* stored : places_.all()) {
+    posed.push_back({graph_[stored->keyframe].stamp,
+                     T_known_world * graph_.corrected_pose(stored->keyframe), &stored->place});
   }
   return make_place_map(posed, places_.ray_sigma());
 }
@@ -181,6 +192,11 @@ bool LoopCloser::flush() {
   lags_ = false;
   graph_.optimize();
   return true;
+}
+
+bool LoopCloser::finish() {
+  const bool changed = flush();
+  return graph_.refine() || changed;
 }
 
 }  // namespace apvi::loop_closure

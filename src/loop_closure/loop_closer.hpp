@@ -53,9 +53,12 @@ class LoopCloser {
   /// Adds a keyframe and its 8-bit gray image, in order of time. An empty image is not searched for
   /// loops. True if the corrections have changed.
   bool add(Keyframe keyframe, const cv::Mat& gray);
-  /// Optimizes with the loops found since the last optimization; call it at the end of a run. True
-  /// if the corrections have changed.
+  /// Optimizes with the loops found since the last optimization. True if the corrections have
+  /// changed.
   bool flush();
+  /// At the end of a run: `flush`, and in a long one with every node and loop. True if the
+  /// corrections have changed.
+  bool finish();
   /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
   void update_pose(Stamp stamp, const SE3& T_world_camera) {
     graph_.update_pose(stamp, T_world_camera);
@@ -80,7 +83,13 @@ class LoopCloser {
 
  private:
   bool is_plausible(const Loop& loop) const;
-  bool is_accepted(const Loop& loop);
+  struct Found {
+    Loop loop;
+    double squared_distance = 0.0;  ///< from the graph
+  };
+
+  double distance_from_graph(const Loop& loop);
+  std::optional<Found> find_loop(const PlaceStore::Stored& stored, const Place& place);
   void detect_loops(const Place& place);
   void anchor_to_map(const Place& place);
   void search(const cv::Mat& gray, bool new_place);

@@ -158,6 +158,16 @@ void triangulate_points(Place& place, const Place& other, const SE3& T_other_pla
   }
 }
 
+void retriangulate_points(Place& place, const Place& other, const SE3& T_other_place,
+                          double sigma) {
+  for (const auto& [i, j] : match_features(place, other)) {
+    const auto point = triangulate_midpoint(place.rays[static_cast<std::size_t>(i)],
+                                            other.rays[static_cast<std::size_t>(j)], T_other_place,
+                                            kInlierSigmas * sigma);
+    if (point) place.points[static_cast<std::size_t>(i)] = point;
+  }
+}
+
 std::optional<PlaceMatch> recognize_place(const Place& then, const Place& now, double sigma,
                                           int min_inliers) {
   std::vector<cv::Point3d> points;
@@ -183,12 +193,14 @@ std::optional<PlaceMatch> recognize_place(const Place& then, const Place& now, d
     return std::nullopt;
   std::vector<cv::Point3d> good_points;
   std::vector<cv::Point2d> good_rays;
+  std::vector<PointOnRay> seen;
   for (const int k : inliers) {
-    good_points.push_back(points[static_cast<std::size_t>(k)]);
-    good_rays.push_back(rays[static_cast<std::size_t>(k)]);
+    const cv::Point3d& point = good_points.emplace_back(points[static_cast<std::size_t>(k)]);
+    const cv::Point2d& ray = good_rays.emplace_back(rays[static_cast<std::size_t>(k)]);
+    seen.push_back({{point.x, point.y, point.z}, {ray.x, ray.y}});
   }
   cv::solvePnPRefineLM(good_points, good_rays, K, cv::noArray(), rotation, translation);
-  return PlaceMatch{to_pose(rotation, translation), inlier_count, count};
+  return PlaceMatch{to_pose(rotation, translation), inlier_count, count, std::move(seen)};
 }
 
 }  // namespace apvi::loop_closure

@@ -9,6 +9,7 @@
 
 #include "apvi/geometry/se3.hpp"
 #include "apvi/sensors/camera_model.hpp"
+#include "loop_closure/level_pose.hpp"
 
 namespace apvi::loop_closure {
 
@@ -43,11 +44,15 @@ std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);
 /// pose of the camera of `place` in that of `other`; `sigma`: of a ray on the plane z = 1.
 void triangulate_points(Place& place, const Place& other, const SE3& T_other_place, double sigma);
 
+/// As above for all features: points from a wider baseline replace those that `place` has.
+void retriangulate_points(Place& place, const Place& other, const SE3& T_other_place, double sigma);
+
 /// Relative pose of two views of one place.
 struct PlaceMatch {
   SE3 T_now_then;
   int inliers = 0;
-  int matches = 0;  ///< matches with a triangulated point
+  int matches = 0;                    ///< matches with a triangulated point
+  std::vector<PointOnRay> seen = {};  ///< the inliers, points in the camera frame of then
 };
 
 /// RANSAC perspective-n-point from the points of `then` matched in `now`. Nullopt unless at least

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
@@ -23,6 +24,21 @@ constexpr double kMaxDistanceRatio = 2.0;  // limit on the change of distance, e
 // No camera farther from a place than this many times the distance of its points sees one of them
 // at a similar distance.
 constexpr double kMaxReach = 5.0;
+constexpr std::size_t kMaxChecked = 24;  // places whose points are projected, the nearest ones
+
+constexpr std::size_t kRecent = 4;  // places that still gain points
+constexpr double kSpacingGrowth = 1.4;
+constexpr double kKeptFraction = 0.75;  // of max_places, when places are thinned out
+
+double angle_of_axes(const SE3& T_a_b) {
+  return std::acos(std::clamp((T_a_b.rotation * Eigen::Vector3d::UnitZ()).z(), -1.0, 1.0));
+}
+
+// A turn counts as much as a step between stored places.
+bool is_same_view(const SE3& T_a_b, double spacing_m) {
+  const double turn = angle_of_axes(T_a_b) * kMinStep_m / kMinTurn;
+  return std::hypot(T_a_b.translation.norm(), turn) < spacing_m;
+}
 
 }  // namespace
 
@@ -32,8 +48,8 @@ PlaceStore::PlaceStore(const PlaceOptions& options, const CameraModel& camera)
       ray_sigma_(options.pixel_sigma / camera.parameters().fx) {}
 
 bool PlaceStore::is_new_place(const KeyframeGraph& graph) const {
-  if (places_.empty()) return true;
-  const std::size_t last = places_.back().keyframe;
+  if (recent_.empty()) return true;
+  const std::size_t last = recent_.back().keyframe;
   if (graph.age_s(last) < kMinInterval_s) return false;
   const SE3& here = graph[graph.newest()].T_world_camera;
   const SE3& there = graph[last].T_world_camera;
@@ -47,21 +63,25 @@ Place PlaceStore::features(const cv::Mat& gray) const {
 
 Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {
   Place place = features(gray);
-  if (places_.empty()) return place;
-  Stored& last = places_.back();
-  const SE3 T_last_now =
-      graph[last.keyframe].T_world_camera.inverse() * graph[graph.newest()].T_world_camera;
-  triangulate_points(place, last.place, T_last_now, ray_sigma_);
-  triangulate_points(last.place, place, T_last_now.inverse(), ray_sigma_);
+  if (recent_.empty()) return place;
+  const SE3& T_world_now = graph[graph.newest()].T_world_camera;
+  const auto to_now = [&](const Stored& stored) {
+    return T_world_now.inverse() * graph[stored.keyframe].T_world_camera;
+  };
+  Stored& last = recent_.back();
+  triangulate_points(place, last.place, to_now(last).inverse(), ray_sigma_);
+  triangulate_points(last.place, place, to_now(last), ray_sigma_);
+  Stored& first = recent_.front();
+  if (recent_.size() > 1) {
+    retriangulate_points(first.place, place, to_now(first), ray_sigma_);
+  }
   return place;
 }
 
 // Fraction of the triangulated points of a place that would be in the image at a similar distance.
-double PlaceStore::visible_fraction(const Place& place, const SE3& T_now_then) const {
-  if ((T_now_then.rotation * Eigen::Vector3d::UnitZ()).z() < std::cos(kMaxTurn)) return 0.0;
-  if (T_now_then.translation.norm() > kMaxReach * place.reach_m()) return 0.0;
+double PlaceStore::visible_fraction(const Stored& stored, const SE3& T_now_then) const {
   std::size_t in_image = 0;
-  for (const auto& point : place.points) {
+  for (const auto& point : stored.place.points) {
     if (!point) continue;
     const Eigen::Vector3d p = T_now_then * *point;
     if (p.z() * kMaxDistanceRatio < point->z() || p.z() > kMaxDistanceRatio * point->z()) continue;
@@ -69,7 +89,23 @@ double PlaceStore::visible_fraction(const Place& place, const SE3& T_now_then) c
     if (pixel && camera_.in_image(*pixel)) ++in_image;
   }
   return static_cast<double>(in_image) /
-         static_cast<double>(std::max<std::size_t>(1, place.triangulated_count()));
+         static_cast<double>(std::max<std::size_t>(1, stored.triangulated));
+}
+
+std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph) const {
+  const SE3 T_camera_world = graph.corrected_pose(graph.newest()).inverse();
+  std::vector<Near> near;
+  for (const Stored& stored : places_) {
+    if (graph.age_s(stored.keyframe) < options_.min_age_s) break;
+    if (stored.triangulated < static_cast<std::size_t>(options_.min_inliers)) continue;
+    const SE3 T_now_then = T_camera_world * graph.corrected_pose(stored.keyframe);
+    const double distance = T_now_then.translation.norm();
+    if (distance > kMaxReach * stored.reach_m || angle_of_axes(T_now_then) > kMaxTurn) continue;
+    near.push_back({&stored, T_now_then, distance});
+  }
+  std::ranges::stable_sort(near, std::less{}, &Near::distance_m);
+  if (near.size() > kMaxChecked) near.erase(near.begin() + kMaxChecked, near.end());
+  return near;
 }
 
 std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGraph& graph) const {
@@ -77,15 +113,10 @@ std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGrap
     const Stored* stored = nullptr;
     double visible_fraction = 0.0;
   };
-  const SE3 T_camera_world = graph.corrected_pose(graph.newest()).inverse();
   std::vector<Candidate> found;
-  for (const Stored& stored : places_) {
-    if (graph.age_s(stored.keyframe) < options_.min_age_s) break;
-    if (stored.place.triangulated_count() < static_cast<std::size_t>(options_.min_inliers))
-      continue;
-    const double fraction =
-        visible_fraction(stored.place, T_camera_world * graph.corrected_pose(stored.keyframe));
-    if (fraction > kMinVisibleFraction) found.push_back({&stored, fraction});
+  for (const Near& near : nearest(graph)) {
+    const double fraction = visible_fraction(*near.stored, near.T_now_then);
+    if (fraction > kMinVisibleFraction) found.push_back({near.stored, fraction});
   }
   std::ranges::stable_sort(found, std::greater{}, &Candidate::visible_fraction);
   found.resize(std::min(found.size(), kMaxCandidates));
@@ -94,11 +125,48 @@ std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGrap
   return best;
 }
 
-void PlaceStore::store(std::size_t keyframe, Place place) {
-  places_.push_back({keyframe, std::move(place)});
-  if (places_.size() <= static_cast<std::size_t>(options_.max_places)) return;
-  for (std::size_t k = 1; 2 * k < places_.size(); ++k) places_[k] = std::move(places_[2 * k]);
-  places_.resize((places_.size() + 1) / 2);
+void PlaceStore::store(const KeyframeGraph& graph, Place place) {
+  recent_.push_back({graph.newest(), std::move(place)});
+  if (recent_.size() <= kRecent) return;
+  keep(graph, std::move(recent_.front()));
+  recent_.pop_front();
+}
+
+void PlaceStore::keep(const KeyframeGraph& graph, Stored stored) {
+  stored.triangulated = stored.place.triangulated_count();
+  stored.reach_m = stored.place.reach_m();
+  const SE3 T_camera_world = graph.corrected_pose(stored.keyframe).inverse();
+  const bool known =
+      spacing_m_ > 0.0 && std::ranges::any_of(places_, [&](const Stored& other) {
+        return is_same_view(T_camera_world * graph.corrected_pose(other.keyframe), spacing_m_);
+      });
+  if (known) return;
+  places_.push_back(std::move(stored));
+  const auto most = static_cast<std::size_t>(options_.max_places);
+  if (places_.size() > most) thin_out(graph);
+}
+
+void PlaceStore::thin_out(const KeyframeGraph& graph) {
+  const auto target = static_cast<std::size_t>(kKeptFraction * options_.max_places);
+  while (places_.size() > std::max<std::size_t>(1, target)) {
+    spacing_m_ = std::max(kMinStep_m, kSpacingGrowth * spacing_m_);
+    std::vector<SE3> kept;
+    std::erase_if(places_, [&](const Stored& stored) {
+      const SE3 T_world_camera = graph.corrected_pose(stored.keyframe);
+      const bool known = std::ranges::any_of(kept, [&](const SE3& T_camera_world) {
+        return is_same_view(T_camera_world * T_world_camera, spacing_m_);
+      });
+      if (!known) kept.push_back(T_world_camera.inverse());
+      return known;
+    });
+  }
+}
+
+std::vector<const PlaceStore::Stored*> PlaceStore::all() const {
+  std::vector<const Stored*> all;
+  for (const Stored& stored : places_) all.push_back(&stored);
+  for (const Stored& stored : recent_) all.push_back(&stored);
+  return all;
 }
 
 }  // namespace apvi::loop_closure

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <vector>
 
 #include "apvi/loop_closure/options.hpp"
@@ -11,7 +12,10 @@
 
 namespace apvi::loop_closure {
 
-/// The places of a dive, at most `max_places`. Candidates for a loop are places that should be
+/// The places of a dive, at most `max_places`. When there are more, those stay that are evenly
+/// spread in space, the oldest of each neighborhood, so that their number grows with the area that
+/// has been seen, not with time (as in Johannsson et al., "Temporally scalable visual SLAM using a
+/// reduced pose graph", 2013). Candidates for a loop are places that should be
 /// visible from the corrected pose; a bag-of-words index is not needed, as with a DVL and IMU the
 /// drift stays smaller than the view.
 class PlaceStore {
@@ -19,6 +23,8 @@ class PlaceStore {
   struct Stored {
     std::size_t keyframe = 0;
     Place place;
+    std::size_t triangulated = 0;  ///< number of its points
+    double reach_m = 0.0;          ///< distance of the farthest one
   };
 
   PlaceStore(const PlaceOptions& options, const CameraModel& camera);
@@ -28,21 +34,34 @@ class PlaceStore {
   /// The features of an image, none of them triangulated.
   Place features(const cv::Mat& gray) const;
   /// The place of the newest keyframe, triangulated with the last place, which gains points too.
+  /// The oldest of the recent places gets better ones, from the widest baseline.
   Place describe(const KeyframeGraph& graph, const cv::Mat& gray);
   /// Places at least `min_age_s` old that the newest keyframe should see, the best first.
   std::vector<const Stored*> candidates(const KeyframeGraph& graph) const;
-  void store(std::size_t keyframe, Place place);
-  const std::vector<Stored>& places() const { return places_; }
+  /// Of the newest keyframe.
+  void store(const KeyframeGraph& graph, Place place);
+  std::vector<const Stored*> all() const;
   /// Standard deviation of a ray on the plane z = 1.
   double ray_sigma() const { return ray_sigma_; }
 
  private:
-  double visible_fraction(const Place& place, const SE3& T_now_then) const;
+  struct Near {
+    const Stored* stored = nullptr;
+    SE3 T_now_then;
+    double distance_m = 0.0;
+  };
+
+  std::vector<Near> nearest(const KeyframeGraph& graph) const;
+  double visible_fraction(const Stored& stored, const SE3& T_now_then) const;
+  void keep(const KeyframeGraph& graph, Stored stored);
+  void thin_out(const KeyframeGraph& graph);
 
   PlaceOptions options_;
   CameraModel camera_;
   double ray_sigma_;
   std::vector<Stored> places_;
+  std::deque<Stored> recent_;  ///< not yet in places_: their points still improve
+  double spacing_m_ = 0.0;     ///< between places with the same view
 };
 
 }  // namespace apvi::loop_closure

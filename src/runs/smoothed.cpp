@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <span>
+#include <vector>
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
@@ -28,7 +30,8 @@ Largest largest_correction(const Trajectory& odometry, const Trajectory& smoothe
   return largest;
 }
 
-double quantile_ms(std::vector<double> seconds, double part) {
+double quantile_ms(std::span<const double> all, double part) {
+  std::vector<double> seconds(all.begin(), all.end());
   const auto at = static_cast<std::ptrdiff_t>(part * static_cast<double>(seconds.size() - 1));
   std::nth_element(seconds.begin(), seconds.begin() + at, seconds.end());
   return 1e3 * seconds[static_cast<std::size_t>(at)];
@@ -47,8 +50,12 @@ eval::Json smoothed_json(const localization::Smoother& smoother, const Trajector
   json["largest_correction_deg"] = largest.turn_deg;
   const std::vector<double>& seconds = smoother.keyframe_seconds();
   if (seconds.empty()) return json;
-  json["keyframe_ms"] = {{"median", quantile_ms(seconds, 0.5)},
-                         {"p95", quantile_ms(seconds, 0.95)}};
+  const std::size_t sixth = std::max<std::size_t>(1, seconds.size() / 6);
+  const std::span<const double> all(seconds);
+  json["keyframe_ms"] = {{"median", quantile_ms(all, 0.5)},
+                         {"p95", quantile_ms(all, 0.95)},
+                         {"p95_first_sixth", quantile_ms(all.first(sixth), 0.95)},
+                         {"p95_last_sixth", quantile_ms(all.last(sixth), 0.95)}};
   return json;
 }
 

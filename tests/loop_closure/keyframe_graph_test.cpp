@@ -66,6 +66,18 @@ TEST(KeyframeGraph, WorkIsBoundedByTheNumberOfNodes) {
   EXPECT_LT(largest_error(graph), 0.05);
 }
 
+TEST(KeyframeGraph, RefiningUsesTheNodesAndLoopsThatWereLeftOut) {
+  KeyframeGraph bounded = two_laps({.node_step_s = 1.0, .max_nodes = 20});
+  const KeyframeGraph full = two_laps({.node_step_s = 1.0});
+  EXPECT_TRUE(bounded.refine());
+  EXPECT_EQ(bounded.nodes(), full.nodes());
+  for (std::size_t i = 0; i < full.size(); ++i) {
+    const SE3 difference = full.corrected_pose(i).inverse() * bounded.corrected_pose(i);
+    EXPECT_LT(difference.translation.norm(), 1e-3) << i;
+  }
+  EXPECT_FALSE(bounded.refine());
+}
+
 TEST(KeyframeGraph, CorrectionsAreContinuousBetweenNodes) {
   const KeyframeGraph graph = two_laps({.node_step_s = 4.0});
   for (std::size_t i = 1; i < graph.size(); ++i) {

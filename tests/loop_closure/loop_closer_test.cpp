@@ -74,8 +74,8 @@ LoopOptions never() {
   return options;
 }
 
-SimulatedRun simulate(const LoopOptions& options, int keyframes) {
-  LoopCloser closer(closer_options(options), test::floor_camera());
+SimulatedRun simulate(const CloserOptions& options, int keyframes) {
+  LoopCloser closer(options, test::floor_camera());
   SimulatedRun result;
   for (int i = 0; i < keyframes; ++i) {
     result.poses.push_back(result.now * odometry(i));
@@ -87,6 +87,10 @@ SimulatedRun simulate(const LoopOptions& options, int keyframes) {
   EXPECT_FALSE(closer.flush());
   result.closures = closer.closures();
   return result;
+}
+
+SimulatedRun simulate(const LoopOptions& options, int keyframes) {
+  return simulate(closer_options(options), keyframes);
 }
 
 double max_position_error(const std::vector<SE3>& poses) {
@@ -102,7 +106,7 @@ TEST(LoopCloser, CorrectsDriftOverALap) {
   const SimulatedRun open = simulate(never(), kKeyframes);
   EXPECT_EQ(open.closures, 0U);
   EXPECT_EQ(open.reported, 0U);
-  const SimulatedRun closed = simulate({}, kKeyframes);
+  const SimulatedRun closed = simulate(LoopOptions{}, kKeyframes);
   EXPECT_GT(closed.closures, 5U);
   ASSERT_GT(max_position_error(open.poses), 0.1);
   EXPECT_LT(max_position_error(closed.poses), 0.35 * max_position_error(open.poses));
@@ -113,13 +117,15 @@ TEST(LoopCloser, CorrectsDriftOverALap) {
 
 // Loops found within 4 s of the last optimization are pending.
 TEST(LoopCloser, FlushReportsPendingLoops) {
-  const SimulatedRun end = simulate({}, kLap + 2);
+  CloserOptions options = closer_options(LoopOptions{});
+  options.min_news_sigmas = 0.0;
+  const SimulatedRun end = simulate(options, kLap + 2);
   EXPECT_TRUE(end.has_loops_at_flush);
   EXPECT_LT(max_position_error(end.poses), 0.03);
 }
 
 TEST(LoopCloser, ReportsNothingWithoutARevisit) {
-  const SimulatedRun part = simulate({}, kLap / 2);
+  const SimulatedRun part = simulate(LoopOptions{}, kLap / 2);
   EXPECT_EQ(part.closures, 0U);
   EXPECT_EQ(part.reported, 0U);
 }
@@ -143,25 +149,26 @@ TEST(LoopCloser, IgnoresRepeatedAndOutOfOrderKeyframes) {
   closer.update_pose(stamp_of(77), odometry(77));  // unknown keyframes are ignored
 }
 
-constexpr int kLookAlike = 20;     // keyframes over each of two places
-constexpr int kDetour = 100;       // keyframes without an image between them
-constexpr double kApart_m = 3.0;   // of the two places
-constexpr double kHeight_m = 4.0;  // so that the other place is in view
+constexpr int kLookAlike = 20;  // keyframes over each of two places
+constexpr int kDetour = 100;    // keyframes without an image between them
+constexpr double kDetour_m = 100.0;
+constexpr double kApart_m = 5.0;   // of the two places
+constexpr double kHeight_m = 7.0;  // so that the other place is in view
 
 SE3 above(double x, double y) {
   return test::camera_looking_down({x, y, kHeight_m}, 0.0);
 }
 
-/// A place, a detour of 60 m, and a place that looks the same `apart_m` beside the first, with
-/// exact odometry that has drifted by 3 cm at most.
-LoopCloser visit_look_alike_places(double gate, double apart_m) {
+/// A place, a detour, and a place that looks the same `apart_m` beside the first, with exact
+/// odometry that may have drifted by `sigma_m` in between.
+LoopCloser visit_look_alike_places(double gate, double apart_m, double sigma_m) {
   SmoothingOptions options;
   options.gate = gate;
   LoopCloser closer(closer_options(options), test::floor_camera());
   int index = 0;
   const auto add = [&](const SE3& pose, const cv::Mat& image) {
     Keyframe next = keyframe(index++, pose);
-    next.drift = {.heading = 1e-7, .horizontal = 6e-6, .vertical = 1e-7};
+    next.drift = {.heading = 1e-9, .horizontal = sigma_m * sigma_m / kDetour, .vertical = 1e-7};
     closer.add(next, image);
   };
   for (const double x0 : {0.0, apart_m}) {
@@ -170,7 +177,7 @@ LoopCloser visit_look_alike_places(double gate, double apart_m) {
       add(above(x0 + x, 0.0), test::render_floor(above(x, 0.0)));
     }
     for (int k = 0; x0 == 0.0 && k < kDetour; ++k) {
-      const double away = 30.0 - std::abs(30.0 - 0.6 * k);
+      const double away = 0.5 * kDetour_m * (1.0 - std::abs(1.0 - 2.0 * k / kDetour));
       add(above(x0, away), {});
     }
   }
@@ -187,13 +194,19 @@ double newest_shift_m(const LoopCloser& closer) {
 
 TEST(LoopCloser, RejectsALookAlikePlaceThatTheGraphContradicts) {
   const double gate = SmoothingOptions{}.gate;
-  const LoopCloser open = visit_look_alike_places(1e9, kApart_m);
-  ASSERT_GT(open.closures(), 0U);  // the images alone do not tell
-  const LoopCloser gated = visit_look_alike_places(gate, kApart_m);
-  EXPECT_EQ(gated.closures(), 0U);
-  EXPECT_GT(gated.rejected(), 0U);
-  EXPECT_EQ(newest_shift_m(gated), 0.0);
-  const LoopCloser same = visit_look_alike_places(gate, 0.0);
+  for (const double sigma_m : {0.03, 0.3, 1.0}) {
+    const LoopCloser open = visit_look_alike_places(1e9, kApart_m, sigma_m);
+    ASSERT_GT(open.closures(), 0U);  // the images alone do not tell
+    const LoopCloser gated = visit_look_alike_places(gate, kApart_m, sigma_m);
+    EXPECT_EQ(gated.closures(), 0U) << sigma_m;
+    EXPECT_GT(gated.rejected(), 0U) << sigma_m;
+    EXPECT_EQ(newest_shift_m(gated), 0.0) << sigma_m;
+  }
+  EXPECT_GT(newest_shift_m(visit_look_alike_places(1e9, kApart_m, 1.0)), 0.5);
+}
+
+TEST(LoopCloser, AcceptsAPlaceWhereTheGraphExpectsIt) {
+  const LoopCloser same = visit_look_alike_places(SmoothingOptions{}.gate, 0.0, 0.03);
   EXPECT_GT(same.closures(), 5U);
   EXPECT_EQ(same.rejected(), 0U);
   EXPECT_LT(newest_shift_m(same), 0.02);

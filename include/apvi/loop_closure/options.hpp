@@ -11,7 +11,7 @@ namespace apvi::loop_closure {
 struct PlaceOptions {
   double min_age_s = 20.0;   ///< minimum time between the keyframes of a loop [s]
   int max_features = 800;    ///< per image
-  int max_places = 1000;     ///< stored places; beyond this number every second one is dropped
+  int max_places = 1000;     ///< stored places; beyond this number they are thinned out in space
   int min_inliers = 25;      ///< minimum number of PnP inliers
   double pixel_sigma = 1.0;  ///< of a feature, including the error of its match [px]
 
@@ -21,7 +21,7 @@ struct PlaceOptions {
     v("min_age_s", min_age_s, Range{10.0, 1e6}, "minimum time between the keyframes of a loop [s]");
     v("max_features", max_features, Range{50, 100000}, "maximum features per image");
     v("max_places", max_places, Range{2, 1000000},
-      "maximum stored keyframes; beyond it every second one is removed");
+      "maximum stored keyframes; beyond it those are removed whose view others have");
     v("min_inliers", min_inliers, Range{6, 100000}, "minimum inliers of a relative pose");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "standard deviation of a feature [px]");
   }
@@ -48,8 +48,8 @@ struct LoopOptions : PlaceOptions {
 struct SmoothingOptions : PlaceOptions {
   bool enabled = true;
   double node_step_s = 1.0;   ///< time between the nodes of the graph [s]
-  int max_nodes = 2000;       ///< beyond this number every second one is dropped
   double drift_factor = 5.0;  ///< estimators are overconfident, see docs/localization.md
+  int max_nodes = 500;        ///< during the dive; beyond this number every second one is dropped
   std::string known_map;      ///< run folder of an earlier dive to be found in; empty: none
   double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
 
@@ -62,7 +62,8 @@ struct SmoothingOptions : PlaceOptions {
     PlaceOptions::visit(v);
     v("node_step_s", node_step_s, Range{0.1, 10.0}, "time between the nodes of the graph [s]");
     v("max_nodes", max_nodes, Range{10, 1000000},
-      "maximum nodes of the graph; beyond it every second one is removed");
+      "maximum nodes of the graph during the dive; beyond it every second one is removed, until "
+      "the end");
     v("drift_factor", drift_factor, Range{0.01, 100.0},
       "factor on the standard deviation of the odometry's drift");
     v("known_map", known_map,
