@@ -9,6 +9,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -18,7 +19,9 @@
 
 #include "apvi/core/error.hpp"
 #include "core/status_line.hpp"
+#include "sim/fish.hpp"
 #include "sim/formats.hpp"
+#include "sim/moving_scene.hpp"
 #include "sim/renderer.hpp"
 #include "sim/shading.hpp"
 #include "sim/spectral/exposure_track.hpp"
@@ -96,7 +99,12 @@ class FrameRenderer {
   FrameRenderer(const fs::path& root, const Scene& scene, const EventSchedule& events,
                 const Recording& recording, const TriangleMesh& mesh, const RayCaster& world,
                 int threads)
-      : root_(root), scene_(scene), events_(events), recording_(recording) {
+      : root_(root),
+        scene_(scene),
+        events_(events),
+        recording_(recording),
+        world_(world),
+        fish_(scene.config.world, scene.seed()) {
     const SceneConfig& config = scene.config;
     renderers_.reserve(scene.rig.cameras.size());
     for (const CameraCalibration& camera : scene.rig.cameras) {
@@ -120,6 +128,9 @@ class FrameRenderer {
     }
     const RenderedFrame rendered = renderers_[job.camera].render(request);
     if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
+    if (job.camera == 0 && !rendered.moving.empty()) {
+      write_atomically(truth_file(job, "moving", ".png"), png_bytes(rendered.moving));
+    }
     write_atomically(job.image, image_bytes(rendered.image));
   }
 
@@ -144,7 +155,12 @@ class FrameRenderer {
     request.T_world_camera = [this, camera](Stamp at) {
       return recording_.spline.at(at).T_world_body * scene_.rig.cameras[camera].T_body_camera;
     };
-    request.disturbance = events_.disturbance(seconds_between(kSimulationStart, stamp));
+    const double time_s = seconds_between(kSimulationStart, stamp);
+    request.disturbance = events_.disturbance(time_s);
+    if (!fish_.empty()) {
+      request.moving = std::make_shared<MovingScene>(
+          fish_.at(time_s), world_, sun_direction(scene_.config.light).cast<float>());
+    }
     return request;
   }
   // What the exposure control of each camera sees, several times per second.
@@ -173,19 +189,22 @@ class FrameRenderer {
   }
   void write_frame_truth(const Job& job, const RenderedFrame& rendered,
                          const Disturbance& disturbance) const {
-    const fs::path truth = root_ / "truth";
-    const std::string name = std::to_string(job.frame.stamp.ns);
-    write_atomically(truth / "depth" / (name + ".pfm"), pfm_bytes(rendered.depth));
-    write_atomically(truth / "clear" / (name + ".png"), png_bytes(rendered.clear));
+    write_atomically(truth_file(job, "depth", ".pfm"), pfm_bytes(rendered.depth));
+    write_atomically(truth_file(job, "clear", ".png"), png_bytes(rendered.clear));
     if (!is_undisturbed(disturbance)) return;  // store the nominal medium, not that of an event
-    write_atomically(truth / "medium" / (name + ".json"),
+    write_atomically(truth_file(job, "medium", ".json"),
                      medium_json(rendered, scene_.config.physics));
+  }
+  fs::path truth_file(const Job& job, const char* kind, const char* extension) const {
+    return root_ / "truth" / kind / (std::to_string(job.frame.stamp.ns) + extension);
   }
 
   const fs::path& root_;
   const Scene& scene_;
   const EventSchedule& events_;
   const Recording& recording_;
+  const RayCaster& world_;
+  Fish fish_;
   std::vector<Renderer> renderers_;
   std::vector<ExposureTrack> tracks_;  ///< one per camera; none with paper physics
 };

@@ -128,6 +128,8 @@ void evaluate_material(Material material, SurfaceBatch& batch) {
       return texture::wood(batch);
     case Material::concrete:
       return texture::concrete(batch);
+    case Material::fish:
+      return texture::fish(batch);
   }
 }
 

@@ -24,8 +24,9 @@ enum class Material : std::uint8_t {
   wood,
   concrete,
   mussels,
+  fish,  ///< in the texture coordinates of a fish
 };
-inline constexpr int kMaterialCount = 14;
+inline constexpr int kMaterialCount = 15;
 
 /// Points on surfaces of one material. `evaluate_material` fills the color and perturbs the normals
 /// by the bump map of the texture. Lanes stay uninitialized: clearing ten of them for every batch

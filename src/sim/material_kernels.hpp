@@ -83,6 +83,7 @@ void sponge(SurfaceBatch& s);
 void fan_coral(SurfaceBatch& s);
 void weed(SurfaceBatch& s);
 void mussels(SurfaceBatch& s);
+void fish(SurfaceBatch& s);
 /// Blends mussel beds over `s`; the dam's face is raised at the same places.
 void add_mussel_beds(SurfaceBatch& s);
 void steel(SurfaceBatch& s);

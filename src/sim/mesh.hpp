@@ -23,6 +23,8 @@ struct TriangleMesh {
   std::vector<Material> materials;     ///< per triangle
   std::vector<std::uint16_t> objects;  ///< per triangle: object id, varies colors between objects
   std::vector<Tint> tints;             ///< where surfaces have another color
+  /// Per vertex: where its solid texture is evaluated; empty: at the vertex. For what moves.
+  std::vector<Eigen::Vector3f> texture;
 
   std::uint32_t add_vertex(const Eigen::Vector3f& position, float vertex_detail = 1.0F);
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c, Material material,

@@ -9,6 +9,7 @@
 
 #include "sim/frame_poses.hpp"
 #include "sim/lens_rays.hpp"
+#include "sim/moving_scene.hpp"
 #include "sim/shading.hpp"
 #include "sim/snow.hpp"
 #include "sim/spectral/spectral_renderer.hpp"
@@ -26,6 +27,11 @@ static_assert(kTile * kTile == kBatch);
 struct Canvas {
   cv::Mat observed, clear;  ///< CV_32FC3 BGR
   cv::Mat range, depth;
+  cv::Mat nearest;  ///< like `range`, to what moves where that is nearer
+  cv::Mat moving;   ///< CV_8U, see RenderedFrame
+
+  void store_middle(const Lens& lens, const cv::Rect& tile, const TileRays& rays);
+  void add_exposed(float weight, bool middle, const cv::Rect& tile, const TileRays& rays);
 };
 
 Canvas make_canvas(const Lens& lens) {
@@ -33,7 +39,49 @@ Canvas make_canvas(const Lens& lens) {
   return {.observed = cv::Mat::zeros(size, CV_32FC3),
           .clear = cv::Mat::zeros(size, CV_32FC3),
           .range = cv::Mat::zeros(size, CV_32F),
-          .depth = cv::Mat::zeros(size, CV_32F)};
+          .depth = cv::Mat::zeros(size, CV_32F),
+          .nearest = cv::Mat::zeros(size, CV_32F),
+          .moving = cv::Mat::zeros(size, CV_8U)};
+}
+
+// What is seen without what moves.
+void Canvas::store_middle(const Lens& lens, const cv::Rect& tile, const TileRays& rays) {
+  for (int i = 0; i < tile.area(); ++i) {
+    const int x = tile.x + i % tile.width;
+    const int y = tile.y + i / tile.width;
+    for (int c = 0; c < 3; ++c) clear.at<cv::Vec3f>(y, x)[c] = rays.clear[2 - c][i];
+    const float along = rays.rays.range[static_cast<std::size_t>(i)];
+    if (along < 0.0F) continue;
+    range.at<float>(y, x) = along;
+    const float start = lens.origins.empty() ? 0.0F : lens.origins[lens.index(x, y)].z();
+    depth.at<float>(y, x) = start + along * lens.rays[lens.index(x, y)].z();
+  }
+}
+
+void Canvas::add_exposed(float weight, bool middle, const cv::Rect& tile, const TileRays& rays) {
+  for (int i = 0; i < tile.area(); ++i) {
+    const auto lane = static_cast<std::size_t>(i);
+    const cv::Point at(tile.x + i % tile.width, tile.y + i / tile.width);
+    auto& pixel = observed.at<cv::Vec3f>(at);
+    for (int c = 0; c < 3; ++c) pixel[c] += weight * rays.observed[2 - c][i];
+    auto& mark = moving.at<std::uint8_t>(at);
+    mark = std::max(mark, rays.moving[lane]);
+    if (middle) nearest.at<float>(at) = std::max(0.0F, rays.rays.range[lane]);
+  }
+}
+
+// Replaces what the rays see by what moves in front of it.
+void draw_moving(const LightState& light, TileRays& rays) {
+  TileRays front;
+  if (!cast_in_front(*light.moving, rays, front)) return;
+  shade(light.moving->mesh, light.moving->baked, light, front);
+  for (std::size_t i = 0; i < front.rays.size(); ++i) {
+    if (front.rays.range[i] < 0.0F) continue;
+    const auto lane = static_cast<int>(i);
+    for (std::size_t c = 0; c < 3; ++c) rays.observed[c][lane] = front.observed[c][lane];
+    rays.rays.range[i] = front.rays.range[i];
+    rays.moving[i] = kMovingBody;
+  }
 }
 
 }  // namespace
@@ -68,6 +116,7 @@ LightState Renderer::Impl::light_state(const ImageRequest& request) const {
   light.medium.b_inf *= config.light.daylight * brightness;
   light.veiling_light_gradient = config.water.veiling_light_gradient;
   light.silt = d.silt;
+  light.moving = request.moving.get();
   light.time_s = std::fmod(request.stamp.seconds(), 36000.0);
   const Vector3d around = daylight_at(light.config, light.medium, config.water.reference_depth_m);
   const double lamp = light.config.lamp ? 0.1 * light.config.lamp->intensity : 0.0;
@@ -91,20 +140,9 @@ void Renderer::Impl::render_tile(const LightState& light, const FramePoses& pose
     caster->cast(rays.rays);
     shade(*mesh, baked, light, rays);
     const bool middle = 2 * k + 1 == poses.samples;
-    for (int i = 0; i < tile.area(); ++i) {
-      const int x = tile.x + i % tile.width;
-      const int y = tile.y + i / tile.width;
-      auto& observed = canvas.observed.at<cv::Vec3f>(y, x);
-      for (int c = 0; c < 3; ++c) observed[c] += weight * rays.observed[2 - c][i];
-      if (!middle) continue;
-      auto& clear = canvas.clear.at<cv::Vec3f>(y, x);
-      for (int c = 0; c < 3; ++c) clear[c] = rays.clear[2 - c][i];
-      const float range = rays.rays.range[static_cast<std::size_t>(i)];
-      if (range < 0.0F) continue;
-      canvas.range.at<float>(y, x) = range;
-      const float start = lens.origins.empty() ? 0.0F : lens.origins[lens.index(x, y)].z();
-      canvas.depth.at<float>(y, x) = start + range * lens.rays[lens.index(x, y)].z();
-    }
+    if (middle) canvas.store_middle(lens, tile, rays);
+    if (light.moving != nullptr) draw_moving(light, rays);
+    canvas.add_exposed(weight, middle, tile, rays);
   }
 }
 
@@ -156,6 +194,7 @@ RenderedFrame Renderer::Impl::make_frame(const ImageRequest& request, const Ligh
   frame.clear = simulate_noiseless_sensor(clear, config.camera);
   frame.range = canvas.range;
   frame.depth = canvas.depth;
+  if (light.moving != nullptr) frame.moving = canvas.moving;
   return frame;
 }
 
@@ -208,7 +247,7 @@ RenderedFrame Renderer::render(const ImageRequest& request, int threads) const {
   const Duration half = Duration::from_seconds(0.5 * impl_->config.camera.exposure_s);
   draw_snow(impl_->config.water.snow, light.time_s, snow_color(light), impl_->camera,
             request.T_world_camera(request.stamp - half),
-            request.T_world_camera(request.stamp + half), impl_->seed, canvas.range,
+            request.T_world_camera(request.stamp + half), impl_->seed, canvas.nearest,
             canvas.observed);
   return impl_->make_frame(request, light, canvas);
 }

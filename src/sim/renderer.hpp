@@ -22,6 +22,8 @@
 
 namespace apvi::sim {
 
+struct MovingScene;
+
 struct ImageRequest {
   Stamp stamp;              ///< mid-exposure; of the middle row with a rolling shutter
   std::uint64_t frame = 0;  ///< seeds the noise; frames may be rendered in any order
@@ -30,6 +32,7 @@ struct ImageRequest {
   /// Exposure and white balance that the camera chose; null: as this frame asks for. Spectral only.
   std::optional<Development> development{};
   std::optional<Development> clear_development{};  ///< of `clear`; null: as of the image
+  std::shared_ptr<const MovingScene> moving{};     ///< at mid-exposure; null: nothing moves
   bool truth = true;  ///< spectral: whether to fit the effective medium
 };
 
@@ -38,6 +41,10 @@ struct RenderedFrame {
   cv::Mat depth;  ///< CV_32F, meters along the optical axis at mid-exposure, 0 for no surface
   cv::Mat range;  ///< CV_32F, meters along the ray in the water, 0 for no surface
   cv::Mat clear;  ///< CV_8UC3 BGR: the water-free scene J
+  /// CV_8U: kMovingBody where something that moves is seen during any part of the exposure,
+  /// kMovingShadow for its shadow, else 0. Depth, range and clear are without it, but with its
+  /// shadow. Empty if nothing moves.
+  cv::Mat moving;
   /// Of this frame; b_inf in image units (includes gain and white balance). Spectral: effective.
   Medium medium;
   double gain = 1.0;

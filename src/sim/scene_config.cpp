@@ -240,6 +240,7 @@ Scene make_scene(const Node& node) {
   config::read(root, scene.config);
   check_physics(scene.config);
   check_objects(scene.config.world);
+  check_fish(scene.config.world);
   scene.rig_node = true_rig(scene.config);
   drop_disabled(scene.config, scene.rig_node);
   add_lamps(scene.config, make_rig(scene.rig_node), scene.rig_node);

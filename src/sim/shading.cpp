@@ -7,6 +7,7 @@
 
 #include "sim/caustics.hpp"
 #include "sim/clones.hpp"
+#include "sim/moving_scene.hpp"
 #include "sim/silt.hpp"
 #include "sim/surface_patch.hpp"
 
@@ -106,6 +107,16 @@ void light_patch(const LightState& light, const TileRays& tile, Patch& patch) {
   if (light.config.lamp) add_lamp(lamp_terms(light, tile), patch);
 }
 
+void add_moving_shadows(const LightState& light, Patch& patch, TileRays& tile) {
+  SurfaceBatch& s = patch.surface;
+  const auto shadowed =
+      cast_shadows(*light.moving, sun_direction(light.config).cast<float>(),
+                   {.p = s.p, .nx = s.nx, .ny = s.ny, .nz = s.nz, .sun = patch.sun});
+  for (std::size_t i = 0; i < static_cast<std::size_t>(s.p.count); ++i) {
+    if (shadowed[i]) tile.moving[static_cast<std::size_t>(patch.lane[i])] = kMovingShadow;
+  }
+}
+
 void scatter_patch(const Patch& patch, TileRays& tile) {
   const SurfaceBatch& s = patch.surface;
   for (int i = 0; i < s.p.count; ++i) {
@@ -184,7 +195,9 @@ void add_lamp_backscatter(const LampTerms& lamp, float strength, TileRays& tile)
 void shade(const TriangleMesh& mesh, const BakedLight& baked, const LightState& light,
            TileRays& tile) {
   for (Lanes& lanes : tile.clear) lanes.fill(0.0F);
+  tile.moving.fill(0);
   for_each_patch(mesh, baked, tile, [&](Patch& patch) {
+    if (light.moving != nullptr) add_moving_shadows(light, patch, tile);
     light_patch(light, tile, patch);
     scatter_patch(patch, tile);
   });

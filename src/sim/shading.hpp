@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -13,6 +15,8 @@
 
 namespace apvi::sim {
 
+struct MovingScene;
+
 /// Light parameters that are constant over an image.
 struct LightState {
   LightConfig config;  ///< intensities already scaled by 1 - darkness
@@ -21,6 +25,7 @@ struct LightState {
   double silt = 0.0;
   double time_s = 0.0;
   Eigen::Vector3f silt_color = Eigen::Vector3f::Zero();  ///< light scattered back by a dense cloud
+  const MovingScene* moving = nullptr;                   ///< casts shadows; null: nothing moves
 };
 
 /// Up to kBatch neighboring rays of one pose and their colors, as a structure of arrays; unused
@@ -30,8 +35,9 @@ struct TileRays {
   Lanes pixel_angle{};  ///< angle between neighboring pixels [rad]
   Eigen::Vector3f lamp_position = Eigen::Vector3f::Zero();  ///< world [m]
   Eigen::Vector3f lamp_axis = Eigen::Vector3f::UnitX();     ///< world, unit
-  Lanes clear[3]{};     ///< J: red, green, blue; 0 for no surface
-  Lanes observed[3]{};  ///< I: through the water
+  Lanes clear[3]{};                           ///< J: red, green, blue; 0 for no surface
+  Lanes observed[3]{};                        ///< I: through the water
+  std::array<std::uint8_t, kBatch> moving{};  ///< kMovingBody, kMovingShadow or 0
 };
 
 /// Precomputed visibility of the sky and of the sun from the vertices of a mesh, 0 to 1.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace apvi::sim {
 namespace {
@@ -32,6 +33,15 @@ void gather_point(const TriangleMesh& mesh, const BakedLight& baked, const TileR
   s.p.z[i] = rays.oz[k] + range * d.z();
   const float slant = std::max(0.15F, std::abs(facet.dot(d)) / facet.norm());
   s.p.footprint[i] = range * tile.pixel_angle[lane] / std::sqrt(slant);
+  if (!mesh.texture.empty()) {
+    const Vector3f at = blend(mesh.texture);
+    const float scale = (mesh.texture[t[1]] - mesh.texture[t[0]]).norm() /
+                        std::max(1e-6F, (mesh.vertices[t[1]] - mesh.vertices[t[0]]).norm());
+    patch.texture.x[i] = at.x();
+    patch.texture.y[i] = at.y();
+    patch.texture.z[i] = at.z();
+    patch.texture.footprint[i] = scale * s.p.footprint[i];
+  }
   s.nx[i] = n.x();
   s.ny[i] = n.y();
   s.nz[i] = n.z();
@@ -46,12 +56,26 @@ void gather_point(const TriangleMesh& mesh, const BakedLight& baked, const TileR
   patch.lane[static_cast<std::size_t>(i)] = lane;
 }
 
+// With texture coordinates, the points are replaced by these meanwhile.
+void evaluate(Material material, bool has_texture, Patch& patch) {
+  if (!has_texture) return evaluate_material(material, patch.surface);
+  patch.texture.count = patch.surface.p.count;
+  std::swap(patch.texture, patch.surface.p);
+  evaluate_material(material, patch.surface);
+  std::swap(patch.texture, patch.surface.p);
+}
+
 // Copies the first point into the unused lanes, so that kernels can process full batches.
-void pad(Patch& patch) {
+void pad(Patch& patch, bool has_texture) {
   SurfaceBatch& s = patch.surface;
   for (Lanes* lanes :
        {&s.p.x, &s.p.y, &s.p.z, &s.p.footprint, &s.nx, &s.ny, &s.nz, &s.detail, &s.object,
         &patch.sky, &patch.sun, &patch.range, &patch.dx, &patch.dy, &patch.dz}) {
+    std::fill(lanes->v + s.p.count, lanes->v + kBatch, lanes->v[0]);
+  }
+  if (!has_texture) return;
+  Points& t = patch.texture;
+  for (Lanes* lanes : {&t.x, &t.y, &t.z, &t.footprint}) {
     std::fill(lanes->v + s.p.count, lanes->v + kBatch, lanes->v[0]);
   }
 }
@@ -80,8 +104,9 @@ void for_each_patch(const TriangleMesh& mesh, const BakedLight& baked, const Til
       }
     }
     patch.surface.p.count = n;
-    pad(patch);
-    evaluate_material(static_cast<Material>(m), patch.surface);
+    const bool has_texture = !mesh.texture.empty();
+    pad(patch, has_texture);
+    evaluate(static_cast<Material>(m), has_texture, patch);
     apply_tints(mesh.tints, patch.surface);
     use(patch);
   }

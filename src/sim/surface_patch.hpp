@@ -12,6 +12,7 @@ namespace apvi::sim {
 /// The points of one tile that hit one material.
 struct Patch {
   SurfaceBatch surface;
+  Points texture;  ///< where the material is evaluated, for meshes with texture coordinates
   Lanes sky{}, sun{}, range{}, dx{}, dy{}, dz{};
   Lanes light[3]{};
   std::array<int, kBatch> lane{};  ///< index in the tile of each point

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apvi/config/fields.hpp"
+#include "sim/fish.hpp"
 #include "sim/mesh.hpp"
 #include "sim/objects.hpp"
 
@@ -46,6 +47,7 @@ struct WorldConfig {
   std::vector<BarePatch> bare_patches{};
   std::vector<ObjectConfig> objects{};
   std::vector<RecoloredDisc> recolored{};
+  std::vector<SchoolConfig> fish{};
 
   template <typename V>
   void visit(V& v) {
@@ -68,6 +70,8 @@ struct WorldConfig {
     v("bare_patches", bare_patches, "discs of featureless bed");
     v("objects", objects, "objects placed by hand: name, shape, x_m, y_m, size_m, turn_deg, seed");
     v("recolored", recolored, "discs of another color: name, x_m, y_m, radius_m, color, amount");
+    v("fish", fish,
+      "schools of fish: count, x_m, y_m, height_m, radius_m, length_m, speed_m_s, seed");
   }
 };
 

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <thread>
@@ -120,6 +121,32 @@ TEST(Dataset, TruthListsWhatIsPlacedByHand) {
   EXPECT_NEAR(json["objects"][0]["center"][1].get<double>(), 3.0, 1e-3);
   ASSERT_EQ(json["recolored"].size(), 1U);
   EXPECT_EQ(json["recolored"][0]["name"], "algae");
+}
+
+TEST(Dataset, MasksOfFishBelongToEveryImage) {
+  const test::TmpDir dir;
+  const auto make = [&](const char* name, const std::vector<std::string>& overrides) {
+    simulate(scene(overrides), dir.path() / name, {});
+    return dir.path() / name;
+  };
+  const fs::path with = make("with", {"world.fish=[{count: 40, x_m: -1, radius_m: 0.8}]"});
+  const fs::path without = make("without", {});
+  EXPECT_FALSE(fs::exists(without / "truth" / "moving"));
+  std::size_t masks = 0;
+  int seen = 0;
+  for (const auto& image : fs::directory_iterator(with / "mav0" / "cam0" / "data")) {
+    const fs::path file = with / "truth" / "moving" / image.path().filename();
+    const cv::Mat mask = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+    ASSERT_EQ(mask.size(), cv::Size(64, 48)) << file;
+    seen += cv::countNonZero(mask == 255);
+    ++masks;
+  }
+  EXPECT_EQ(masks, 41U);
+  EXPECT_GT(seen, 0);
+  for (const auto& depth : fs::directory_iterator(with / "truth" / "depth")) {
+    const fs::path other = without / "truth" / "depth" / depth.path().filename();
+    EXPECT_TRUE(read_bytes(depth.path()) == read_bytes(other)) << other;
+  }
 }
 
 TEST(Dataset, FolderRoundTripKeepsAllSamples) {

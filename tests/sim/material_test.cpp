@@ -77,8 +77,8 @@ TEST_P(EveryMaterial, BrightnessIsIndependentOfFootprint) {
 
 std::string name_of(const testing::TestParamInfo<std::tuple<int, bool>>& info) {
   constexpr std::array<const char*, kMaterialCount> kNames = {
-      "Plain",  "Sand",     "Silt", "Rock",  "BrainCoral", "BranchCoral", "PlateCoral",
-      "Sponge", "FanCoral", "Weed", "Steel", "Wood",       "Concrete",    "Mussels"};
+      "Plain",    "Sand", "Silt",  "Rock", "BrainCoral", "BranchCoral", "PlateCoral", "Sponge",
+      "FanCoral", "Weed", "Steel", "Wood", "Concrete",   "Mussels",     "Fish"};
   return std::string(kNames[static_cast<std::size_t>(std::get<0>(info.param))]) +
          (std::get<1>(info.param) ? "Upright" : "Level");
 }

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 
 #include "sim/frame_poses.hpp"
+#include "sim/moving_scene.hpp"
 #include "sim/snow.hpp"
 #include "sim/spectral/effective_medium.hpp"
 #include "sim/spectral/exposure_track.hpp"
@@ -61,17 +62,21 @@ struct SpectralRenderer::Layers {
   cv::Mat observed, blurred;  ///< CV_32FC3: sharp light with the backscatter; light for the blur
   cv::Mat clear, direct;  ///< CV_32FC3, mid-exposure: without water; without backscatter and blur
   cv::Mat range, depth;   ///< CV_32F
+  cv::Mat nearest;        ///< CV_32F: like `range`, to what moves where that is nearer
+  cv::Mat moving;         ///< CV_8U, see RenderedFrame
 
   explicit Layers(const Lens& lens) {
     const cv::Size size(lens.width, lens.height);
     for (cv::Mat* layer : {&observed, &blurred, &clear, &direct})
       *layer = cv::Mat::zeros(size, CV_32FC3);
-    for (cv::Mat* layer : {&range, &depth}) *layer = cv::Mat::zeros(size, CV_32F);
+    for (cv::Mat* layer : {&range, &depth, &nearest}) *layer = cv::Mat::zeros(size, CV_32F);
+    moving = cv::Mat::zeros(size, CV_8U);
   }
   void add_exposed(float weight, const cv::Rect& tile, const TileRays& rays,
                    const Lanes (&soft)[3]);
   void store_middle(const Lens& lens, const cv::Rect& tile, const TileRays& rays,
                     const Lanes (&soft)[3]);
+  void store_nearest(const cv::Rect& tile, const TileRays& rays);
 };
 
 void SpectralRenderer::Layers::add_exposed(float weight, const cv::Rect& tile, const TileRays& rays,
@@ -82,10 +87,12 @@ void SpectralRenderer::Layers::add_exposed(float weight, const cv::Rect& tile, c
       observed.at<cv::Vec3f>(at)[c] += weight * rays.observed[2 - c][i];
       blurred.at<cv::Vec3f>(at)[c] += weight * soft[2 - c][i];
     }
+    auto& mark = moving.at<std::uint8_t>(at);
+    mark = std::max(mark, rays.moving[static_cast<std::size_t>(i)]);
   }
 }
 
-// Before the backscatter is added.
+// Before the backscatter and what moves are added.
 void SpectralRenderer::Layers::store_middle(const Lens& lens, const cv::Rect& tile,
                                             const TileRays& rays, const Lanes (&soft)[3]) {
   for (int i = 0; i < tile.area(); ++i) {
@@ -108,7 +115,44 @@ struct SpectralRenderer::View {
   FramePoses poses;
   SE3 T_world_camera;  ///< at mid-exposure
   SpectralLight light;
+  const MovingScene* moving = nullptr;  ///< null: nothing moves
 };
+
+void SpectralRenderer::Layers::store_nearest(const cv::Rect& tile, const TileRays& rays) {
+  for (int i = 0; i < tile.area(); ++i) {
+    nearest.at<float>(tile.y + i / tile.width, tile.x + i % tile.width) =
+        std::max(0.0F, rays.rays.range[static_cast<std::size_t>(i)]);
+  }
+}
+
+void SpectralRenderer::add_moving_shadows(const View& view, TileSurface& surface, TileRays& rays) {
+  const auto shadowed = cast_shadows(
+      *view.moving, view.light.state.sun_direction,
+      {.p = surface.p, .nx = surface.nx, .ny = surface.ny, .nz = surface.nz, .sun = surface.sun});
+  for (std::size_t i = 0; i < rays.rays.size(); ++i) {
+    if (shadowed[i] && rays.rays.range[i] >= 0.0F) rays.moving[i] = kMovingShadow;
+  }
+}
+
+// Replaces what the rays see by what moves in front of it.
+void SpectralRenderer::draw_moving(const View& view, TileRays& rays, Lanes (&soft)[3]) {
+  TileRays front;
+  if (!cast_in_front(*view.moving, rays, front)) return;
+  TileSurface surface;
+  Lanes front_soft[3];  // NOLINT(cppcoreguidelines-pro-type-member-init): filled below
+  gather_surfaces(view.moving->mesh, view.moving->baked, front, surface);
+  shade_spectral(view.light, surface, front, front_soft);
+  for (std::size_t i = 0; i < front.rays.size(); ++i) {
+    if (front.rays.range[i] < 0.0F) continue;
+    const auto lane = static_cast<int>(i);
+    for (std::size_t c = 0; c < 3; ++c) {
+      rays.observed[c][lane] = front.observed[c][lane];
+      soft[c][lane] = front_soft[c][lane];
+    }
+    rays.rays.range[i] = front.rays.range[i];
+    rays.moving[i] = kMovingBody;
+  }
+}
 
 SpectralRenderer::SpectralRenderer(const RenderScene& scene)
     : scene_(scene),
@@ -128,7 +172,8 @@ Vector3d SpectralRenderer::fixed_white_balance() const {
 SpectralRenderer::View SpectralRenderer::view_of(const ImageRequest& request) const {
   View view{.poses = frame_poses(request, {scene_.camera, scene_.config.camera, scene_.world}),
             .T_world_camera = request.T_world_camera(request.stamp),
-            .light = {}};
+            .light = {},
+            .moving = request.moving.get()};
   view.light.sea = &sea_;
   view.light.state = sea_.state(request.disturbance, std::fmod(request.stamp.seconds(), 36000.0));
   view.light.lamps = sea_.lamp_poses(view.T_world_camera);
@@ -145,8 +190,12 @@ void SpectralRenderer::render_tile(const View& view, const Lens& lens,
   fill_rays(lens, view.poses, sample, tile, rays);
   scene_.world.cast(rays.rays);
   gather_surfaces(scene_.mesh, scene_.baked, rays, surface);
+  if (view.moving != nullptr) add_moving_shadows(view, surface, rays);
   shade_spectral(view.light, surface, rays, soft);
-  if (2 * sample + 1 == view.poses.samples) layers.store_middle(lens, tile, rays, soft);
+  const bool middle = 2 * sample + 1 == view.poses.samples;
+  if (middle) layers.store_middle(lens, tile, rays, soft);
+  if (view.moving != nullptr) draw_moving(view, rays, soft);
+  if (middle) layers.store_nearest(tile, rays);
   add_sky(view.light, rays);
   scattered.add_to(tile, rays);
   if (view.light.state.silt.density > 0.0) hide_in_silt(view.light.state.silt, rays, soft);
@@ -190,7 +239,7 @@ void SpectralRenderer::add_particles(const ImageRequest& request, const View& vi
   const Duration half = Duration::from_seconds(0.5 * scene_.config.camera.exposure_s);
   draw_snow(scene_.config.water.snow, view.light.state.silt.time_s, color, scene_.camera,
             request.T_world_camera(request.stamp - half),
-            request.T_world_camera(request.stamp + half), scene_.seed, layers.range,
+            request.T_world_camera(request.stamp + half), scene_.seed, layers.nearest,
             layers.observed);
 }
 
@@ -230,7 +279,7 @@ RenderedFrame SpectralRenderer::render(const ImageRequest& request, int threads)
   const double bent = small_angle_fraction() - sharp_fraction();
   add_forward_blur({.focal_px = scene_.camera.parameters().fx,
                     .scattering = bent * static_cast<double>(view.light.state.scatter[kGreenBand])},
-                   layers.blurred, layers.range, layers.observed);
+                   layers.blurred, layers.nearest, layers.observed);
   add_particles(request, view, scattered, layers);
   RenderedFrame frame;
   frame.development = request.development.value_or(choose(layers.observed));
@@ -242,6 +291,7 @@ RenderedFrame SpectralRenderer::render(const ImageRequest& request, int threads)
       pipeline_.clear_image(layers.clear, request.clear_development.value_or(frame.development));
   frame.range = layers.range;
   frame.depth = layers.depth;
+  if (view.moving != nullptr) frame.moving = layers.moving;
   return frame;
 }
 

@@ -35,6 +35,8 @@ class SpectralRenderer {
   struct Layers;
   struct View;
 
+  static void add_moving_shadows(const View& view, TileSurface& surface, TileRays& rays);
+  static void draw_moving(const View& view, TileRays& rays, Lanes (&soft)[3]);
   View view_of(const ImageRequest& request) const;
   BackscatterGrid backscatter_of(const View& view, const Lens& lens, int step) const;
   void render_tile(const View& view, const Lens& lens, const BackscatterGrid& scattered, int sample,
