@@ -57,7 +57,7 @@ TEST(CalibrationHold, LeavesTheScaleOfADvlWithoutAMeasuredSpeedOfSound) {
 TEST(CalibrationHold, ReleasesOnlyWhatTheMeasurementsContradict) {
   Held all;
   all.hold.update(
-      {estimate("cam0.focal_length", 0.01, 0.002), estimate("cam0.time_offset_s", 0.003, 0.001)});
+      {estimate("cam0.focal_length", 0.012, 0.002), estimate("cam0.time_offset_s", 0.003, 0.001)});
   EXPECT_FALSE(all.hold.holds("cam0.focal_length"));
   EXPECT_TRUE(all.hold.holds("cam0.time_offset_s"));
   all.calibration.lenses[0][0] = 0.01;
@@ -66,9 +66,16 @@ TEST(CalibrationHold, ReleasesOnlyWhatTheMeasurementsContradict) {
   EXPECT_GT(cost(all.hold), 1.0);
 }
 
+// The prior's standard deviation is 1 %.
+TEST(CalibrationHold, KeepsWhatDiffersByLessThanTheErrorOfTheModel) {
+  Held all;
+  all.hold.update({estimate("cam0.focal_length", 0.0055, 1e-6)});
+  EXPECT_TRUE(all.hold.holds("cam0.focal_length"));
+}
+
 TEST(CalibrationHold, ReleasesAllOnceOneParameterIsFarOff) {
   Held all;
-  all.hold.update({estimate("cam0.focal_length", 0.01, 0.001)});
+  all.hold.update({estimate("cam0.focal_length", 0.02, 0.001)});
   EXPECT_FALSE(all.hold.holds_any());
   EXPECT_EQ(all.hold.prior(), nullptr);
 }

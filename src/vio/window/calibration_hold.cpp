@@ -10,8 +10,10 @@ namespace apvi::vio {
 namespace {
 
 constexpr double kHeldFraction = 0.02;  // of the prior's standard deviation
-constexpr double kWrongRig =
-    2.0;  // of release_sigmas: a rig so wrong in one parameter is not held in others
+// Errors of the model and of tracked corners, which do not average out, of the same.
+constexpr double kModelError = 0.1;
+// Of release_sigmas: a rig that is so wrong in one parameter is not held in others.
+constexpr double kWrongRig = 1.5;
 constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 /// The components of the tangent of a block that one parameter has.
@@ -58,6 +60,12 @@ std::vector<NamedBlock> named_blocks(Calibration& now, const Calibration& rig,
   return all;
 }
 
+// From the rig's value, in standard deviations.
+double largest_deviation(const CalibrationParameter& p) {
+  const double floor = kModelError * p.prior_sigma;
+  return (p.change.array().abs() / (p.sigma.array().square() + floor * floor).sqrt()).maxCoeff();
+}
+
 }  // namespace
 
 CalibrationHold::CalibrationHold(Calibration& calibration, const CalibrationConfig& config,
@@ -100,7 +108,7 @@ void CalibrationHold::build_prior() {
 void CalibrationHold::update(const std::vector<CalibrationParameter>& estimates) {
   const std::size_t before = held_.size();
   for (const CalibrationParameter& p : estimates) {
-    const double sigmas = (p.change.array() / p.sigma.array()).abs().maxCoeff();
+    const double sigmas = largest_deviation(p);
     if (sigmas >= config_.release_sigmas && held_.erase(p.name) > 0) {
       log::info("self-calibration: {} of the rig is off by {:.1f} sigmas: estimated from now on",
                 p.name, sigmas);

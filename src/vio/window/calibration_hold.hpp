@@ -25,7 +25,8 @@ class CalibrationHold {
   /// Pulls the held parameters to their values; null when there are none. Never marginalized.
   const std::shared_ptr<const Prior>& prior() const { return prior_; }
   /// Releases those whose estimate, without this class, differs from the rig by more than
-  /// `release_sigmas`; all, if one differs by more than twice that.
+  /// `release_sigmas`; all, if one differs by more than 1.5 times that. Part of the uncertainty of
+  /// the rig counts as error of the estimate, because errors of the model do not average out.
   void update(const std::vector<CalibrationParameter>& estimates);
 
  private:
