@@ -173,7 +173,8 @@ LoopCloser visit_look_alike_places(double gate, double apart_m, double sigma_m) 
   };
   for (const double x0 : {0.0, apart_m}) {
     for (int k = 0; k < kLookAlike; ++k) {
-      const double x = 0.1 * (k - kLookAlike / 2);
+      const int from_middle = k - kLookAlike / 2;
+      const double x = 0.1 * from_middle;
       add(above(x0 + x, 0.0), test::render_floor(above(x, 0.0)));
     }
     for (int k = 0; x0 == 0.0 && k < kDetour; ++k) {

@@ -227,8 +227,8 @@ void SpectralRenderer::add_particles(const ImageRequest& request, const View& vi
   const SnowColor color = [&](const Vector3d& p_world, const Vector3d& p_camera,
                               double brightness) -> Vector3d {
     const double range = p_camera.norm();
-    const Vector3d lit = brightness * light_on_particle(view.light, p_world.cast<float>(),
-                                                        static_cast<float>(range));
+    Vector3d lit = brightness *
+                   light_on_particle(view.light, p_world.cast<float>(), static_cast<float>(range));
     const auto pixel = scene_.camera.project(p_camera);
     if (!pixel || !scene_.camera.in_image(*pixel, 0.0)) return lit;
     return lit + scattered
