@@ -6,6 +6,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "gaussians/device.hpp"
+#include "gaussians/model/rows.hpp"
 #include "map_io/map_file.hpp"
 #include "runs/export.hpp"
 #include "slam/camera_conversion.hpp"
@@ -36,9 +37,7 @@ fs::path map_file_of(const fs::path& source) {
 StoredMap load_drawable_map(const fs::path& source) {
   const map_io::MapFile stored = load_map(source);
   StoredMap out;
-  out.map.gaussians = stored.gaussians;
-  for (torch::Tensor* tensor : out.map.gaussians.tensors())
-    *tensor = tensor->to(gaussians::active_device());
+  out.map.gaussians = gaussians::on_device(stored.gaussians, gaussians::active_device());
   out.map.medium = stored.medium;
   out.map.tone_curve = stored.tone_curve;
   out.map.antialiased = stored.antialiased;

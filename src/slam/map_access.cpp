@@ -5,6 +5,7 @@
 
 #include <exception>
 
+#include "gaussians/model/rows.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::slam {
@@ -70,8 +71,7 @@ RenderedImages render(const MapSnapshot& map, const RenderView& view) {
   const gaussians::View camera = to_view(relative);
   return translate_errors([&] {
     mapping::Map drawable = to_map(map);
-    for (torch::Tensor* tensor : drawable.gaussians.tensors())
-      *tensor = tensor->to(gaussians::active_device());
+    drawable.gaussians = gaussians::on_device(drawable.gaussians, gaussians::active_device());
     return to_images(render_image(drawable, camera), view);
   });
 }

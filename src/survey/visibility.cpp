@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "gaussians/model/rows.hpp"
 #include "survey/crs_points.hpp"
 
 namespace apvi::survey {
@@ -82,7 +83,7 @@ SurveyMap seen_from_above(const SurveyMap& map, const std::vector<gaussians::Vie
   }
   const Tensor rows = kept_rows(seen, views.size());
   SurveyMap out = map;
-  for (Tensor* tensor : out.map.gaussians.tensors()) *tensor = tensor->index_select(0, rows);
+  out.map.gaussians = gaussians::select(map.map.gaussians, rows);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gaussians/model/rows.hpp"
 #include "mapping/training/step_backend.hpp"
 
 namespace apvi::mapping {
@@ -18,23 +19,6 @@ using torch::Tensor;
 constexpr double kSplitShrink = 1.6;
 constexpr double kImportanceDecay = 0.98;  // per view with a lower weight
 constexpr double kMinViews = 2.0;          // required before pruning by weight
-
-gaussians::Gaussians select(const gaussians::Gaussians& from, const Tensor& index) {
-  gaussians::Gaussians to;
-  const auto source = from.tensors();
-  const auto target = to.tensors();
-  for (std::size_t i = 0; i < source.size(); ++i) *target[i] = source[i]->index_select(0, index);
-  return to;
-}
-
-gaussians::Gaussians join(const gaussians::Gaussians& a, const gaussians::Gaussians& b) {
-  gaussians::Gaussians to;
-  const auto first = a.tensors();
-  const auto second = b.tensors();
-  const auto target = to.tensors();
-  for (std::size_t i = 0; i < target.size(); ++i) *target[i] = torch::cat({*first[i], *second[i]});
-  return to;
-}
 
 // Rotates vectors [N,3] by quaternions [N,4], not necessarily normalized.
 Tensor rotate_vectors(const Tensor& quaternions, const Tensor& vectors) {
@@ -52,7 +36,7 @@ Tensor clone_logit(const Tensor& logit) {
 }
 
 gaussians::Gaussians split_children(const gaussians::Gaussians& parents, std::uint64_t seed) {
-  gaussians::Gaussians children = join(parents, parents);
+  gaussians::Gaussians children = gaussians::join(parents, parents);
   auto generator = at::detail::createCPUGenerator(seed);
   const Tensor noise =
       torch::randn(children.means.sizes(), generator, torch::kFloat32).to(children.means.options());
@@ -175,7 +159,8 @@ DensifyResult densify(gaussians::GaussianStore& store, DensityStatistics& statis
   const Tensor clone_logits = clone_logit(map.logit_opacities.index_select(0, cloned));
   map.logit_opacities.index_copy_(0, cloned, clone_logits);
   const Tensor parents = torch::cat({cloned, split_index, split_index});
-  store.insert(join(select(map, cloned), split_children(select(map, split_index), seed)),
+  store.insert(gaussians::join(gaussians::select(map, cloned),
+                               split_children(gaussians::select(map, split_index), seed)),
                store.anchors().index_select(0, parents));
   const Tensor removed = prunable | split;
   const Tensor remove =

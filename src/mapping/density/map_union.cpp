@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "gaussians/model/point_cloud.hpp"
+#include "gaussians/model/rows.hpp"
 #include "gaussians/render/render.hpp"
 #include "mapping/density/seeds.hpp"
 
@@ -98,18 +99,6 @@ gaussians::Gaussians relit(const gaussians::Gaussians& map, const Tensor& light)
   return out;
 }
 
-gaussians::Gaussians joined(const gaussians::Gaussians& map, const gaussians::Gaussians& other,
-                            const Tensor& rows) {
-  gaussians::Gaussians out;
-  const auto first = map.tensors();
-  const auto second = other.tensors();
-  const auto to = out.tensors();
-  for (std::size_t i = 0; i < to.size(); ++i) {
-    *to[i] = torch::cat({*first[i], second[i]->index_select(0, rows)}).contiguous();
-  }
-  return out;
-}
-
 }  // namespace
 
 MapUnion unite(const gaussians::Gaussians& map, const gaussians::Gaussians& other,
@@ -131,7 +120,8 @@ MapUnion unite(const gaussians::Gaussians& map, const gaussians::Gaussians& othe
   const Tensor rows = votes.filling();
   const int degree = std::max(map.sh_degree(), other.sh_degree());
   out.gaussians =
-      joined(with_degree(map, degree), with_degree(relit(other, out.light), degree), rows);
+      gaussians::join(with_degree(map, degree),
+                      gaussians::select(with_degree(relit(other, out.light), degree), rows));
   out.added = rows.size(0);
   return out;
 }
