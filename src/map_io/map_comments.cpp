@@ -86,14 +86,17 @@ bool is_zero(const Origin& origin) {
 }
 
 std::string comment_lines(const std::optional<medium::Medium>& medium, const Origin& origin,
-                          const gaussians::ToneCurve& curve) {
+                          const CameraResponse& camera) {
   std::string text;
   if (!is_zero(origin)) {
     text +=
         fmt::format("comment origin {:.17g} {:.17g} {:.17g}\n", origin[0], origin[1], origin[2]);
   }
-  if (!curve.is_linear()) {
+  if (const gaussians::ToneCurve& curve = camera.tone_curve; !curve.is_linear()) {
     text += fmt::format("comment tone_curve {:.9g} {:.9g}\n", curve.gamma, curve.offset);
+  }
+  if (const medium::Vignetting& lens = camera.vignetting; !lens.is_none()) {
+    text += fmt::format("comment vignetting {:.9g} {:.9g}\n", lens.square, lens.fourth);
   }
   if (!medium) return text;
   text += fmt::format("comment beta_d {}\ncomment beta_b {}\ncomment b_inf {}\n",
@@ -137,6 +140,8 @@ Origin origin_of(const PlyHeader& header) {
   return origin;
 }
 
+namespace {
+
 gaussians::ToneCurve tone_curve_of(const PlyHeader& header) {
   const auto numbers = comment_numbers(header, "tone_curve", 2);
   if (!numbers) return {};
@@ -144,6 +149,17 @@ gaussians::ToneCurve tone_curve_of(const PlyHeader& header) {
   const bool valid =
       curve.gamma > 0.1 && curve.gamma < 10.0 && curve.offset >= 0.0 && curve.offset < 1.0;
   return valid ? curve : gaussians::ToneCurve{};
+}
+
+}  // namespace
+
+CameraResponse camera_response_of(const PlyHeader& header) {
+  CameraResponse camera{.tone_curve = tone_curve_of(header), .vignetting = {}};
+  const auto numbers = comment_numbers(header, "vignetting", 2);
+  if (numbers && std::isfinite((*numbers)[0]) && std::isfinite((*numbers)[1])) {
+    camera.vignetting = {.square = (*numbers)[0], .fourth = (*numbers)[1]};
+  }
+  return camera;
 }
 
 void write_medium_json(const fs::path& path, const medium::Medium& medium) {

@@ -82,7 +82,9 @@ MapFile read_map(const fs::path& path) {
   const PlyTable table(path);
   map.medium = medium_of(table.header());
   map.origin = origin_of(table.header());
-  map.tone_curve = tone_curve_of(table.header());
+  const CameraResponse camera = camera_response_of(table.header());
+  map.tone_curve = camera.tone_curve;
+  map.vignetting = camera.vignetting;
   map.gaussians = gaussians::with_decoded_colors(map.gaussians, map.tone_curve);
   return map;
 }
@@ -90,15 +92,16 @@ MapFile read_map(const fs::path& path) {
 void write_map(const fs::path& path, const MapFile& map) {
   const auto format = format_of(path);
   if (!format) fail_input("{}: expected a file .ply, .compressed.ply or .spz", path.string());
+  const CameraResponse camera{.tone_curve = map.tone_curve, .vignetting = map.vignetting};
   if (*format == Format::ply) {
-    return write_ply(path, map.gaussians, map.medium, map.origin, map.tone_curve);
+    return write_ply(path, map.gaussians, map.medium, map.origin, camera);
   }
   const Splats splats = to_splats(gaussians::with_encoded_colors(map.gaussians, map.tone_curve));
   write_file_atomically(path, [&](std::ostream& out) {
     if (*format == Format::spz) {
       write_spz(out, {splats, map.antialiased});
     } else {
-      write_compressed_ply(out, splats, comment_lines(map.medium, map.origin, map.tone_curve));
+      write_compressed_ply(out, splats, comment_lines(map.medium, map.origin, camera));
     }
   });
   if (*format == Format::spz) write_origin_json(sidecar(path), map.origin);

@@ -8,6 +8,7 @@
 #include "gaussians/render/tone_curve.hpp"
 #include "map_io/origin.hpp"
 #include "medium/medium.hpp"
+#include "medium/vignetting.hpp"
 
 namespace apvi::map_io {
 
@@ -20,6 +21,7 @@ struct MapFile {
   Origin origin{};
   bool antialiased = false;              ///< as it was trained; only SPZ stores it
   gaussians::ToneCurve tone_curve = {};  ///< of the camera; SPZ does not store it
+  medium::Vignetting vignetting = {};    ///< of the camera; SPZ does not store it
 };
 
 /// Whether the file name ends as that of a map file does.

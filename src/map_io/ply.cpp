@@ -61,12 +61,12 @@ void check_shapes(const gaussians::Gaussians& g) {
 
 void write_ply(const fs::path& path, const gaussians::Gaussians& gaussians,
                const std::optional<medium::Medium>& medium, const Origin& origin,
-               const gaussians::ToneCurve& curve) {
+               const CameraResponse& camera) {
   check_shapes(gaussians);
-  const gaussians::Gaussians shown = gaussians::with_encoded_colors(gaussians, curve);
+  const gaussians::Gaussians shown = gaussians::with_encoded_colors(gaussians, camera.tone_curve);
   const std::int64_t n = shown.size();
   write_file_atomically(path, [&](std::ostream& out) {
-    out << header_text(n, shown.sh_rest.size(1), comment_lines(medium, origin, curve));
+    out << header_text(n, shown.sh_rest.size(1), comment_lines(medium, origin, camera));
     for (std::int64_t begin = 0; begin < n && out; begin += kRowsPerBatch) {
       const Tensor rows = file_rows(shown, begin, std::min(n, begin + kRowsPerBatch));
       out.write(reinterpret_cast<const char*>(rows.data_ptr<float>()),

@@ -11,6 +11,7 @@
 #include "gaussians/render/tone_curve.hpp"
 #include "map_io/origin.hpp"
 #include "medium/medium.hpp"
+#include "medium/vignetting.hpp"
 
 namespace apvi::map_io {
 
@@ -18,6 +19,12 @@ namespace apvi::map_io {
 /// as splat viewers read them: x y z, nx ny nz (zero), f_dc_0…2, f_rest_* (all coefficients of red,
 /// then green, then blue), opacity (logit), scale_0…2 (logarithm), rot_0…3 (w x y z). Everything is
 /// float32 on the CPU.
+
+/// How the camera of a map turns light into image values.
+struct CameraResponse {
+  gaussians::ToneCurve tone_curve;
+  medium::Vignetting vignetting;
+};
 
 /// Reads a map, with colors in image values. Properties may come in any order and type, others are
 /// skipped, as are other elements; ASCII and both byte orders. `red green blue` replace f_dc_*, a
@@ -29,14 +36,14 @@ namespace apvi::map_io {
 /// the size is checked before memory is allocated.
 gaussians::Gaussians read_ply(const std::filesystem::path& path);
 
-/// Writes a map, with the local origin (unless zero), the camera's tone curve (unless linear) and
-/// the medium in the header comments (beta_d, beta_b [1/m], b_inf, RGB; lamp parameters, see
-/// `lamp_to_tensor`). Positions are local. Colors are written in image values. The file
-/// is replaced atomically. Throws RunError when it cannot be written, c10::Error when shapes do not
-/// match.
+/// Writes a map, with the local origin (unless zero), the camera's tone curve (unless linear), its
+/// vignetting (unless none) and the medium in the header comments (beta_d, beta_b [1/m], b_inf,
+/// RGB; lamp parameters, see `lamp_to_tensor`). Positions are local. Colors are written in image
+/// values. The file is replaced atomically. Throws RunError when it cannot be written, c10::Error
+/// when shapes do not match.
 void write_ply(const std::filesystem::path& path, const gaussians::Gaussians& gaussians,
                const std::optional<medium::Medium>& medium = std::nullopt,
-               const Origin& origin = {}, const gaussians::ToneCurve& curve = {});
+               const Origin& origin = {}, const CameraResponse& camera = {});
 
 /// The medium in the comments of a map, float32; nothing when there is none. Throws InputError.
 std::optional<medium::Medium> read_ply_medium(const std::filesystem::path& path);

@@ -94,7 +94,8 @@ void save_or_log(const std::function<void()>& save) {
 
 void write_map(const std::filesystem::path& folder, const mapping::Map& map,
                const map_io::Origin& origin) {
-  map_io::write_ply(folder / "map.ply", map.gaussians, map.medium, origin, map.tone_curve);
+  map_io::write_ply(folder / "map.ply", map.gaussians, map.medium, origin,
+                    {.tone_curve = map.tone_curve, .vignetting = map.vignetting});
   map_io::write_origin_json(folder / "origin.json", origin);
   if (map.medium) map_io::write_medium_json(folder / "medium.json", *map.medium);
 }

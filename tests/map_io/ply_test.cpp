@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "map_io/map_file.hpp"
 #include "support/test_data.hpp"
 #include "support/tmp_dir.hpp"
 #include "support/torch_reference.hpp"
@@ -158,6 +159,21 @@ TEST(Ply, RoundTripsMediumAndLamp) {
                               medium::lamp_to_tensor(*water.lamp), 1e-8, 1e-12));
   write_ply(file, random_map(2, 0));
   EXPECT_FALSE(read_ply_medium(file));
+}
+
+TEST(Ply, RoundTripsTheCameraResponse) {
+  const TmpDir dir;
+  const fs::path file = dir.path() / "map.ply";
+  MapFile map{.gaussians = random_map(2, 0)};
+  map.tone_curve = gaussians::kSrgb;
+  map.vignetting = {.square = 0.25, .fourth = -0.03};
+  write_map(file, map);
+  const MapFile read = read_map(file);
+  EXPECT_EQ(read.tone_curve, gaussians::kSrgb);
+  EXPECT_DOUBLE_EQ(read.vignetting.square, 0.25);
+  EXPECT_DOUBLE_EQ(read.vignetting.fourth, -0.03);
+  write_map(file, {.gaussians = random_map(2, 0)});
+  EXPECT_TRUE(read_map(file).vignetting.is_none());
 }
 
 TEST(Ply, DropsInvalidGaussians) {
