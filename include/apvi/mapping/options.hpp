@@ -170,6 +170,9 @@ struct TrainerOptions {
   int iterations = 7000;       ///< with densification and decaying rates
   int final_iterations = 0;    ///< afterwards, without densification, at the final rates
   double time_budget_s = 0.0;  ///< 0: none; otherwise the schedule is compressed to this time
+  /// The part of a longer schedule that this training is, as fractions of it.
+  double schedule_start = 0.0;
+  double schedule_end = 1.0;
   int sh_degree = kShDegreeLimit;
   int sh_degree_interval = 1000;  ///< iterations per additional degree
   double ssim_weight = 0.2;

@@ -37,6 +37,7 @@ class Illumination {
   void step(std::size_t view);
   /// Logarithms of the gains [n,3,rows,columns].
   const torch::Tensor& logs() const { return logs_; }
+  void set_logs(const torch::Tensor& logs) { logs_.copy_(logs); }
 
   void save(torch::serialize::OutputArchive& archive) const;
   /// Throws c10::Error when the archive has another number of images.

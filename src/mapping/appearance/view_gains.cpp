@@ -71,6 +71,10 @@ void ViewGains::initialize(std::size_t view, const RenderedView& rendered, const
   update(view, rendered, image, kNewViewGainUpdate, bias_.narrow(0, 0, 1));
 }
 
+void ViewGains::measure(std::size_t view, const RenderedView& rendered, const Tensor& image) {
+  update(view, rendered, image, kFinishedMapGainUpdate, torch::zeros({1}, logs_.options()));
+}
+
 void ViewGains::track(std::size_t view, const RenderedView& rendered, const Tensor& image) {
   update(view, rendered, image, kKnownViewGainUpdate, bias_.narrow(0, 1, 1));
 }
@@ -87,6 +91,16 @@ void ViewGains::update(std::size_t view, const RenderedView& rendered, const Ten
                    .log_gain = log_gain(view),
                    .bias = bias,
                    .update = options});
+}
+
+void ViewGains::hold_median(const std::vector<std::size_t>& views) {
+  held_ = torch::tensor(std::vector<std::int64_t>(views.begin(), views.end()), torch::kInt64)
+              .to(logs_.device());
+  median_ = logs_.index_select(0, held_).median();
+}
+
+void ViewGains::restore_median() {
+  if (held_.defined()) logs_.add_(median_ - logs_.index_select(0, held_).median());
 }
 
 Tensor ViewGains::log_gain(std::size_t view) const {

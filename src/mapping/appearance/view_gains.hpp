@@ -51,8 +51,16 @@ class ViewGains {
   /// map does not cover, because its color is known; pixels above the horizon dominate. All without
   /// lens falloff.
   void initialize(std::size_t view, const RenderedView& rendered, const torch::Tensor& image);
+  /// The same for a finished map that has been optimized with the image, without such a bias.
+  void measure(std::size_t view, const RenderedView& rendered, const torch::Tensor& image);
   /// The same for a known view, with a small step.
   void track(std::size_t view, const RenderedView& rendered, const torch::Tensor& image);
+
+  /// The median of the gains of `views`, which must not be empty, stays from now on as it is now:
+  /// `restore_median` undoes what has moved all of them alike. With a fixed veiling light, images
+  /// hardly tell a brighter map from larger gains.
+  void hold_median(const std::vector<std::size_t>& views);
+  void restore_median();
 
   /// Log gain [1] of a view; shares memory.
   torch::Tensor log_gain(std::size_t view) const;
@@ -68,7 +76,9 @@ class ViewGains {
               const GainUpdate& options, const torch::Tensor& bias);
 
   torch::Tensor logs_;
-  torch::Tensor bias_;  ///< [2] mean log gain difference of new and of known views
+  torch::Tensor held_;    ///< [m] int64: views whose median is held; undefined: none
+  torch::Tensor median_;  ///< [] of these
+  torch::Tensor bias_;    ///< [2] mean log gain difference of new and of known views
 };
 
 /// Log gains [n] float64 of all views at `seconds`, given `estimated` [k] of `views` (ascending).

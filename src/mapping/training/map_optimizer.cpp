@@ -26,6 +26,7 @@ constexpr int kGainReduction = 4;  // image reduction for a new view's initial g
 // Slowly changing parts run only every so many steps: on a GPU the time of a step is dominated by
 // the number of kernel launches, and together these launch as many as the rest of the step.
 constexpr std::int64_t kGainInterval = 2;
+constexpr std::int64_t kMedianGainInterval = 50;
 constexpr std::int64_t kMediumInterval = 8;  // once the medium has a prior
 constexpr std::int64_t kReorderInterval = 1000;
 constexpr std::int64_t kOpacityInterval = 4;
@@ -164,6 +165,7 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
     shared_->store.step(settings.rates, {}, sparse ? out.statistics.visible : Tensor());
   }
   corrections_.step(i, camera.pose_delta);
+  if (shared_->store.steps() % kMedianGainInterval == 0) gains_.restore_median();
   if (lit) illumination_->step(i);
   if (light_) light_->step();
   if (update_medium) {
@@ -304,24 +306,36 @@ Tensor MapOptimizer::falloff(const gaussians::Intrinsics& camera) {
   return cached;
 }
 
+std::pair<RenderedView, Tensor> MapOptimizer::gain_images(const KeyframeStore& keyframes,
+                                                          std::size_t i) {
+  const gaussians::View camera = keyframes.view(i, kGainReduction);
+  const MapRendering rendered = render_map(full_map(), camera);
+  const torch::Device device = rendered.alpha.device();
+  const Tensor image = step_backend(device).target(
+      {.image = keyframes[i].image.to(device),
+       .reduction = kGainReduction,
+       .falloff = vignetting_.is_none() ? Tensor() : falloff(camera.intrinsics),
+       .log_gain = {},
+       .light = light_table(device)});
+  return {{.image = rendered.color,
+           .alpha = rendered.alpha,
+           .open_water = medium_ ? medium_view(camera.intrinsics).open_water() : Tensor(),
+           .horizon = horizon(camera)},
+          image};
+}
+
 void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {
   if (!options_.gain_compensation || size() == 0) return;
   const torch::NoGradGuard no_grad;
-  const gaussians::View camera = keyframes.view(i, kGainReduction);
-  const MapRendering rendered = render_map(full_map(), camera);
-  const Tensor image =
-      step_backend(rendered.alpha.device())
-          .target({.image = keyframes[i].image.to(rendered.alpha.device()),
-                   .reduction = kGainReduction,
-                   .falloff = vignetting_.is_none() ? Tensor() : falloff(camera.intrinsics),
-                   .log_gain = {},
-                   .light = light_table(rendered.alpha.device())});
-  gains_.initialize(i,
-                    {.image = rendered.color,
-                     .alpha = rendered.alpha,
-                     .open_water = medium_ ? medium_view(camera.intrinsics).open_water() : Tensor(),
-                     .horizon = horizon(camera)},
-                    image);
+  const auto [rendered, image] = gain_images(keyframes, i);
+  gains_.initialize(i, rendered, image);
+}
+
+void MapOptimizer::measure_gain(const KeyframeStore& keyframes, std::size_t i) {
+  if (!options_.gain_compensation || size() == 0) return;
+  const torch::NoGradGuard no_grad;
+  const auto [rendered, image] = gain_images(keyframes, i);
+  gains_.measure(i, rendered, image);
 }
 
 void MapOptimizer::track_illumination(const KeyframeStore& keyframes) {

@@ -36,6 +36,13 @@ struct StepSettings {
   gaussians::GaussianLearningRates rates;
 };
 
+/// Camera response of all views.
+struct CameraResponse {
+  medium::Vignetting vignetting;
+  torch::Tensor log_gains;          ///< [n]; undefined: unknown
+  torch::Tensor illumination = {};  ///< [n,3,rows,columns], see Illumination; undefined: unknown
+};
+
 /// Learning rates at `progress` (0 to 1) of a training, for a scene of `extent` [m].
 gaussians::GaussianLearningRates rates_at(const LearningRates& rates, double extent,
                                           double progress);
@@ -93,8 +100,14 @@ class MapOptimizer {
   void apply_medium(const MediumEstimation& estimation, const KeyframeStore& keyframes);
   /// Keeps the medium as it is until `apply_medium`.
   void hold_medium();
+  /// Keeps the median of the gains of `views` as it is from now on; see ViewGains.
+  void hold_median_gain(const std::vector<std::size_t>& views) { gains_.hold_median(views); }
+  /// Continues from a known camera response. Moving light must be tracked before.
+  void start_from(const CameraResponse& response);
   /// Estimates the gain of a new view before its image is used.
   void match_gain(const KeyframeStore& keyframes, std::size_t i);
+  /// Measures the gain of a view of a finished map.
+  void measure_gain(const KeyframeStore& keyframes, std::size_t i);
   /// Follows moving light from now on, with gain compensation; see Illumination.
   void track_illumination(const KeyframeStore& keyframes);
   /// Doubles the learning rate of the medium while VIO fails.
@@ -162,6 +175,8 @@ class MapOptimizer {
     /// would be fitted as a surface of another color.
     torch::Tensor saturation_adjusted(const torch::Tensor& colors) const;
   };
+  /// Rendering and image of a view for its gain.
+  std::pair<RenderedView, torch::Tensor> gain_images(const KeyframeStore& keyframes, std::size_t i);
   Target target_of(const KeyframeStore& keyframes, std::size_t i, const RenderedView& rendered,
                    const StepSettings& settings);
   void recolor_for(const Map& after, const KeyframeStore& keyframes);

@@ -64,6 +64,15 @@ void MapOptimizer::hold_medium() {
   if (medium_) medium_->set_prior(*medium(), torch::zeros({3, 3, 3}));
 }
 
+void MapOptimizer::start_from(const CameraResponse& response) {
+  const torch::NoGradGuard no_grad;
+  vignetting_ = response.vignetting;
+  falloffs_.clear();
+  if (response.log_gains.defined()) gains_.set_logs(response.log_gains);
+  if (illumination_ && response.illumination.defined())
+    illumination_->set_logs(response.illumination);
+}
+
 void MapOptimizer::apply_medium(const MediumEstimation& estimation,
                                 const KeyframeStore& keyframes) {
   const torch::NoGradGuard no_grad;

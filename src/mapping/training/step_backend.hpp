@@ -35,6 +35,9 @@ inline constexpr GainUpdate kNewViewGainUpdate{
 /// For known views: images not yet represented by the map should hardly affect the gain.
 inline constexpr GainUpdate kKnownViewGainUpdate{
     .step_size = 0.05, .max_change = 0.5, .decay = 0.002, .bias_rate = 0.02};
+/// For images of a finished map, which has no usual difference from them.
+inline constexpr GainUpdate kFinishedMapGainUpdate{
+    .step_size = 1.0, .max_change = 3.0, .decay = 0.0, .bias_rate = 0.0};
 
 /// Input of a gain update of one view.
 struct GainInput {

@@ -67,16 +67,22 @@ void Trainer::add(const TrainingSession& session, MapOptimizer optimizer) {
   if (resolves_moving_light(keyframes)) optimizer.track_illumination(keyframes);
   if (options.refine) {
     optimizer.hold_medium();
-    for (const std::size_t i : keyframes.training()) optimizer.match_gain(keyframes, i);
+    if (session.response) optimizer.start_from(*session.response);
+    if (!session.response || !session.response->log_gains.defined()) {
+      for (const std::size_t i : keyframes.training()) optimizer.measure_gain(keyframes, i);
+    }
   }
   const bool estimates = session.medium && options.medium_estimation == MediumEstimationMethod::fit;
+  if (options.refine && session.medium && !estimates)
+    optimizer.hold_median_gain(keyframes.training());
   sessions_.push_back({&keyframes, options, estimates, std::move(optimizer)});
 }
 
 double Trainer::progress() const {
   const double by_count = static_cast<double>(iteration_) / std::max(1, options_.iterations);
   const double by_time = options_.time_budget_s > 0.0 ? seconds_ / options_.time_budget_s : 0.0;
-  return std::min(1.0, std::max(by_count, by_time));
+  const double part = std::min(1.0, std::max(by_count, by_time));
+  return options_.schedule_start + part * (options_.schedule_end - options_.schedule_start);
 }
 
 bool Trainer::done() const {

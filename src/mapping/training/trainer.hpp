@@ -21,6 +21,8 @@ struct TrainingSession {
   TrainerOptions options;              ///< of the first session: of the training, too
   std::optional<medium::Medium> medium = std::nullopt;  ///< to begin with; optimized
   torch::Tensor light = {};  ///< [3], not of the first session; see SessionLight
+  /// From an earlier training. Unknown gains are found from the images.
+  std::optional<CameraResponse> response = std::nullopt;
 };
 
 /// Trains a map offline from the complete keyframes of one or more sessions. Single-threaded; every
@@ -47,7 +49,7 @@ class Trainer {
   bool done() const;
   /// One iteration; returns the latest available loss, as `Mapper::step`.
   double step();
-  /// Progress of the training, 0 to 1, by iterations or time, whichever is further.
+  /// Progress of the schedule, 0 to 1, by iterations or time, whichever is further.
   double progress() const;
   std::int64_t iteration() const { return iteration_; }
   /// Time spent in `step` so far, including before a `resume` [s].

@@ -178,5 +178,25 @@ TEST(CameraGain, IsInterpolatedInTimeForHeldOutImages) {
   EXPECT_LT(response[0][0].item<float>(), 0.85F * response[1][1].item<float>());
 }
 
+TEST(ViewGains, AFinishedMapHasNoUsualDifference) {
+  ViewGains gains(3, torch::kCPU);
+  const torch::Tensor image = torch::full({8, 8, 3}, 0.25F);
+  const RenderedView rendered = {
+      .image = image, .alpha = torch::ones({8, 8}), .open_water = {}, .horizon = kNoSky};
+  for (std::size_t i = 0; i < 3; ++i) gains.measure(i, rendered, 1.5 * image);
+  EXPECT_TRUE(torch::allclose(gains.logs(), torch::full({3}, std::log(1.5F))));
+}
+
+TEST(ViewGains, RestoresAHeldMedian) {
+  ViewGains gains(4, torch::kCPU);
+  gains.set_logs(torch::tensor({0.1F, 0.2F, 0.3F, 5.0F}));
+  gains.restore_median();
+  EXPECT_TRUE(torch::equal(gains.logs(), torch::tensor({0.1F, 0.2F, 0.3F, 5.0F})));
+  gains.hold_median({0, 1, 2});
+  gains.set_logs(torch::tensor({0.0F, 0.4F, 0.5F, 6.0F}));
+  gains.restore_median();
+  EXPECT_TRUE(torch::allclose(gains.logs(), torch::tensor({-0.2F, 0.2F, 0.3F, 5.8F})));
+}
+
 }  // namespace
 }  // namespace apvi::mapping
