@@ -9,21 +9,13 @@
 namespace apvi::loop_closure {
 namespace {
 
-constexpr double kMinSigma = 1e-5;  // of odometry: the graph must stay solvable
+constexpr double kMinSigma = 1e-5;        // of odometry: the graph must stay solvable
+constexpr double kMaxLinearAge_s = 10.0;  // time of odometry from a linearized graph
 constexpr std::size_t kLoopsPerNode = 4;
 constexpr std::size_t kAnchorsPerNode = 2;
 
 double sigma(double variance) {
   return std::max(kMinSigma, std::sqrt(std::max(0.0, variance)));
-}
-
-// Sigmas with the drift from one keyframe to a later one added.
-EdgeSigmas grown(const EdgeSigmas& sigmas, const DriftVariance& before,
-                 const DriftVariance& after) {
-  return {
-      .heading_rad = std::hypot(sigmas.heading_rad, sigma(after.heading - before.heading)),
-      .horizontal_m = std::hypot(sigmas.horizontal_m, sigma(after.horizontal - before.horizontal)),
-      .vertical_m = std::hypot(sigmas.vertical_m, sigma(after.vertical - before.vertical))};
 }
 
 // Of each pair the later one; the first and the last stay.
@@ -65,6 +57,7 @@ void KeyframeGraph::add(const Keyframe& keyframe) {
 }
 
 void KeyframeGraph::thin_out() {
+  linear_.reset();
   drop_every_second(nodes_);
   drop_every_second(corrections_);
   node_step_s_ *= 2.0;
@@ -85,15 +78,21 @@ void KeyframeGraph::update_pose(Stamp stamp, const SE3& T_world_camera) {
   if (known != by_stamp_.end()) keyframes_[known->second].T_world_camera = T_world_camera;
 }
 
-// As with nodes, half of the loops of a long dive say as much.
 void KeyframeGraph::add(const Loop& loop) {
   all_loops_.push_back(loop);
-  loops_.push_back(loop);
+  pending_.push_back(loop);
+}
+
+// As with nodes, half of the loops of a long dive say as much.
+void KeyframeGraph::take_pending() {
+  loops_.insert(loops_.end(), pending_.begin(), pending_.end());
+  pending_.clear();
   if (is_thinned()) merge_loops();
-  if (loops_.size() / kLoopsPerNode > options_.max_nodes) drop_every_second(loops_);
+  while (loops_.size() / kLoopsPerNode > options_.max_nodes) drop_every_second(loops_);
 }
 
 void KeyframeGraph::add(const Anchor& anchor) {
+  linear_.reset();
   anchors_.push_back(anchor);
   if (anchors_.size() / kAnchorsPerNode > options_.max_nodes) drop_every_second(anchors_);
 }
@@ -108,8 +107,12 @@ std::size_t KeyframeGraph::node_before(std::size_t keyframe) const {
 }
 
 std::size_t KeyframeGraph::nearest_node(std::size_t keyframe) const {
+  return nearest_node(keyframe, nodes_.size());
+}
+
+std::size_t KeyframeGraph::nearest_node(std::size_t keyframe, std::size_t count) const {
   const std::size_t before = node_before(keyframe);
-  if (before + 1 == nodes_.size()) return before;
+  if (before + 1 >= count) return count - 1;
   const Stamp stamp = keyframes_[keyframe].stamp;
   const bool nearer = seconds_between(keyframes_[nodes_[before]].stamp, stamp) <
                       seconds_between(stamp, keyframes_[nodes_[before + 1]].stamp);
@@ -136,19 +139,26 @@ SE3 KeyframeGraph::T_world_known() const {
   return T_world_known_ ? known_correction_.transform() * *T_world_known_ : SE3::identity();
 }
 
+EdgeSigmas KeyframeGraph::with_drift(const EdgeSigmas& sigmas, std::size_t a, std::size_t b) const {
+  const DriftVariance& before = drift_[std::min(a, b)];
+  const DriftVariance& after = drift_[std::max(a, b)];
+  return {
+      .heading_rad = std::hypot(sigmas.heading_rad, sigma(after.heading - before.heading)),
+      .horizontal_m = std::hypot(sigmas.horizontal_m, sigma(after.horizontal - before.horizontal)),
+      .vertical_m = std::hypot(sigmas.vertical_m, sigma(after.vertical - before.vertical))};
+}
+
 // By odometry.
 SE3 KeyframeGraph::motion(std::size_t a, std::size_t b) const {
   return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
 }
 
 // Expressed between the nodes nearest to its keyframes, with the drift of odometry in between.
-Edge KeyframeGraph::edge(const Loop& loop) const {
-  const std::size_t from = nearest_node(loop.from);
-  const std::size_t to = nearest_node(loop.to);
-  EdgeSigmas sigmas = loop.sigmas;
-  for (const auto& [a, b] : {std::pair(loop.from, nodes_[from]), std::pair(loop.to, nodes_[to])}) {
-    sigmas = grown(sigmas, drift_[std::min(a, b)], drift_[std::max(a, b)]);
-  }
+Edge KeyframeGraph::edge(const Loop& loop, std::size_t count) const {
+  const std::size_t from = nearest_node(loop.from, count);
+  const std::size_t to = nearest_node(loop.to, count);
+  const EdgeSigmas sigmas =
+      with_drift(with_drift(loop.sigmas, loop.from, nodes_[from]), loop.to, nodes_[to]);
   return {
       .from = from,
       .to = to,
@@ -158,9 +168,9 @@ Edge KeyframeGraph::edge(const Loop& loop) const {
 }
 
 // From the known map, the last node.
-Edge KeyframeGraph::edge(const Anchor& anchor) const {
-  const std::size_t to = nearest_node(anchor.keyframe);
-  return {.from = nodes_.size(),
+Edge KeyframeGraph::edge(const Anchor& anchor, std::size_t count) const {
+  const std::size_t to = nearest_node(anchor.keyframe, count);
+  return {.from = count,
           .to = to,
           .T_from_to = anchor.T_known_camera * motion(anchor.keyframe, nodes_[to]),
           .sigmas = anchor.sigmas,
@@ -201,27 +211,44 @@ PoseGraph KeyframeGraph::graph() const {
     }
   }
   for (const Loop& loop : loops_) {
-    const Edge closed = edge(loop);
+    const Edge closed = edge(loop, nodes_.size());
     if (closed.from != closed.to) graph.edges.push_back(closed);
   }
-  for (const Anchor& anchor : anchors_) graph.edges.push_back(edge(anchor));
+  for (const Anchor& anchor : anchors_) {
+    graph.edges.push_back(edge(anchor, nodes_.size()));
+  }
   return graph;
 }
 
 double KeyframeGraph::residual_norm(const Loop& loop) const {
   return loop_closure::residual_norm({.odometry = node_poses(), .edges = {}}, node_corrections(),
-                                     edge(loop));
+                                     edge(loop, nodes_.size()));
 }
 
-double KeyframeGraph::squared_distance(const Loop& loop) const {
-  return loop_closure::squared_distance(graph(), node_corrections(), edge(loop));
+const LinearGraph& KeyframeGraph::linear() const {
+  if (linear_ && age_s(nodes_[linear_nodes_ - 1]) > kMaxLinearAge_s) linear_.reset();
+  if (!linear_) {
+    linear_.emplace(graph(), node_corrections());
+    linear_nodes_ = nodes_.size();
+  }
+  return *linear_;
 }
 
-double KeyframeGraph::squared_distance(const Anchor& anchor) const {
-  return loop_closure::squared_distance(graph(), node_corrections(), edge(anchor));
+EdgeCheck KeyframeGraph::check(const Loop& loop) const {
+  const LinearGraph& graph = linear();
+  return graph.check(edge(loop, linear_nodes_));
+}
+
+EdgeCheck KeyframeGraph::check(const Anchor& anchor) const {
+  const LinearGraph& graph = linear();
+  Edge checked = edge(anchor, linear_nodes_);
+  checked.sigmas = with_drift(checked.sigmas, anchor.keyframe, nodes_[checked.to]);
+  return graph.check(checked);
 }
 
 void KeyframeGraph::optimize() {
+  take_pending();
+  linear_.reset();
   std::vector<DriftCorrection> corrections = node_corrections();
   loop_closure::optimize(graph(), corrections);
   if (T_world_known_) {
@@ -232,7 +259,7 @@ void KeyframeGraph::optimize() {
 }
 
 bool KeyframeGraph::refine() {
-  if (!is_thinned()) return false;
+  if (!is_thinned() && pending_.empty()) return false;
   std::vector<std::size_t> nodes;
   std::vector<DriftCorrection> corrections;
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
@@ -246,6 +273,7 @@ bool KeyframeGraph::refine() {
   corrections_ = std::move(corrections);
   node_step_s_ = options_.node_step_s;
   loops_ = all_loops_;
+  pending_.clear();
   optimize();
   return true;
 }

@@ -61,9 +61,10 @@ struct KeyframeGraphOptions {
 /// The pose graph of a dive: nodes are keyframes at even times, and corrections are interpolated
 /// between them, so that the error of a single loop does not distort the path between neighboring
 /// keyframes. Beyond `max_nodes` every second node is dropped, and of the loops between two nodes
-/// one is kept, so the work is bounded; `refine` solves for all of them in the end. Loops are kept
-/// between keyframes and expressed between their nearest nodes. A known map is one more node, to
-/// which anchors are edges.
+/// one is kept, so the work is bounded; `refine` solves for all of them in the end. A loop is in
+/// the graph from the next `optimize` on: the covariance that others are checked with would be too
+/// small for poses that have not been moved by it. Loops are kept between keyframes and expressed
+/// between their nearest nodes. A known map is one more node, to which anchors are edges.
 class KeyframeGraph {
  public:
   explicit KeyframeGraph(const KeyframeGraphOptions& options)
@@ -75,7 +76,10 @@ class KeyframeGraph {
   void update_pose(Stamp stamp, const SE3& T_world_camera);
   void add(const Loop& loop);
   /// The map of an earlier dive, in the corrected frame of this one.
-  void add_known_map(const SE3& T_world_known) { T_world_known_ = T_world_known; }
+  void add_known_map(const SE3& T_world_known) {
+    T_world_known_ = T_world_known;
+    linear_.reset();
+  }
   /// After `add_known_map`.
   void add(const Anchor& anchor);
 
@@ -95,23 +99,32 @@ class KeyframeGraph {
 
   /// Error of a loop in sigmas.
   double residual_norm(const Loop& loop) const;
-  /// Squared Mahalanobis distance of a loop from the graph, see `squared_distance`.
-  double squared_distance(const Loop& loop) const;
-  double squared_distance(const Anchor& anchor) const;
+  std::size_t edges() const { return loops_.size() + anchors_.size(); }
+  /// How a loop agrees with the graph as it was optimized last. Keyframes that are newer than that
+  /// are a few seconds of odometry away from its newest node.
+  EdgeCheck check(const Loop& loop) const;
+  EdgeCheck check(const Anchor& anchor) const;
   void optimize();
-  /// Optimizes with every node and loop that has been left out for the bound of work. False if
-  /// there is none.
+  /// Optimizes with every node and loop that has been left out for the bound of work, or was added
+  /// since `optimize`. False if there is none.
   bool refine();
 
  private:
   std::size_t node_before(std::size_t keyframe) const;
   std::size_t nearest_node(std::size_t keyframe) const;
+  /// Among the first `count` nodes.
+  std::size_t nearest_node(std::size_t keyframe, std::size_t count) const;
   bool is_thinned() const { return node_step_s_ > options_.node_step_s; }
   void thin_out();
   void merge_loops();
+  void take_pending();
+  const LinearGraph& linear() const;
   SE3 motion(std::size_t a, std::size_t b) const;
-  Edge edge(const Loop& loop) const;
-  Edge edge(const Anchor& anchor) const;
+  /// Sigmas with the drift between two keyframes added.
+  EdgeSigmas with_drift(const EdgeSigmas& sigmas, std::size_t a, std::size_t b) const;
+  /// Between the first `count` nodes.
+  Edge edge(const Loop& loop, std::size_t count) const;
+  Edge edge(const Anchor& anchor, std::size_t count) const;
   Edge edge_to_next(std::size_t node) const;
   std::vector<SE3> node_poses() const;
   std::vector<DriftCorrection> node_corrections() const;
@@ -126,10 +139,13 @@ class KeyframeGraph {
   std::vector<std::size_t> nodes_;            ///< indices of keyframes
   std::vector<DriftCorrection> corrections_;  ///< of the nodes
   std::vector<Loop> all_loops_;
-  std::vector<Loop> loops_;           ///< those of the present nodes
+  std::vector<Loop> loops_;           ///< those of the present nodes that `optimize` has used
+  std::vector<Loop> pending_;         ///< since then
   std::optional<SE3> T_world_known_;  ///< before its correction
   DriftCorrection known_correction_;
   std::vector<Anchor> anchors_;
+  mutable std::optional<LinearGraph> linear_;  ///< for `check`
+  mutable std::size_t linear_nodes_ = 0;       ///< number of its nodes, the first ones
 };
 
 }  // namespace apvi::loop_closure

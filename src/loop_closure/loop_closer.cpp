@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
@@ -14,8 +15,10 @@ namespace apvi::loop_closure {
 namespace {
 
 constexpr double kKnownLoopSigmas = 2.0;  // a loop with a smaller error adds nothing to the map
-constexpr double kOptimizationPeriod_s = 4.0;
-constexpr double kNews = 1.0;  // squared Mahalanobis distance of a loop that moves the graph
+constexpr double kOptimizationPeriod_s = 4.0;  // for 500 loops, and as much longer for more
+constexpr double kLoopsPerPeriod = 500.0;
+// Sum of EdgeCheck::news of the loops since the last optimization: their graph has moved.
+constexpr double kNews = 1.0;
 constexpr double kVerticalDriftRatio = 0.25;  // relative to horizontal drift: pressure bounds it
 
 // Plausibility limits from the drift of DVL odometry; larger errors indicate a similar but
@@ -70,15 +73,15 @@ bool LoopCloser::is_plausible(const Loop& loop) const {
          offset.head<2>().norm() < kMaxHorizontal_m + kMaxPathFraction * path;
 }
 
-// Where the state of the graph lags behind its loops, its covariance is too small to check the
-// next.
-double LoopCloser::distance_from_graph(const Loop& loop) {
-  if (std::isinf(options_.gate)) return 0.0;
-  if (lags_) {
-    graph_.optimize();
-    lags_ = false;
+// Nothing if the graph rejects the loop.
+std::optional<LoopCloser::Found> LoopCloser::accepted(const Loop& loop) const {
+  if (std::isinf(options_.gate)) {
+    const bool adds = graph_.residual_norm(loop) > options_.min_news_sigmas;
+    return Found{.loop = loop, .news = adds ? std::numeric_limits<double>::infinity() : 0.0};
   }
-  return graph_.squared_distance(loop);
+  const EdgeCheck check = graph_.check(loop);
+  if (!(check.squared_distance < options_.gate)) return std::nullopt;
+  return Found{.loop = loop, .news = check.news};
 }
 
 // A loop with an earlier place that the graph accepts.
@@ -91,8 +94,7 @@ std::optional<LoopCloser::Found> LoopCloser::find_loop(const PlaceStore::Stored&
   std::optional<Found> found;
   if (const auto loop = measure_loop(graph_, stored.keyframe, newest, *match, ray_sigma);
       loop && is_plausible({stored.keyframe, newest, match->T_now_then.inverse()})) {
-    const double distance = distance_from_graph(*loop);
-    if (distance < options_.gate) found = Found{*loop, distance};
+    found = accepted(*loop);
   }
   found ? ++closures_ : ++rejected_;
   log::debug("loop: keyframe {} matches {}, {:.1f} s ago: {} of {} points are inliers{}",
@@ -103,24 +105,24 @@ std::optional<LoopCloser::Found> LoopCloser::find_loop(const PlaceStore::Stored&
 }
 
 // Searches for loops with earlier places. All of a keyframe are checked with the same state of the
-// graph, which is optimized once.
+// graph.
 void LoopCloser::detect_loops(const Place& place) {
   std::vector<Found> all;
   for (const PlaceStore::Stored* stored : places_.candidates(graph_)) {
     if (const auto found = find_loop(*stored, place)) all.push_back(*found);
   }
   for (const Found& found : all) {
-    if (graph_.residual_norm(found.loop) > options_.min_news_sigmas) has_new_loops_ = true;
-    if (found.squared_distance > kNews) lags_ = true;
+    news_ += found.news;
     graph_.add(found.loop);
   }
 }
 
-// Limits the rate of optimizations.
+// Limits the rate of optimizations, so that their work per second has a bound.
 bool LoopCloser::is_optimization_due() const {
-  return !last_optimization_ ||
-         seconds_between(*last_optimization_, graph_[graph_.newest()].stamp) >=
-             kOptimizationPeriod_s;
+  if (!last_optimization_) return true;
+  const double loops = static_cast<double>(graph_.edges());
+  return seconds_between(*last_optimization_, graph_[graph_.newest()].stamp) >=
+         kOptimizationPeriod_s * std::max(1.0, loops / kLoopsPerPeriod);
 }
 
 std::vector<KeyframeCorrection> LoopCloser::changed_corrections() {
@@ -167,7 +169,7 @@ void LoopCloser::search(const cv::Mat& gray, bool new_place) {
 
 void LoopCloser::anchor_to_map(const Place& place) {
   const bool searching = anchors_->is_searching();
-  if (anchors_->process(place, graph_)) has_new_loops_ = true;
+  if (anchors_->process(place, graph_)) news_ = std::numeric_limits<double>::infinity();
   was_found_ = searching && !anchors_->is_searching();
 }
 
@@ -186,16 +188,16 @@ PlaceMap LoopCloser::place_map() const {
 }
 
 bool LoopCloser::flush() {
-  if (!has_new_loops_) return false;
+  if (news_ < kNews) return false;
   last_optimization_ = graph_[graph_.newest()].stamp;
-  has_new_loops_ = false;
-  lags_ = false;
+  news_ = 0.0;
   graph_.optimize();
   return true;
 }
 
 bool LoopCloser::finish() {
   const bool changed = flush();
+  if (std::isinf(options_.gate)) return changed;
   return graph_.refine() || changed;
 }
 

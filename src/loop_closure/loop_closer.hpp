@@ -85,10 +85,10 @@ class LoopCloser {
   bool is_plausible(const Loop& loop) const;
   struct Found {
     Loop loop;
-    double squared_distance = 0.0;  ///< from the graph
+    double news = 0.0;  ///< see EdgeCheck
   };
 
-  double distance_from_graph(const Loop& loop);
+  std::optional<Found> accepted(const Loop& loop) const;
   std::optional<Found> find_loop(const PlaceStore::Stored& stored, const Place& place);
   void detect_loops(const Place& place);
   void anchor_to_map(const Place& place);
@@ -103,9 +103,8 @@ class LoopCloser {
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
   bool searched_ = false;
-  bool has_new_loops_ = false;  ///< a loop or anchor has been found since the last optimization
-  bool lags_ = false;           ///< the newest loop has not moved the graph yet
-  bool was_found_ = false;      ///< the newest keyframe has found the known map
+  double news_ = 0.0;       ///< of the loops and anchors since the last optimization
+  bool was_found_ = false;  ///< the newest keyframe has found the known map
   std::optional<Stamp> last_optimization_;
 };
 

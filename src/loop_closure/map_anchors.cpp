@@ -74,7 +74,7 @@ bool MapAnchors::anchor(const Place& place, KeyframeGraph& graph) {
   const auto fix = map_->find_near(place, graph.corrected_pose(newest), graph.T_world_known());
   if (!fix) return false;
   const Anchor anchor = anchor_of(newest, *fix);
-  const bool accepted = graph.squared_distance(anchor) < gate_;
+  const bool accepted = graph.check(anchor).squared_distance < gate_;
   accepted ? ++anchors_ : ++rejected_;
   if (accepted) graph.add(anchor);
   return accepted;

@@ -6,6 +6,7 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "apvi/geometry/so3.hpp"
 #include "loop_closure/factors.hpp"
@@ -77,17 +78,18 @@ class Information {
     block(3, 3) = 1.0 / (height.sigma_m * height.sigma_m);
     add(height.node, height.node, block);
   }
-  /// J Σ Jᵀ of linear functions of two nodes; infinite if the graph does not determine them.
-  Eigen::Matrix4d covariance(const Edge& edge, const LinearEdge& linear) const {
+  int size() const { return size_; }
+  Eigen::SparseMatrix<double> matrix() const {
+    Eigen::SparseMatrix<double> H(size_, size_);
+    H.setFromTriplets(entries_.begin(), entries_.end());
+    return H;
+  }
+  /// The transposed Jacobian of an edge by all nodes.
+  Eigen::MatrixX4d transposed(const Edge& edge, const LinearEdge& linear) const {
     Eigen::MatrixX4d J = Eigen::MatrixX4d::Zero(size_, 4);
     if (edge.from > 0) J.middleRows<4>(first(edge.from)) = linear.from.transpose();
     if (edge.to > 0) J.middleRows<4>(first(edge.to)) = linear.to.transpose();
-    Eigen::SparseMatrix<double> H(size_, size_);
-    H.setFromTriplets(entries_.begin(), entries_.end());
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factored(H);
-    constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    if (factored.info() != Eigen::Success) return kInfinity * Eigen::Matrix4d::Identity();
-    return J.transpose() * factored.solve(J);
+    return J;
   }
 
  private:
@@ -141,19 +143,47 @@ double residual_norm(const PoseGraph& graph, const std::vector<DriftCorrection>&
   return linearize(graph, to_states(graph, corrections), edge).residuals.norm();
 }
 
-double squared_distance(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
-                        const Edge& edge) {
-  const std::vector<NodeState> states = to_states(graph, corrections);
-  Information information(states.size());
-  for (const Edge& known : graph.edges) {
-    const LinearEdge linear = linearize(graph, states, known);
-    information.add(known, linear, robust_weight(known, linear));
+struct LinearGraph::State {
+  State(PoseGraph of, const std::vector<DriftCorrection>& corrections)
+      : graph(std::move(of)),
+        states(to_states(graph, corrections)),
+        information(corrections.size()) {
+    for (const Edge& edge : graph.edges) {
+      const LinearEdge linear = linearize(graph, states, edge);
+      information.add(edge, linear, robust_weight(edge, linear));
+    }
+    for (const Height& height : graph.heights) information.add_height(height);
+    factored.compute(information.matrix());
   }
-  for (const Height& height : graph.heights) information.add_height(height);
-  const LinearEdge linear = linearize(graph, states, edge);
-  const Eigen::Matrix4d covariance =
-      information.covariance(edge, linear) + Eigen::Matrix4d::Identity();
-  return linear.residuals.dot(covariance.ldlt().solve(linear.residuals));
+
+  PoseGraph graph;
+  std::vector<NodeState> states;
+  Information information;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factored;
+
+  /// J Σ Jᵀ; infinite if the graph does not determine the nodes.
+  Eigen::Matrix4d covariance(const Edge& edge, const LinearEdge& linear) const {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    if (factored.info() != Eigen::Success) return kInfinity * Eigen::Matrix4d::Identity();
+    const Eigen::MatrixX4d J = information.transposed(edge, linear);
+    return J.transpose() * factored.solve(J);
+  }
+};
+
+LinearGraph::LinearGraph(PoseGraph graph, const std::vector<DriftCorrection>& corrections)
+    : state_(std::make_unique<State>(std::move(graph), corrections)) {}
+
+LinearGraph::~LinearGraph() = default;
+LinearGraph::LinearGraph(LinearGraph&&) noexcept = default;
+LinearGraph& LinearGraph::operator=(LinearGraph&&) noexcept = default;
+
+EdgeCheck LinearGraph::check(const Edge& edge) const {
+  const LinearEdge linear = linearize(state_->graph, state_->states, edge);
+  const Eigen::Matrix4d covariance = state_->covariance(edge, linear);
+  const Eigen::Vector4d weighted =
+      (covariance + Eigen::Matrix4d::Identity()).ldlt().solve(linear.residuals);
+  return {.squared_distance = linear.residuals.dot(weighted),
+          .news = (covariance * weighted).squaredNorm()};
 }
 
 }  // namespace apvi::loop_closure

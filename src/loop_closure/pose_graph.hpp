@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "apvi/geometry/se3.hpp"
@@ -55,10 +56,32 @@ void optimize(const PoseGraph& graph, std::vector<DriftCorrection>& corrections)
 double residual_norm(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
                      const Edge& edge);
 
-/// Squared Mahalanobis distance, with four degrees of freedom, of an edge that is not in the graph:
-/// d² = rᵀ (J Σ Jᵀ + I)⁻¹ r, with its residuals r in sigmas, their Jacobian J and the covariance Σ
-/// of the nodes by the graph, whose loops count as their robust loss weights them.
-double squared_distance(const PoseGraph& graph, const std::vector<DriftCorrection>& corrections,
-                        const Edge& edge);
+/// How an edge that is not in a graph agrees with it.
+struct EdgeCheck {
+  /// d² = rᵀ (C + I)⁻¹ r with four degrees of freedom, with the residuals r of the edge in sigmas
+  /// and their covariance C = J Σ Jᵀ by the covariance Σ of the nodes.
+  double squared_distance = 0.0;
+  /// Squared length of the change C (C + I)⁻¹ r that the edge would make to its residuals: small
+  /// where the graph knows the relative pose much better than the edge does.
+  double news = 0.0;
+};
+
+/// A graph linearized at its corrections, with the covariance of its nodes. Its loops count as
+/// their robust loss weights them. Keeps a copy of the graph.
+class LinearGraph {
+ public:
+  LinearGraph(PoseGraph graph, const std::vector<DriftCorrection>& corrections);
+  ~LinearGraph();
+  LinearGraph(LinearGraph&&) noexcept;
+  LinearGraph& operator=(LinearGraph&&) noexcept;
+
+  /// Of an edge between its nodes. Both are infinite if the graph does not determine the nodes and
+  /// the edge is not met exactly.
+  EdgeCheck check(const Edge& edge) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace apvi::loop_closure

@@ -80,7 +80,7 @@ std::vector<DriftCorrection> SessionGraph::corrections() const {
 }
 
 double SessionGraph::squared_distance(const CrossEdge& edge) const {
-  return loop_closure::squared_distance(graph(), corrections(), in_graph(edge));
+  return LinearGraph(graph(), corrections()).check(in_graph(edge)).squared_distance;
 }
 
 void SessionGraph::optimize() {

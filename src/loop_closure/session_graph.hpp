@@ -39,7 +39,7 @@ class SessionGraph {
   /// Between placed sessions.
   void add(const CrossEdge& edge) { cross_.push_back(edge); }
   const std::vector<CrossEdge>& cross_edges() const { return cross_; }
-  /// Squared Mahalanobis distance of an edge from the graph, see `squared_distance`.
+  /// Squared Mahalanobis distance of an edge from the graph, see EdgeCheck.
   double squared_distance(const CrossEdge& edge) const;
   void optimize();
 

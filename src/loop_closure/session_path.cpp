@@ -126,7 +126,8 @@ std::vector<Edge> own_edges(const Session& session, const SessionPath& path, dou
       const auto match = recognize_place(seen[then], seen[now], sigma, PlaceOptions{}.min_inliers);
       if (!match) continue;
       const Edge loop = edge_of(path, places[then], places[now], match->T_now_then.inverse());
-      const bool fits = loop.from != loop.to && squared_distance(graph, none, loop) < gate;
+      const bool fits =
+          loop.from != loop.to && LinearGraph(graph, none).check(loop).squared_distance < gate;
       if (fits) graph.edges.push_back(loop);
     }
   }

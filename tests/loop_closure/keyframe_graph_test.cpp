@@ -90,9 +90,20 @@ TEST(KeyframeGraph, CorrectionsAreContinuousBetweenNodes) {
 TEST(KeyframeGraph, DistanceGrowsWithTheErrorOfALoop) {
   const KeyframeGraph graph = two_laps({.node_step_s = 1.0});
   Loop loop{2, 102, truth(2).inverse() * truth(102)};
-  EXPECT_LT(graph.squared_distance(loop), 4.0);
+  EXPECT_LT(graph.check(loop).squared_distance, 4.0);
   loop.T_from_to.translation.x() += 0.1;
-  EXPECT_GT(graph.squared_distance(loop), 50.0);
+  EXPECT_GT(graph.check(loop).squared_distance, 50.0);
+}
+
+TEST(KeyframeGraph, ALoopCountsFromTheNextOptimizationOn) {
+  KeyframeGraph graph = two_laps({.node_step_s = 1.0});
+  const Loop loop{50, 150, truth(50).inverse() * truth(150)};
+  const Loop next{51, 151, truth(51).inverse() * truth(151)};
+  const double before = graph.check(next).news;
+  graph.add(loop);
+  EXPECT_EQ(graph.check(next).news, before);
+  graph.optimize();
+  EXPECT_LT(graph.check(next).news, before);
 }
 
 }  // namespace

@@ -147,17 +147,22 @@ Edge seen(std::size_t from, std::size_t to, const Eigen::Vector3d& offset, doubl
           .is_loop = true};
 }
 
+double distance_of(const PoseGraph& graph, const Edge& edge) {
+  return LinearGraph(graph, std::vector<DriftCorrection>(graph.odometry.size()))
+      .check(edge)
+      .squared_distance;
+}
+
 // The variances of n steps add up; a heading error at one step moves all later positions.
 TEST(PoseGraph, DistanceOfAnEdgeIsThatOfTheClosedForm) {
   constexpr std::size_t kCount = 9;
   const PoseGraph graph = straight_line(kCount, kStep);
-  const std::vector<DriftCorrection> none(kCount + 1);
   const double n = kCount;
   const double up = n * kStep.vertical_m * kStep.vertical_m + kSeen.vertical_m * kSeen.vertical_m;
-  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
+  EXPECT_NEAR(distance_of(graph, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
   const double along =
       n * kStep.horizontal_m * kStep.horizontal_m + kSeen.horizontal_m * kSeen.horizontal_m;
-  EXPECT_NEAR(squared_distance(graph, none, seen(kCount, 0, {0.2, 0.0, 0.0})), 0.04 / along, 1e-9);
+  EXPECT_NEAR(distance_of(graph, seen(kCount, 0, {0.2, 0.0, 0.0})), 0.04 / along, 1e-9);
   // Across the path: position (sum of k) and heading, correlated.
   double sum = 0.0;
   double squares = 0.0;
@@ -170,31 +175,42 @@ TEST(PoseGraph, DistanceOfAnEdgeIsThatOfTheClosedForm) {
   covariance << along + squares * s, sum * s, sum * s,
       n * s + kSeen.heading_rad * kSeen.heading_rad;
   const Eigen::Vector2d error(0.1, 0.04);
-  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.1, 0.0}, 0.04)),
+  EXPECT_NEAR(distance_of(graph, seen(0, kCount, {0.0, 0.1, 0.0}, 0.04)),
               error.dot(covariance.inverse() * error), 1e-9);
 }
 
 TEST(PoseGraph, AMeasuredHeightBoundsTheVerticalUncertainty) {
   constexpr std::size_t kCount = 9;
   PoseGraph graph = straight_line(kCount, kStep);
-  const std::vector<DriftCorrection> none(kCount + 1);
   graph.heights = {{kCount, 0.01}};
   const double chain = kCount * kStep.vertical_m * kStep.vertical_m;
   const double up = 1.0 / (1.0 / chain + 1.0 / 1e-4) + kSeen.vertical_m * kSeen.vertical_m;
-  EXPECT_NEAR(squared_distance(graph, none, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
+  EXPECT_NEAR(distance_of(graph, seen(0, kCount, {0.0, 0.0, 0.3})), 0.09 / up, 1e-9);
+}
+
+// By the Kalman filter: the measurement moves the chain's end by var / (var + loop's) of the error.
+TEST(PoseGraph, NewsOfAnEdgeIsTheChangeThatItMakes) {
+  constexpr std::size_t kCount = 9;
+  const PoseGraph graph = straight_line(kCount, kStep);
+  const LinearGraph linear(graph, std::vector<DriftCorrection>(kCount + 1));
+  const double chain = kCount * kStep.vertical_m * kStep.vertical_m;
+  const double loop_variance = kSeen.vertical_m * kSeen.vertical_m;
+  const double moved = 0.3 * chain / (chain + loop_variance);
+  EXPECT_NEAR(linear.check(seen(0, kCount, {0.0, 0.0, 0.3})).news, moved * moved / loop_variance,
+              1e-9);
+  EXPECT_NEAR(linear.check(seen(0, kCount, {0.0, 0.0, 0.0})).news, 0.0, 1e-12);
 }
 
 TEST(PoseGraph, AKnownLoopMakesTheNextOneMorePrecise) {
   constexpr std::size_t kCount = 9;
   PoseGraph graph = straight_line(kCount, kStep);
-  const std::vector<DriftCorrection> none(kCount + 1);
   const Edge wrong = seen(0, kCount, {0.0, 0.0, 0.3});
-  const double before = squared_distance(graph, none, wrong);
+  const double before = distance_of(graph, wrong);
   graph.edges.push_back(seen(0, kCount, {0.0, 0.0, 0.0}));
   const double chain = kCount * kStep.vertical_m * kStep.vertical_m;
   const double loop_variance = kSeen.vertical_m * kSeen.vertical_m;
   const double up = 1.0 / (1.0 / chain + 1.0 / loop_variance) + loop_variance;
-  EXPECT_NEAR(squared_distance(graph, none, wrong), 0.09 / up, 1e-9);
+  EXPECT_NEAR(distance_of(graph, wrong), 0.09 / up, 1e-9);
   EXPECT_GT(0.09 / up, 1.5 * before);
 }
 
