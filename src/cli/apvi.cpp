@@ -76,6 +76,7 @@ void add_commands(CLI::App& app) {
   apvi::cli::add_render(app);
   apvi::cli::add_export(app);
   apvi::cli::add_merge(app);
+  apvi::cli::add_refine(app);
   apvi::cli::add_diff(app);
 #endif
   apvi::cli::add_config(app);

@@ -23,6 +23,7 @@ void add_view(CLI::App& app);
 void add_render(CLI::App& app);
 void add_export(CLI::App& app);
 void add_merge(CLI::App& app);
+void add_refine(CLI::App& app);
 void add_diff(CLI::App& app);
 
 }  // namespace apvi::cli

@@ -4,22 +4,21 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
-#include "apvi/sensors/rig.hpp"
 #include "eval/metrics_file.hpp"
 #include "gaussians/device.hpp"
+#include "gaussians/model/rows.hpp"
 #include "gaussians/model/similarity.hpp"
 #include "mapping/density/map_union.hpp"
 #include "runs/export.hpp"
 #include "runs/local_origin.hpp"
+#include "runs/refine_options.hpp"
 #include "slam/camera_conversion.hpp"
-#include "slam/mapper_options.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -29,23 +28,11 @@ using torch::Tensor;
 
 constexpr std::size_t kMaxUnionViews = 200;  // of a map, evenly spread
 
-mapping::ToneCurveOptions options_of(const gaussians::ToneCurve& curve) {
-  if (curve.is_linear()) return {.kind = mapping::ToneCurveKind::linear};
-  if (curve == gaussians::kSrgb) return {.kind = mapping::ToneCurveKind::srgb};
-  return {.kind = mapping::ToneCurveKind::power, .gamma = curve.gamma};
-}
-
 std::optional<double> psnr_of(const fs::path& run) {
   const eval::Json metrics = eval::read_metrics(run / "metrics.json");
   const auto mapping = metrics.find("mapping");
   if (mapping == metrics.end() || !mapping->contains("psnr_db")) return std::nullopt;
   return mapping->at("psnr_db").get<double>();
-}
-
-gaussians::Gaussians on_device(const gaussians::Gaussians& map) {
-  gaussians::Gaussians copy = map;
-  for (Tensor* tensor : copy.tensors()) *tensor = tensor->to(gaussians::active_device());
-  return copy;
 }
 
 std::vector<gaussians::View> training_views(const mapping::KeyframeStore& store) {
@@ -108,7 +95,8 @@ JointMapping load_joint_mapping(const std::vector<MergeSession>& sessions) {
     log::info("images of {}", session.run.string());
     joint.images.push_back(
         load_posed_images(session.config, {.origin = origin, .poses_of_images = session.poses}));
-    gaussians::Gaussians map = on_device(session.map.gaussians);
+    gaussians::Gaussians map =
+        gaussians::on_device(session.map.gaussians, gaussians::active_device());
     map.means = rebased(map.means, session.map.origin, origin);
     if (joint.images.size() == 1) {
       joint.initial = map;
@@ -128,20 +116,12 @@ mapping::TrainingSession training_session(const MergeSession& session, JointMapp
                                           std::size_t index, int iterations) {
   PosedImages& images = joint.images[index];
   const RunConfig& config = session.config;
-  mapping::TrainerOptions options =
-      slam::trainer_options(config.mapping, config.run.seed, make_rig(images.rig));
-  options.iterations = iterations;
-  options.final_iterations = 0;
-  options.time_budget_s = 0.0;
-  options.refine = true;
-  options.tone_curve = options_of(session.map.tone_curve);
-  // The maps are finished: positions begin in the middle of their schedule.
-  options.learning_rates.means =
-      std::sqrt(options.learning_rates.means * options.learning_rates.means_final);
-  return {.keyframes = &images.store,
-          .options = options,
-          .medium = session.map.medium,
-          .light = joint.lights[index]};
+  return {
+      .keyframes = &images.store,
+      .options = refine_options(config, images, session.map.tone_curve, iterations),
+      .medium = session.map.medium,
+      .light = joint.lights[index],
+      .response = mapping::CameraResponse{.vignetting = session.map.vignetting, .log_gains = {}}};
 }
 
 }  // namespace apvi::runs

@@ -43,10 +43,33 @@ CameraCalibration first_camera(const RunConfig& config, const io::SequenceReader
   return rig.cameras.front();
 }
 
+const StampedPose* find_pose(const Trajectory& poses, Stamp taken) {
+  const auto next = std::lower_bound(
+      poses.poses.begin(), poses.poses.end(), taken - Duration::from_seconds(kSameStamp_s),
+      [](const StampedPose& pose, Stamp stamp) { return pose.stamp < stamp; });
+  const bool found =
+      next != poses.poses.end() && next->stamp <= taken + Duration::from_seconds(kSameStamp_s);
+  return found ? &*next : nullptr;
+}
+
+/// Whether image `number` of a recording is for evaluation.
+bool is_held_out(const RunConfig& config, std::size_t number) {
+  const int every = config.eval.heldout_every;
+  return every > 0 && number % static_cast<std::size_t>(every) == 0;
+}
+
+template <typename Use>
+void for_each_image(io::SequenceReader& reader, const Use& use) {
+  while (const auto event = reader.next()) {
+    const auto* const frame = std::get_if<ImageFrame>(&*event);
+    if (frame != nullptr && frame->camera == 0) use(*frame);
+  }
+}
+
 class Loader {
  public:
   Loader(const RunConfig& config, io::SequenceReader& reader, const PosedImageOptions& options)
-      : heldout_every_(config.eval.heldout_every),
+      : config_(config),
         camera_(first_camera(config, reader)),
         only_posed_(options.poses_of_images.has_value()),
         poses_(only_posed_ ? *options.poses_of_images : given_poses(config, reader)),
@@ -89,7 +112,7 @@ class Loader {
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = slam::to_tensor((*T_world_body * camera_.T_body_camera).inverse());
     keyframe.image = decoded->image;
-    keyframe.held_out = heldout_every_ > 0 && index % static_cast<std::size_t>(heldout_every_) == 0;
+    keyframe.held_out = is_held_out(config_, index);
     images_.store.add(std::move(keyframe));
   }
 
@@ -104,12 +127,8 @@ class Loader {
 
   std::optional<SE3> pose_of(Stamp taken) const {
     if (!only_posed_) return poses_.at(taken, Duration::from_seconds(kMaxPoseGap_s));
-    const auto next = std::lower_bound(
-        poses_.poses.begin(), poses_.poses.end(), taken - Duration::from_seconds(kSameStamp_s),
-        [](const StampedPose& pose, Stamp stamp) { return pose.stamp < stamp; });
-    const bool found =
-        next != poses_.poses.end() && next->stamp <= taken + Duration::from_seconds(kSameStamp_s);
-    return found ? std::optional(next->T_world_body) : std::nullopt;
+    const StampedPose* const found = find_pose(poses_, taken);
+    return found != nullptr ? std::optional(found->T_world_body) : std::nullopt;
   }
 
   std::optional<DecodedImage> decode(const ImageFrame& frame) {
@@ -123,7 +142,7 @@ class Loader {
     }
   }
 
-  int heldout_every_;
+  const RunConfig& config_;
   CameraCalibration camera_;
   bool only_posed_;
   Trajectory poses_;
@@ -161,13 +180,23 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
 PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});
   Loader loader(config, *reader, options);
-  while (const auto event = reader->next()) {
-    const auto* const frame = std::get_if<ImageFrame>(&*event);
-    if (frame != nullptr && frame->camera == 0) loader.add(*frame);
-  }
+  for_each_image(*reader, [&loader](const ImageFrame& frame) { loader.add(frame); });
   const std::size_t count = loader.count();
   PosedImages images = loader.result();
   report(images, count, config.dataset.path);
+  return images;
+}
+
+std::vector<ImagePose> list_posed_images(const RunConfig& config, const Trajectory& poses) {
+  const auto reader = io::open_sequence(config.dataset, {"camera"});
+  const Duration delay = Duration::from_seconds(first_camera(config, *reader).time_offset_s);
+  std::vector<ImagePose> images;
+  std::size_t number = 0;
+  for_each_image(*reader, [&](const ImageFrame& frame) {
+    const bool held_out = is_held_out(config, number++);
+    const StampedPose* const pose = find_pose(poses, frame.stamp - delay);
+    if (pose != nullptr) images.push_back({frame.stamp, *pose, held_out});
+  });
   return images;
 }
 

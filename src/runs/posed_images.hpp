@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <vector>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/geometry/se3.hpp"
@@ -41,6 +42,16 @@ struct PosedImageOptions {
 /// images are skipped, counted and logged. Throws InputError when the recording has no images, no
 /// poses or no camera in its rig, or when no image is usable.
 PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options = {});
+
+/// An image of a recording and the pose of the body when it was taken.
+struct ImagePose {
+  Stamp image;  ///< the image's own stamp
+  StampedPose pose;
+  bool held_out = false;
+};
+/// Finds the images of camera 0 that body poses such as those of a run's keyframes.tum belong to,
+/// held out as `load_posed_images` does it. No image is decoded.
+std::vector<ImagePose> list_posed_images(const RunConfig& config, const Trajectory& poses);
 
 /// Poses of the body at the images, with their optimized corrections, in the coordinates of the
 /// recording.
