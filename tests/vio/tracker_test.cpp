@@ -121,6 +121,7 @@ TEST(Tracker, ObservationsAreSortedAndIdsAreNotReused) {
 
 TEST(Tracker, CountsStableTracks) {
   TrackerConfig config;
+  config.stable_s = 0.0;
   config.stable_frames = 4;
   Dive dive(two_walls(), config);
   EXPECT_EQ(dive.frames(0, 3).statistics.stable, 0);
@@ -219,6 +220,7 @@ cv::Mat with_snow(cv::Mat image, int k) {
 
 TEST(Tracker, FewStableTracksAreOnMarineSnow) {
   TrackerConfig config;
+  config.stable_s = 0.0;
   config.stable_frames = 5;
   Dive dive(two_walls(), config);
   std::vector<TrackedFrame> seen;
