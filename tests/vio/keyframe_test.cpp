@@ -30,13 +30,15 @@ Window moved(double motion_deg, double interval_s) {
 }
 
 TEST(Keyframe, IsChosenByTheAngleThatCornersMoved) {
-  const Config config{.window = {.keyframe_parallax_deg = 2.5}};
+  Config config;
+  config.window.keyframe_parallax_deg = 2.5;
   EXPECT_FALSE(is_keyframe(moved(2.4, 0.1), config));
   EXPECT_TRUE(is_keyframe(moved(2.6, 0.1), config));
 }
 
 TEST(Keyframe, IsChosenAfterATimeWithoutMotion) {
-  const Config config{.window = {.keyframe_max_interval_s = 0.5}};
+  Config config;
+  config.window.keyframe_max_interval_s = 0.5;
   EXPECT_FALSE(is_keyframe(moved(0.0, 0.45), config));
   EXPECT_TRUE(is_keyframe(moved(0.0, 0.55), config));
 }
