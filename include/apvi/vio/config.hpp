@@ -95,7 +95,7 @@ enum class ContinuingTracks { marginalize, reanchor, reuse };
 struct WindowConfig {
   ContinuingTracks continuing_tracks = ContinuingTracks::marginalize;
   int keyframes = 10;
-  double keyframe_parallax_deg = 2.5;
+  double keyframe_parallax_deg = 5.0;
   double keyframe_min_tracked_ratio = 0.6;
   double keyframe_max_interval_s = 0.5;
   int max_iterations = 4;
