@@ -9,12 +9,27 @@
 #include <optional>
 #include <utility>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "core/text.hpp"
 
 namespace apvi::config {
 namespace {
+
+// The focal length [px] and frame rate for which the old defaults were chosen.
+constexpr double kOldFocal_px = 460.0;
+constexpr double kOldRate_hz = 20.0;
+
+double degrees_of_pixels(double pixels) {
+  return pixels / kOldFocal_px / kRadiansPerDegree;
+}
+
+// From the first to the last of consecutive frames, a little less so that jitter of the stamps does
+// not demand one more.
+double seconds_of_frames(double frames) {
+  return std::max(0.0, frames - 1.1) / kOldRate_hz;
+}
 
 constexpr auto kRunKeys = std::to_array<RenamedKey>({
     {"dataset.blackout", "dataset.blackout_mode"},
@@ -27,6 +42,7 @@ constexpr auto kRunKeys = std::to_array<RenamedKey>({
     {"dipo.dvl.displacement_inflation", "dipo.dvl.displacement_variance_factor"},
     {"dipo.depth.max_rejected", "dipo.depth.max_consecutive_rejections"},
     {"vio.tracker.max_backward_px", "vio.tracker.max_forward_backward_px"},
+    {"vio.window.keyframe_parallax_px", "vio.window.keyframe_parallax_deg", degrees_of_pixels},
     {"vio.window.keyframe_survival", "vio.window.keyframe_min_tracked_ratio"},
     {"vio.window.keyframe_interval_s", "vio.window.keyframe_max_interval_s"},
     {"vio.window.iterations", "vio.window.max_iterations"},
@@ -47,7 +63,13 @@ constexpr auto kRunKeys = std::to_array<RenamedKey>({
     {"vio.start.max_wait_s", "vio.initialization.lookback_s"},
     {"vio.start.dvl_s", "vio.initialization.dvl_aiding_s"},
     {"vio.initializer", "vio.initialization_without_dvl"},
-    {"vio.initializer.focal_px", "vio.initialization_without_dvl.reference_focal_px"},
+    {"vio.initializer.focal_px", ""},
+    {"vio.initializer.min_parallax_px", "vio.initialization_without_dvl.min_parallax_deg",
+     degrees_of_pixels},
+    {"vio.initialization_without_dvl.reference_focal_px", ""},
+    {"vio.initialization_without_dvl.min_parallax_px",
+     "vio.initialization_without_dvl.min_parallax_deg", degrees_of_pixels},
+    {"vio.health.max_bad_frames", "vio.health.max_bad_s", seconds_of_frames},
     {"fusion.consistent", "fusion.consistent_method"},
     {"fusion.discriminator.coarse", "fusion.discriminator.tracking"},
     {"fusion.discriminator.coarse.min_spread", "fusion.discriminator.tracking.min_grid_coverage"},
@@ -66,6 +88,9 @@ constexpr auto kRunKeys = std::to_array<RenamedKey>({
     {"fusion.dipo_stability.max_rotation_sigma_deg", "fusion.dipo_stability.max_tilt_sigma_deg"},
     {"fusion.dipo_stability.max_position_growth",
      "fusion.dipo_stability.max_position_sigma_growth_m_s"},
+    {"fusion.hysteresis.good_frames", "fusion.hysteresis.good_s", seconds_of_frames},
+    {"fusion.hysteresis.bad_frames", "fusion.hysteresis.bad_s", seconds_of_frames},
+    {"freeze.release_frames", "freeze.release_s", seconds_of_frames},
     {"fusion.hysteresis.return_factor", "fusion.hysteresis.recovery_stable_ratio_factor"},
     {"fusion.relative.shared_noise", "fusion.relative.shared_noise_fraction"},
     {"fusion.relative.min_rotation_walk_deg", "fusion.relative.min_rotation_walk_deg_sqrt_s"},
@@ -241,6 +266,24 @@ void insert(Node& root, const std::string& new_key, const std::string& old_key, 
   inserted.insert(new_key);
 }
 
+// A number in another unit; anything else is left to the reader of the new key.
+void convert(Node& value, double (*to_new_unit)(double)) {
+  const std::optional<double> number = text::parse_double(value.text);
+  if (value.kind == Node::Kind::scalar && number)
+    value.text = fmt::format("{:.4g}", to_new_unit(*number));
+}
+
+std::string place(const Node& node) {
+  return node.line > 0 ? node.where() : "--set";
+}
+
+std::string to_row(const RenamedKey& key) {
+  if (key.new_key.empty()) return fmt::format("| `{}` | none: it has no effect |\n", key.old_key);
+  const std::string unit =
+      key.convert == nullptr ? "" : fmt::format("; 10 becomes {:.4g}", key.convert(10.0));
+  return fmt::format("| `{}` | `{}`{} |\n", key.old_key, key.new_key, unit);
+}
+
 }  // namespace
 
 const Renames& run_renames() {
@@ -266,13 +309,7 @@ KeyRenamer::KeyRenamer(const Renames& renames, Warnings warnings)
 
 void KeyRenamer::apply(Node& layer) {
   std::set<std::string> inserted;
-  for (const RenamedKey& key : keys_) {
-    std::optional<Node> value = extract(layer, key.old_key);
-    // A section without keys: these have been moved before.
-    if (!value || (value->kind == Node::Kind::map && value->members.empty())) continue;
-    warn(*value, key.old_key, key.new_key);
-    insert(layer, std::string(key.new_key), std::string(key.old_key), std::move(*value), inserted);
-  }
+  for (const RenamedKey& key : keys_) rename(layer, key, inserted);
   for (const RenamedValue& value : values_) {
     Node* node = find_value(layer, value.key);
     if (node == nullptr || node->kind != Node::Kind::scalar || node->text != value.old_value) {
@@ -283,11 +320,20 @@ void KeyRenamer::apply(Node& layer) {
   }
 }
 
+void KeyRenamer::rename(Node& layer, const RenamedKey& key, std::set<std::string>& inserted) {
+  std::optional<Node> value = extract(layer, key.old_key);
+  // A section without keys: these have been moved before.
+  if (!value || (value->kind == Node::Kind::map && value->members.empty())) return;
+  if (key.new_key.empty()) return warn_dropped(*value, key.old_key);
+  if (key.convert != nullptr) convert(*value, key.convert);
+  warn(*value, key.old_key, key.new_key);
+  insert(layer, std::string(key.new_key), std::string(key.old_key), std::move(*value), inserted);
+}
+
 std::string KeyRenamer::renamed(std::string_view key) const {
   for (const RenamedKey& candidate : keys_) {
-    if (const auto rest = remainder(key, candidate.old_key)) {
-      return std::string(candidate.new_key).append(*rest);
-    }
+    const auto rest = remainder(key, candidate.old_key);
+    if (rest && !candidate.new_key.empty()) return std::string(candidate.new_key).append(*rest);
   }
   return std::string(key);
 }
@@ -307,10 +353,19 @@ void KeyRenamer::apply_override(Node& root, std::string_view assignment) {
 }
 
 void KeyRenamer::warn(const Node& node, std::string_view old_name, std::string_view new_name) {
-  if (warnings_ == Warnings::off || !warned_.emplace(old_name).second) return;
-  const std::string where = node.line > 0 ? node.where() : "--set";
-  log::warning("{}: {} is now {}; the old name works until {}", where, old_name, new_name,
+  if (!is_first_warning(old_name)) return;
+  log::warning("{}: {} is now {}; the old name works until {}", place(node), old_name, new_name,
                kOldNamesUntil);
+}
+
+void KeyRenamer::warn_dropped(const Node& node, std::string_view key) {
+  if (!is_first_warning(key)) return;
+  log::warning("{}: {} has no effect any more; delete it before {}", place(node), key,
+               kOldNamesUntil);
+}
+
+bool KeyRenamer::is_first_warning(std::string_view old_name) {
+  return warnings_ == Warnings::on && warned_.emplace(old_name).second;
 }
 
 Node load_config(const std::filesystem::path& file, const std::vector<std::string>& overrides,
@@ -330,9 +385,7 @@ Node load_recorded_config(const std::filesystem::path& file, const Renames& rena
 
 std::string to_markdown(const Renames& renames) {
   std::string out = "| old | new |\n|---|---|\n";
-  for (const RenamedKey& key : renames.keys) {
-    out += fmt::format("| `{}` | `{}` |\n", key.old_key, key.new_key);
-  }
+  for (const RenamedKey& key : renames.keys) out += to_row(key);
   for (const RenamedValue& value : renames.values) {
     out += fmt::format("| `{}: {}` | `{}: {}` |\n", value.key, value.old_value, value.key,
                        value.new_value);

@@ -18,7 +18,8 @@ namespace apvi::config {
 /// old keys may share a new one.
 struct RenamedKey {
   std::string_view old_key;
-  std::string_view new_key;
+  std::string_view new_key;             ///< empty: the key has no effect any more
+  double (*convert)(double) = nullptr;  ///< a number in the new unit, if that differs
 };
 
 /// A value of an enum with a new name; `key` is the new name of its key.
@@ -57,7 +58,10 @@ class KeyRenamer {
   void apply_override(Node& root, std::string_view assignment);
 
  private:
+  void rename(Node& layer, const RenamedKey& key, std::set<std::string>& inserted);
   void warn(const Node& node, std::string_view old_name, std::string_view new_name);
+  void warn_dropped(const Node& node, std::string_view key);
+  bool is_first_warning(std::string_view old_name);
 
   std::vector<RenamedKey> keys_;  ///< nested keys before their sections
   std::span<const RenamedValue> values_;

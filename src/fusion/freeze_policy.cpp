@@ -19,17 +19,20 @@ std::string_view to_string(Action action) {
   return kActions.at(static_cast<std::size_t>(action));
 }
 
-bool Hysteresis::update(bool good) {
-  contradicting_frames_ = good == good_ ? 0 : contradicting_frames_ + 1;
-  if (contradicting_frames_ > 0 &&
-      contradicting_frames_ >= (good ? config_.good_frames : config_.bad_frames))
-    set(good);
+bool Hysteresis::update(Stamp now, bool good) {
+  if (good == good_) {
+    contradicted_since_.reset();
+    return good_;
+  }
+  if (!contradicted_since_) contradicted_since_ = now;
+  const double time_s = seconds_between(*contradicted_since_, now);
+  if (time_s >= (good ? config_.good_s : config_.bad_s)) set(good);
   return good_;
 }
 
 void Hysteresis::set(bool good) {
   good_ = good;
-  contradicting_frames_ = 0;
+  contradicted_since_.reset();
 }
 
 FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
@@ -38,7 +41,8 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
   // A short interruption of DIPO (saturated inertial samples) does not make it unstable.
   const bool interrupted = dipo.reason == StabilityReason::absent && has_dipo_;
   has_dipo_ = has_dipo_ || dipo.reason != StabilityReason::absent;
-  good_in_a_row_ = verdict.accepted() ? good_in_a_row_ + 1 : 0;
+  if (!verdict.accepted()) good_since_.reset();
+  if (verdict.accepted() && !good_since_) good_since_ = now;
   Decision decision;
   switch (phase_) {
     case Phase::starting:
@@ -53,7 +57,7 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
       decision = update_frozen(now, verdict, dipo);
       break;
     case Phase::dropped:
-      if (good_in_a_row_ >= config_.release_frames) recover(now);
+      if (may_return(now)) recover(now);
       break;
   }
   if (phase_ == Phase::frozen) ++counts_.freeze_frames;
@@ -65,7 +69,7 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
 FreezePolicy::Decision FreezePolicy::fail(Stamp now, const Verdict& verdict,
                                           const Stability& dipo) {
   ++counts_.failures;
-  good_in_a_row_ = 0;
+  good_since_.reset();
   outages_.push_back({.failed = now, .features_back = {}, .recovered = {}});
   track_features_back(now, verdict);
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
@@ -83,7 +87,7 @@ FreezePolicy::Decision FreezePolicy::update_frozen(Stamp now, const Verdict& ver
                                                    const Stability& dipo) {
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
   if (!dipo.stable() && dipo.reason != StabilityReason::absent) return reset("DIPO is unstable");
-  if (good_in_a_row_ >= config_.release_frames) {
+  if (may_return(now)) {
     recover(now);
     return {.action = Action::release, .phase = phase_, .reason = "VIO recovered"};
   }
@@ -95,9 +99,13 @@ FreezePolicy::Decision FreezePolicy::update_frozen(Stamp now, const Verdict& ver
 
 FreezePolicy::Decision FreezePolicy::reset(std::string_view reason) {
   phase_ = Phase::dropped;
-  good_in_a_row_ = 0;
+  good_since_.reset();
   ++counts_.resets;
   return {.action = Action::reset, .phase = phase_, .reason = reason};
+}
+
+bool FreezePolicy::may_return(Stamp now) const {
+  return good_since_ && seconds_between(*good_since_, now) >= config_.release_s;
 }
 
 void FreezePolicy::recover(Stamp now) {

@@ -13,19 +13,20 @@
 
 namespace apvi::fusion {
 
-/// Requires several consecutive good or bad frames before the state changes. Initially bad.
+/// Requires that consecutive frames are good or bad for some time before the state changes.
+/// Initially bad.
 class Hysteresis {
  public:
   explicit Hysteresis(const HysteresisConfig& config) : config_(config) {}
   /// Returns whether VIO is considered working after this frame.
-  bool update(bool good);
+  bool update(Stamp now, bool good);
   void set(bool good);
   bool good() const { return good_; }
 
  private:
   HysteresisConfig config_;
   bool good_ = false;
-  int contradicting_frames_ = 0;  // consecutive frames that contradict good_
+  std::optional<Stamp> contradicted_since_;  // by all frames from there on
 };
 
 /// State of the VIO window.
@@ -79,12 +80,13 @@ class FreezePolicy {
   Decision fail(Stamp now, const Verdict& verdict, const Stability& dipo);
   Decision update_frozen(Stamp now, const Verdict& verdict, const Stability& dipo);
   Decision reset(std::string_view reason);
+  bool may_return(Stamp now) const;
   void recover(Stamp now);
   void track_features_back(Stamp now, const Verdict& verdict);
 
   FreezeConfig config_;
   Phase phase_ = Phase::starting;
-  int good_in_a_row_ = 0;
+  std::optional<Stamp> good_since_;  // all frames from there on
   bool has_dipo_ = false;
   FreezeCounts counts_;
   std::vector<Outage> outages_;

@@ -77,7 +77,7 @@ FusionResult Fuser::update(const FusionInput& given) {
 
   if (result.verdict.reason == Reason::diverged) hysteresis_.set(false);
   const Phase before = freeze_.phase();
-  const bool working = hysteresis_.update(result.verdict.accepted());
+  const bool working = hysteresis_.update(input.stamp, result.verdict.accepted());
   result.freeze =
       freeze_.update(input.stamp, working, result.verdict, carrier_stability(input, result.dipo));
   if (has_returned(before, result.freeze.phase)) hysteresis_.set(true);

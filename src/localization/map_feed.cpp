@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "sensors/reduced_camera.hpp"
+
 namespace apvi::localization {
 namespace {
 
@@ -42,11 +44,17 @@ double depth_sigma(const vio::Landmark& landmark, const vio::Window& window, dou
   return ray.norm() * ray_sigma / std::max(1e-6, std::sin(parallax));
 }
 
+// Of corners, in the images that are tracked.
+double ray_sigma_of(const vio::Config& vio, const Rig& rig) {
+  const Rig tracked = reduced(rig, vio.tracker.max_image_side_px);
+  return vio.vision.pixel_sigma / tracked.cameras.front().model.parameters().fx;
+}
+
 }  // namespace
 
 MapFeed::MapFeed(const Options& options, const Rig& rig)
     : heldout_every_(static_cast<std::size_t>(options.heldout_every)),
-      ray_sigma_(options.vio.vision.pixel_sigma / rig.cameras.front().model.parameters().fx),
+      ray_sigma_(ray_sigma_of(options.vio, rig)),
       min_observations_(options.vio.vision.min_observations) {}
 
 std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& image,

@@ -4,6 +4,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "core/stopwatch.hpp"
+#include "sensors/reduced_camera.hpp"
 
 namespace apvi::localization {
 namespace {
@@ -32,7 +33,8 @@ VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, const Act
     : mode_(options.run.mode),
       image_monitor_(first_cameras(rig, sensors.cameras)),
       tracker_(options.vio.tracker, first_cameras(rig, sensors.cameras)),
-      fusion_stage_(vio_config(options), options.fusion, options.freeze, rig, sensors,
+      fusion_stage_(vio_config(options), options.fusion, options.freeze,
+                    reduced(rig, options.vio.tracker.max_image_side_px), sensors,
                     options.dipo.inertial.segment_gap_s),
       sink_(std::move(sink)),
       map_(map),

@@ -69,7 +69,7 @@ KnownMap::KnownMap(PlaceMap map, const CameraModel& camera, double pixel_sigma)
     : map_(std::move(map)),
       index_(map_),
       camera_(camera),
-      sigma_(pixel_sigma / camera.parameters().fx) {
+      sigma_(pixel_sigma / feature_camera(camera).parameters().fx) {
   for (const MapPlace& place : map_.places) places_.push_back(to_place(place));
 }
 

@@ -11,6 +11,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "sensors/reduced_camera.hpp"
+
 namespace apvi::loop_closure {
 namespace {
 
@@ -18,6 +20,7 @@ constexpr double kSiftContrast =
     0.01;  // SIFT contrast threshold; the usual 0.04 finds few features in turbid water
 constexpr double kClaheClipLimit = 3.0;  // of CLAHE
 const cv::Size kClaheTiles(8, 8);
+constexpr int kMaxImageSide_px = 1280;
 constexpr float kMaxRatio = 0.8F;      // Lowe's ratio test
 constexpr double kInlierSigmas = 3.0;  // inlier threshold of a ray
 constexpr double kMinParallax = 0.02;  // of two rays to be triangulated [rad]
@@ -101,9 +104,15 @@ cv::Mat to_gray(const cv::Mat& image) {
   return gray;
 }
 
-Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features) {
+CameraModel feature_camera(const CameraModel& camera) {
+  return reduced(camera, reduction_of(camera, kMaxImageSide_px));
+}
+
+Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features) {
+  const CameraModel camera = feature_camera(recorded);
   cv::Mat equalized;
-  cv::createCLAHE(kClaheClipLimit, kClaheTiles)->apply(gray, equalized);
+  cv::createCLAHE(kClaheClipLimit, kClaheTiles)
+      ->apply(reduced(gray, reduction_of(recorded, kMaxImageSide_px)), equalized);
   std::vector<cv::KeyPoint> found;
   cv::Mat descriptors;
   cv::SIFT::create(max_features, 3, kSiftContrast)

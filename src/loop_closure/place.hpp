@@ -28,10 +28,14 @@ struct Place {
 /// A BGR or gray image in gray.
 cv::Mat to_gray(const cv::Mat& image);
 
+/// The camera of the images that features are extracted from: larger images than 1280 pixels are
+/// reduced before, as every size has as many features as are kept, and SIFT takes seconds in 4K.
+CameraModel feature_camera(const CameraModel& camera);
+
 /// Extracts at most `max_features` SIFT features (Lowe, 2004) from an 8-bit gray image after
 /// contrast equalization, as contrast decreases with distance under water. The lens need not be a
 /// pinhole: rays are undistorted.
-Place describe_place(const cv::Mat& gray, const CameraModel& camera, int max_features);
+Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features);
 
 inline constexpr int kDescriptorSize = 128;
 /// Squared distance of two descriptors.

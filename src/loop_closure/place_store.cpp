@@ -45,7 +45,7 @@ bool is_same_view(const SE3& T_a_b, double spacing_m) {
 PlaceStore::PlaceStore(const PlaceOptions& options, const CameraModel& camera)
     : options_(options),
       camera_(camera),
-      ray_sigma_(options.pixel_sigma / camera.parameters().fx) {}
+      ray_sigma_(options.pixel_sigma / feature_camera(camera).parameters().fx) {}
 
 bool PlaceStore::is_new_place(const KeyframeGraph& graph) const {
   if (recent_.empty()) return true;

@@ -120,7 +120,7 @@ std::vector<Edge> own_edges(const Session& session, const SessionPath& path, dou
   const std::vector<MapPlace>& places = session.places.places;
   std::vector<Place> seen;
   for (const MapPlace& place : places) seen.push_back(to_place(place));
-  const double sigma = session.pixel_sigma / session.camera.parameters().fx;
+  const double sigma = session.pixel_sigma / feature_camera(session.camera).parameters().fx;
   for (std::size_t now = 0; now < places.size(); ++now) {
     for (const std::size_t then : loop_candidates(places, seen, now)) {
       const auto match = recognize_place(seen[then], seen[now], sigma, PlaceOptions{}.min_inliers);

@@ -84,7 +84,7 @@ void Estimator::reset() {
   clear_window();
   waiting_.clear();
   newest_is_keyframe_ = false;
-  bad_frames_ = 0;
+  bad_since_.reset();
   frozen_ = false;
   prior_before_freeze_.reset();
   vision_failed_ = false;
@@ -318,10 +318,12 @@ std::string Estimator::divergence_reason(const Result& result) {
     return fmt::format("accelerometer bias of {:.2f} m/s2", s.accel_bias.norm());
   }
   if (s.v_body.norm() > limits.max_speed) return fmt::format("{:.1f} m/s", s.v_body.norm());
-  bad_frames_ = result.reprojection_rms_px > limits.max_reprojection_px ? bad_frames_ + 1 : 0;
-  if (bad_frames_ < limits.max_bad_frames) return {};
-  return fmt::format("reprojection error of {:.1f} px in {} frames", result.reprojection_rms_px,
-                     bad_frames_);
+  const bool bad = result.reprojection_rms_px > limits.max_reprojection_px;
+  if (!bad) bad_since_.reset();
+  if (bad && !bad_since_) bad_since_ = result.stamp;
+  if (!bad || seconds_between(*bad_since_, result.stamp) < limits.max_bad_s) return {};
+  return fmt::format("reprojection error of {:.1f} px since {:.1f} s", result.reprojection_rms_px,
+                     seconds_between(*bad_since_, result.stamp));
 }
 
 Frame& Estimator::push_frame(Stamp image_stamp, const FrameState& state,

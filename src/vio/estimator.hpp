@@ -127,7 +127,7 @@ class Estimator {
   bool has_used_landmarks_ = false;  // a landmark has been in the graph since initialization
   bool started_with_prior_ = false;
   std::optional<Stamp> first_ping_;  // first ping in the graph since initialization or release
-  int bad_frames_ = 0;
+  std::optional<Stamp> bad_since_;   // the reprojection error is too large
 };
 
 }  // namespace apvi::vio

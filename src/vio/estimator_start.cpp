@@ -63,8 +63,10 @@ Result Estimator::start_alone(const TrackedFrame& tracked, const std::optional<S
     result.detail = last_init_failure_;
     return result;
   }
-  InitResult found = initialize(frames, to_se3(window_.calibration.T_body_camera.front().data()),
-                                noise_, config_.gravity, config_.initialization_without_dvl);
+  const InitCamera camera{to_se3(window_.calibration.T_body_camera.front().data()),
+                          rig_.cameras.front().model.parameters().fx};
+  InitResult found =
+      initialize(frames, camera, noise_, config_.gravity, config_.initialization_without_dvl);
   if (found.status != InitStatus::success) {
     last_init_failure_ = fmt::format("{} ({})", to_string(found.status), found.detail);
     result.detail = last_init_failure_;

@@ -21,10 +21,17 @@ namespace {
 using test::ExampleConfig;
 using testing::HasSubstr;
 
-constexpr std::array<RenamedKey, 4> kKeys = {{{"follower", "tracker"},
-                                              {"follower.corners", "tracker.max_features"},
-                                              {"frequency", "rate_hz"},
-                                              {"frame_rate", "rate_hz"}}};
+double halved(double value) {
+  return 0.5 * value;
+}
+
+constexpr std::array<RenamedKey, 6> kKeys = {
+    {{"follower", "tracker"},
+     {"follower.reach_px", "tracker.min_distance_px", halved},
+     {"follower.color", ""},
+     {"follower.corners", "tracker.max_features"},
+     {"frequency", "rate_hz"},
+     {"frame_rate", "rate_hz"}}};
 constexpr std::array<RenamedValue, 1> kValues = {{{"mode", "loose", "paper"}}};
 constexpr Renames kRenames{kKeys, kValues};
 
@@ -66,6 +73,22 @@ TEST_F(RenamedKeysTest, RenamedSectionMayContainRenamedKeys) {
   EXPECT_EQ(c.tracker.min_distance_px, 9.0);
   EXPECT_THAT(log_, HasSubstr("follower.corners is now tracker.max_features"));
   EXPECT_THAT(log_, HasSubstr("follower is now tracker;"));
+}
+
+TEST_F(RenamedKeysTest, ValueInAnotherUnitIsConverted) {
+  EXPECT_EQ(load("follower: {reach_px: 30}\n").tracker.min_distance_px, 15.0);
+  EXPECT_THAT(log_, HasSubstr("follower.reach_px is now tracker.min_distance_px;"));
+  EXPECT_EQ(load("seed: 1\n", {"follower.reach_px=8"}).tracker.min_distance_px, 4.0);
+  EXPECT_EQ(error_, "");
+}
+
+TEST_F(RenamedKeysTest, KeyWithoutEffectGivesAWarning) {
+  EXPECT_EQ(load("follower: {color: red, corners: 40}\n").tracker.max_features, 40);
+  EXPECT_EQ(error_, "");
+  EXPECT_THAT(log_, HasSubstr("follower.color has no effect any more; delete it before 0.3"));
+  EXPECT_EQ(load("seed: 1\n", {"follower.color=red"}).tracker.max_features,
+            test::TrackerConfig{}.max_features);
+  EXPECT_EQ(error_, "");
 }
 
 TEST_F(RenamedKeysTest, OldSectionAndNewSectionAreMerged) {

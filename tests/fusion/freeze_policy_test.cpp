@@ -50,7 +50,7 @@ TEST(FreezePolicy, FreezesOnceOnFailureWithStableDipo) {
 }
 
 TEST(FreezePolicy, ReleasesAfterConsecutiveGoodFrames) {
-  Frames frames({.enabled = true, .release_frames = 3});
+  Frames frames({.enabled = true, .release_s = 0.2});
   frames.add(kGood);
   frames.add(kDark);
   frames.add(kGood);
@@ -66,7 +66,7 @@ TEST(FreezePolicy, ReleasesAfterConsecutiveGoodFrames) {
 }
 
 TEST(FreezePolicy, ReleasesAfterOneFrameIfConfigured) {
-  Frames frames({.enabled = true, .release_frames = 1});
+  Frames frames({.enabled = true, .release_s = 0.0});
   frames.add(kGood);
   frames.add(kDark);
   EXPECT_EQ(frames.add(kGood).action, Action::release);
@@ -106,7 +106,7 @@ TEST(FreezePolicy, NeverFreezesADivergedWindow) {
 }
 
 TEST(FreezePolicy, ResetsAfterTheMaximumFreeze) {
-  Frames frames({.enabled = true, .release_frames = 3, .max_frozen_s = 0.25});
+  Frames frames({.enabled = true, .release_s = 0.2, .max_frozen_s = 0.25});
   frames.add(kGood);
   frames.add(kDark);
   EXPECT_EQ(frames.add(kDark).action, Action::none);
@@ -115,7 +115,7 @@ TEST(FreezePolicy, ResetsAfterTheMaximumFreeze) {
 }
 
 TEST(FreezePolicy, ResetsOnEveryFailureWithFreezingDisabled) {
-  Frames frames({.enabled = false, .release_frames = 2});
+  Frames frames({.enabled = false, .release_s = 0.1});
   frames.add(kGood);
   const auto decision = frames.add(kDark);
   EXPECT_EQ(decision.action, Action::reset);
@@ -140,7 +140,7 @@ TEST(FreezePolicy, KeepsTheWindowWithoutDipo) {
 }
 
 TEST(FreezePolicy, ReinitTimeStartsAtTheLastReturnOfFeatures) {
-  Frames frames({.enabled = true, .release_frames = 3});
+  Frames frames({.enabled = true, .release_s = 0.2});
   frames.add(kGood);
   frames.add(kDark);
   frames.add(kNew);   // corners in one frame only
@@ -155,7 +155,7 @@ TEST(FreezePolicy, ReinitTimeStartsAtTheLastReturnOfFeatures) {
 }
 
 TEST(FreezePolicy, ReinitTimeStartsAtAFailureWithFeatures) {
-  Frames frames({.enabled = true, .release_frames = 2});
+  Frames frames({.enabled = true, .release_s = 0.1});
   frames.add(kGood);
   frames.add(kNew);
   frames.add(kGood);
@@ -163,20 +163,33 @@ TEST(FreezePolicy, ReinitTimeStartsAtAFailureWithFeatures) {
   EXPECT_THAT(frames.policy.reinit_times(), testing::ElementsAre(testing::DoubleNear(0.2, 1e-9)));
 }
 
-TEST(Hysteresis, ZeroFramesSwitchImmediately) {
-  Hysteresis hysteresis({.good_frames = 0, .bad_frames = 0});
-  EXPECT_TRUE(hysteresis.update(true));
-  EXPECT_FALSE(hysteresis.update(false));
-  EXPECT_TRUE(hysteresis.update(true));
+// State after every frame: 'g' a good one, 'b' a bad one, ' ' none.
+std::string states(const HysteresisConfig& config, const std::string& frames,
+                   double interval_s = 0.1) {
+  Hysteresis hysteresis(config);
+  std::string seen;
+  Stamp now;
+  for (const char frame : frames) {
+    if (frame == ' ') continue;
+    now = now + Duration::from_seconds(interval_s);
+    seen += hysteresis.update(now, frame == 'g') ? 'G' : 'B';
+  }
+  return seen;
+}
+
+TEST(Hysteresis, ZeroSecondsSwitchImmediately) {
+  EXPECT_EQ(states({.good_s = 0.0, .bad_s = 0.0}, "gbg"), "GBG");
 }
 
 TEST(Hysteresis, SwitchesAfterConsecutiveFrames) {
-  Hysteresis hysteresis({.good_frames = 3, .bad_frames = 2});
-  std::string seen;
-  for (const char frame : std::string("gg b ggg b g bb ggbgg g")) {
-    if (frame != ' ') seen += hysteresis.update(frame == 'g') ? 'G' : 'B';
-  }
-  EXPECT_EQ(seen, "BBBBBGGGGBBBBBBG");
+  EXPECT_EQ(states({.good_s = 0.2, .bad_s = 0.1}, "gg b ggg b g bb ggbgg g"), "BBBBBGGGGBBBBBBG");
+}
+
+TEST(Hysteresis, SwitchesAfterTheSameTimeAtEveryFrameRate) {
+  const HysteresisConfig config{.good_s = 0.19, .bad_s = 0.1};
+  EXPECT_EQ(states(config, "gggg", 0.2), "BGGG");
+  EXPECT_EQ(states(config, "gggg", 0.1), "BBGG");
+  EXPECT_EQ(states(config, "ggggg", 0.05), "BBBBG");
 }
 
 }  // namespace

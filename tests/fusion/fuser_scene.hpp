@@ -14,7 +14,7 @@ inline Config as_printed() {
   config.mode = Mode::paper;
   config.discriminator.agreement.require_stable_dipo = false;
   config.discriminator.agreement.dipo_sigmas = 0.0;
-  config.hysteresis = {.good_frames = 0, .bad_frames = 0, .recovery_stable_ratio_factor = 1.0};
+  config.hysteresis = {.good_s = 0.0, .bad_s = 0.0, .recovery_stable_ratio_factor = 1.0};
   config.slew.time_constant_s = 0.0;
   config.discriminator.degeneracy = {.min_rotation_eigenvalue = 0.0,
                                      .min_position_eigenvalue = 0.0};

@@ -64,6 +64,8 @@ Attempt start_from(const Recording& recording, double from_s) {
   const imu::Noise noise{imu.gyro_noise_density, imu.accel_noise_density, imu.gyro_random_walk,
                          imu.accel_random_walk};
   const Stamp begin = recording.images.front().stamp + Duration::from_seconds(from_s - 1e-6);
+  const CameraCalibration& first_camera = recording.rig.cameras.front();
+  const InitCamera camera{first_camera.T_body_camera, first_camera.model.parameters().fx};
   Tracker tracker({}, recording.rig.cameras);
   Attempt attempt;
   std::optional<Stamp> first;
@@ -82,8 +84,7 @@ Attempt start_from(const Recording& recording, double from_s) {
       return seconds_between(f.tracked.stamp, image.stamp) > kSpan_s;
     });
     attempt.waited_s = seconds_between(*first, image.stamp);
-    attempt.result =
-        initialize(attempt.frames, recording.rig.cameras.front().T_body_camera, noise, 9.81, {});
+    attempt.result = initialize(attempt.frames, camera, noise, 9.81, {});
     if (attempt.result.status == InitStatus::success) break;
   }
   return attempt;

@@ -132,7 +132,7 @@ TEST(Initializer, RejectsTooFewTracks) {
 
 TEST(Initializer, RejectsTooFewFrames) {
   EXPECT_EQ(shaken({.frames = 5}).start({}).status, InitStatus::too_few_frames);
-  EXPECT_EQ(vio::initialize({}, SE3::identity(), {}, 9.81, {}).status, InitStatus::too_few_frames);
+  EXPECT_EQ(vio::initialize({}, {}, {}, 9.81, {}).status, InitStatus::too_few_frames);
 }
 
 TEST(Initializer, ReportsMissingInertialSamples) {
@@ -140,7 +140,7 @@ TEST(Initializer, ReportsMissingInertialSamples) {
   std::vector<vio::InitFrame> frames = recording.frames();
   frames[10].imu.clear();
   const vio::InitResult start =
-      vio::initialize(frames, test::start_T_body_camera(), {}, 9.81, calibrated());
+      vio::initialize(frames, test::start_camera(), {}, 9.81, calibrated());
   EXPECT_EQ(start.status, InitStatus::too_few_frames);
   EXPECT_NE(start.detail.find("inertial"), std::string::npos);
 }
@@ -148,7 +148,7 @@ TEST(Initializer, ReportsMissingInertialSamples) {
 TEST(Initializer, RejectsAWrongGravityMagnitude) {
   const StartRecording recording = shaken({.seed = 2});
   const vio::InitResult start =
-      vio::initialize(recording.frames(), test::start_T_body_camera(),
+      vio::initialize(recording.frames(), test::start_camera(),
                       imu::Noise{1.7e-4, 2e-3, 2e-5, 3e-4}, 8.0, calibrated());
   EXPECT_NE(start.status, InitStatus::success);
 }

@@ -33,6 +33,10 @@ inline SE3 start_T_body_camera() {
   return {Eigen::Quaterniond(R), Eigen::Vector3d(0.1, 0.02, -0.05)};
 }
 
+inline vio::InitCamera start_camera() {
+  return {start_T_body_camera(), kStartFocal_px};
+}
+
 /// Handheld motion: oscillation of `reach` [m] and `turn` [rad] with a period of 0.3 s, on top of a
 /// constant velocity.
 inline Se3Spline shaken_spline(std::uint64_t seed, double reach, double turn,
@@ -65,7 +69,7 @@ class StartRecording {
     return nav_state_at(spline_, frames_[frame].tracked.stamp);
   }
   vio::InitResult start(const vio::InitConfig& config) const {
-    return vio::initialize(frames_, start_T_body_camera(), scene_.noise, 9.81, config);
+    return vio::initialize(frames_, start_camera(), scene_.noise, 9.81, config);
   }
 
  private:

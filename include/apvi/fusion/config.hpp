@@ -5,7 +5,7 @@
 
 namespace apvi::fusion {
 
-/// Step 1 of the paper's Algorithm 1. "Stable" is vio::TrackerConfig::stable_frames.
+/// Step 1 of the paper's Algorithm 1. "Stable" is vio::TrackerConfig::stable_s.
 struct TrackingCheckConfig {
   int min_features = 50;
   double min_stable_ratio = 0.2;
@@ -134,20 +134,22 @@ struct StabilityConfig {
   }
 };
 
-/// Hysteresis of the VIO state: numbers of consecutive frames (0, as in the paper: one frame is
-/// enough), and a stricter threshold after a failure.
+/// Hysteresis of the VIO state: for how long consecutive frames must say the same (0, as in the
+/// paper: one frame is enough), and a stricter threshold after a failure.
 struct HysteresisConfig {
-  int good_frames = 3;
-  int bad_frames = 2;
+  double good_s = 0.09;
+  double bad_s = 0.04;
   double recovery_stable_ratio_factor = 1.5;
 
   template <typename V>
   void visit(V& v) {
     using config::Range;
-    v("good_frames", good_frames, Range{0, 10000},
-      "consecutive good frames before VIO is used again (the paper: 0)");
-    v("bad_frames", bad_frames, Range{0, 10000},
-      "consecutive bad frames before VIO has failed (the paper: 0); a bad frame is never fused");
+    v("good_s", good_s, Range{0.0, 60.0},
+      "time from the first to the last of consecutive good frames before VIO is used again (the "
+      "paper: 0) [s]");
+    v("bad_s", bad_s, Range{0.0, 60.0},
+      "time from the first to the last of consecutive bad frames before VIO has failed (the paper: "
+      "0); a bad frame is never fused [s]");
     v("recovery_stable_ratio_factor", recovery_stable_ratio_factor, Range{1.0, 100.0},
       "factor on min_stable_ratio after a failure, as drifting silt keeps the ratio near the "
       "threshold (the paper: 1)");
@@ -248,7 +250,7 @@ enum class FrozenFrames { remove, unfreeze };
 struct FreezeConfig {
   bool enabled = true;
   FrozenFrames frozen_frames = FrozenFrames::remove;
-  int release_frames = 3;
+  double release_s = 0.09;
   double max_frozen_s = 0.0;
 
   template <typename V>
@@ -262,8 +264,9 @@ struct FreezeConfig {
                                     {"unfreeze", FrozenFrames::unfreeze}},
       "with vio.graph: paper: what becomes of the frozen frames after a failure: remove them, and "
       "continue from the pose of DIPO; unfreeze them with the prior they had (the paper)");
-    v("release_frames", release_frames, Range{1, 10000},
-      "consecutive good frames that release a frozen window or complete a re-initialization");
+    v("release_s", release_s, Range{0.0, 60.0},
+      "time from the first to the last of consecutive good frames that release a frozen window or "
+      "complete a re-initialization; 0: one frame [s]");
     v("max_frozen_s", max_frozen_s, Range{0.0, 1e9},
       "re-initialize VIO after a longer freeze; 0: never [s]");
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+
 #include "apvi/config/fields.hpp"
 #include "apvi/core/constants.hpp"
 
@@ -9,8 +11,10 @@ namespace apvi::vio {
 /// Front end.
 struct TrackerConfig {
   int max_tracks = 150;
-  double min_distance_px = 25.0;
-  int stable_frames = 10;
+  std::optional<double> min_distance_px;
+  int max_image_side_px = 1280;
+  double stable_s = 0.4;
+  int stable_frames = 2;
   bool equalize = true;
   double max_forward_backward_px = 0.5;
   double max_epipolar_px = 1.0;
@@ -20,9 +24,17 @@ struct TrackerConfig {
     using config::Range;
     v("max_tracks", max_tracks, Range{10, 2000}, "maximum number of tracked corners");
     v("min_distance_px", min_distance_px, Range{1.0, 500.0},
-      "minimum distance between corners [px]");
+      "minimum distance between corners; null: about half the distance of max_tracks corners "
+      "spread "
+      "evenly over the image, which suits every image size [px]");
+    v("max_image_side_px", max_image_side_px, Range{160, 100000},
+      "images with a longer side are tracked at the largest whole fraction of their size that "
+      "fits; "
+      "lengths in pixels are in the image that is tracked [px]");
+    v("stable_s", stable_s, Range{0.0, 60.0}, "a track is stable from this age on [s]");
     v("stable_frames", stable_frames, Range{2, 1000},
-      "a track of at least this many consecutive frames is stable");
+      "a stable track has also been seen in this many consecutive frames (the paper: 10, and no "
+      "minimum age)");
     v("equalize", equalize, "equalize the contrast (CLAHE) before corner detection");
     v("max_forward_backward_px", max_forward_backward_px, Range{0.01, 100.0},
       "maximum forward-backward error of optical flow [px]");
@@ -34,11 +46,10 @@ struct TrackerConfig {
 /// Initialization without a DVL.
 struct InitConfig {
   int min_frames = 8;
-  int min_tracks = 30;            ///< common to first and last frame
-  double min_parallax_px = 10.0;  ///< median over tracks, rotation removed
+  int min_tracks = 30;             ///< common to first and last frame
+  double min_parallax_deg = 1.25;  ///< median over tracks, rotation removed
   double max_reprojection_px = 2.0;
   double max_scale_sigma = 0.05;
-  double reference_focal_px = 460.0;  ///< turns angles into pixels
   double pixel_sigma = 1.5;
   double min_window_s = 0.4;
   double max_window_s = 3.0;
@@ -52,15 +63,13 @@ struct InitConfig {
     v("min_frames", min_frames, Range{3, 100}, "minimum number of frames");
     v("min_tracks", min_tracks, Range{8, 1000},
       "minimum tracks common to the first and last frame");
-    v("min_parallax_px", min_parallax_px, Range{0.0, 1000.0},
-      "minimum of the largest median parallax to the first frame, rotation compensated [px]");
+    v("min_parallax_deg", min_parallax_deg, Range{0.0, 90.0},
+      "minimum of the largest median parallax to the first frame, rotation compensated [deg]");
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 100.0},
       "maximum RMS reprojection error [px]");
     v("max_scale_sigma", max_scale_sigma, Range{1e-4, 10.0},
       "maximum relative scale uncertainty, one sigma, for windows up to one second; twice that "
       "from two seconds on");
-    v("reference_focal_px", reference_focal_px, Range{1.0, 1e5},
-      "focal length used to express angles in pixels [px]");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0},
       "standard deviation of a corner, including track drift over the window [px]");
     v("min_window_s", min_window_s, Range{0.05, 60.0}, "minimum window length [s]");
@@ -86,7 +95,7 @@ enum class ContinuingTracks { marginalize, reanchor, reuse };
 struct WindowConfig {
   ContinuingTracks continuing_tracks = ContinuingTracks::marginalize;
   int keyframes = 10;
-  double keyframe_parallax_px = 20.0;
+  double keyframe_parallax_deg = 5.0;
   double keyframe_min_tracked_ratio = 0.6;
   double keyframe_max_interval_s = 0.5;
   int max_iterations = 4;
@@ -106,8 +115,9 @@ struct WindowConfig {
       "counting)");
     v("keyframes", keyframes, Range{3, 50},
       "number of keyframes in the window, besides the newest frame");
-    v("keyframe_parallax_px", keyframe_parallax_px, Range{0.1, 1000.0},
-      "new keyframe at this mean parallax since the last one [px]");
+    v("keyframe_parallax_deg", keyframe_parallax_deg, Range{0.01, 90.0},
+      "new keyframe at this mean motion of the corners since the last one, near the center of the "
+      "image [deg]");
     v("keyframe_min_tracked_ratio", keyframe_min_tracked_ratio, Range{0.0, 1.0},
       "new keyframe when fewer than this fraction of the last one's tracks are left");
     v("keyframe_max_interval_s", keyframe_max_interval_s, Range{0.05, 60.0},
@@ -244,7 +254,7 @@ struct HealthConfig {
   double max_speed = 10.0;
   double max_gyro = 8.7;
   double max_accel = 80.0;
-  int max_bad_frames = 10;
+  double max_bad_s = 0.4;
 
   template <typename V>
   void visit(V& v) {
@@ -259,8 +269,8 @@ struct HealthConfig {
       "samples with a larger angular rate are rejected as shock or saturation [rad/s]");
     v("max_accel", max_accel, Range{10.0, 1000.0},
       "samples with a larger specific force are rejected as shock or saturation [m/s²]");
-    v("max_bad_frames", max_bad_frames, Range{1, 1000},
-      "this many consecutive bad frames are divergence");
+    v("max_bad_s", max_bad_s, Range{0.0, 60.0},
+      "bad frames without a good one for this long are divergence [s]");
   }
 };
 

@@ -151,6 +151,11 @@ int cells_along(int length, double cell) {
 
 }  // namespace
 
+double corner_distance(cv::Size image, int max_corners) {
+  constexpr double kOfSquareGrid = 0.55;
+  return kOfSquareGrid * std::sqrt(static_cast<double>(image.area()) / max_corners);
+}
+
 CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px)
     : half_((image.width + 1) / 2, (image.height + 1) / 2),
       max_corners_(max_corners),

@@ -6,6 +6,10 @@
 
 namespace apvi::vio {
 
+/// Default minimum distance between corners [px]: a little more than half of what `max_corners`
+/// corners have on a square grid over the image, so that they fit where texture is uneven.
+double corner_distance(cv::Size image, int max_corners);
+
 /// Detects Shi-Tomasi corners where there are too few: the image is divided into cells, each filled
 /// up to a fixed number, so that corners cover the image.
 class CornerGrid {

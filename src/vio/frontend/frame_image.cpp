@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vio/frontend/frame_image.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <opencv2/video/tracking.hpp>
+
+#include "sensors/reduced_camera.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -25,6 +29,11 @@ bool to_eight_bit(const cv::Mat& image, cv::Mat& out) {
 
 }  // namespace
 
+int flow_levels(cv::Size image) {
+  const double side = std::max(image.width, image.height);
+  return std::max(3, static_cast<int>(std::lround(std::log2(side / 80.0))));
+}
+
 bool to_gray(const cv::Mat& image, cv::Mat& gray) {
   cv::Mat eight_bit;
   if (image.empty() || image.dims != 2 || !to_eight_bit(image, eight_bit)) return false;
@@ -46,8 +55,8 @@ bool to_gray(const cv::Mat& image, cv::Mat& gray) {
 FramePreparer::FramePreparer(bool equalize)
     : clahe_(equalize ? cv::createCLAHE(3.0, cv::Size(8, 8)) : nullptr) {}
 
-bool FramePreparer::load(const cv::Mat& image, cv::Size size, FrameImage& frame) {
-  if (image.size() != size || !to_gray(image, frame.gray)) return false;
+bool FramePreparer::load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by) {
+  if (image.size() != size || !to_gray(reduced(image, by), frame.gray)) return false;
   cv::Scalar mean;
   cv::Scalar deviation;
   cv::meanStdDev(frame.gray, mean, deviation);
@@ -65,8 +74,8 @@ void FramePreparer::build_pyramid(FrameImage& frame) const {
   // Derivatives are computed once for three searches: forward, backward, and forward again as the
   // previous frame.
   cv::buildOpticalFlowPyramid(frame.equalized, frame.pyramid, cv::Size(kFlowWindow, kFlowWindow),
-                              kFlowLevels, true, cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT,
-                              false);
+                              flow_levels(frame.equalized.size()), true, cv::BORDER_REFLECT_101,
+                              cv::BORDER_CONSTANT, false);
 }
 
 bool identical(const cv::Mat& a, const cv::Mat& b) {

@@ -9,8 +9,9 @@ namespace apvi::vio {
 
 /// Side of the square patch that optical flow compares [px].
 inline constexpr int kFlowWindow = 21;
-/// Coarsest pyramid level, each half as large as the one below.
-inline constexpr int kFlowLevels = 3;
+/// Coarsest pyramid level, each half as large as the one below: about 80 pixels wide, so that flow
+/// reaches as far in a large image as in a small one.
+int flow_levels(cv::Size image);
 
 /// An image prepared for optical flow. Its buffers are reused.
 struct FrameImage {
@@ -34,8 +35,9 @@ class FramePreparer {
  public:
   explicit FramePreparer(bool equalize);
 
-  /// Fills `frame.gray`, brightness and contrast; false if the size or format is wrong.
-  static bool load(const cv::Mat& image, cv::Size size, FrameImage& frame);
+  /// Fills `frame.gray`, brightness and contrast; false if the size or format is wrong. The image
+  /// is reduced `by` a whole number to means over as many pixels each way.
+  static bool load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by = 1);
   /// Computes the rest from `frame.gray`.
   void build_pyramid(FrameImage& frame) const;
 

@@ -55,8 +55,8 @@ Flow compute_flow(const FrameImage& before, const FrameImage& now, const Points&
     again_guess.push_back(second_guess[i]);
   }
   if (failed.empty()) return flow;
-  const Flow again = forward_backward_flow(before, now, again_from, again_guess, kFlowLevels,
-                                           max_forward_backward_px);
+  const Flow again = forward_backward_flow(before, now, again_from, again_guess,
+                                           flow_levels(now.gray.size()), max_forward_backward_px);
   for (std::size_t k = 0; k < failed.size(); ++k) {
     flow.to[failed[k]] = again.to[k];
     flow.found[failed[k]] = again.found[k];

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vio/frontend/rigidity_check.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -11,8 +12,10 @@ namespace {
 
 using Eigen::Quaterniond;
 
-// Frame gaps to compare with. The first must be 1: its rotation is propagated to the others.
-constexpr std::array<std::size_t, 3> kGaps = {1, 4, 10};
+// Ages of the frames to compare with, besides the last one.
+constexpr std::array<double, 2> kAges_s = {0.2, 0.5};
+// A frame that is younger by this fraction will do: stamps jitter.
+constexpr double kAgeTolerance = 0.1;
 
 // Calls f(index in `now`, pair) for every inlier track that was in the earlier frame.
 template <typename F>
@@ -51,23 +54,37 @@ std::optional<Quaterniond> RigidityCheck::compare(const Frame& earlier,
   return motion->R_now_before;
 }
 
-std::vector<char> RigidityCheck::check(const std::vector<TrackPoint>& now,
+// The last frame first: its rotation is propagated to the others.
+std::vector<const RigidityCheck::Frame*> RigidityCheck::to_compare(Stamp stamp) const {
+  std::vector<const Frame*> chosen;
+  if (!frames_.empty()) chosen.push_back(&frames_.back());
+  for (const double age_s : kAges_s) {
+    const auto found = std::find_if(frames_.rbegin(), frames_.rend(), [&](const Frame& frame) {
+      return seconds_between(frame.stamp, stamp) >= (1.0 - kAgeTolerance) * age_s;
+    });
+    if (found != frames_.rend() && &*found != chosen.back()) chosen.push_back(&*found);
+  }
+  return chosen;
+}
+
+std::vector<char> RigidityCheck::check(Stamp stamp, const std::vector<TrackPoint>& now,
                                        const std::optional<Quaterniond>& R_now_last) {
   std::vector<char> is_inlier(now.size(), 1);
   R_now_last_ = R_now_last;
-  for (const std::size_t gap : kGaps) {
-    if (gap > frames_.size()) break;
-    const auto R = compare(frames_[frames_.size() - gap], now, R_now_last_, is_inlier);
+  for (const Frame* earlier : to_compare(stamp)) {
+    const auto R = compare(*earlier, now, R_now_last_, is_inlier);
     // More accurate than the gyro, whose bias would accumulate over longer gaps.
-    if (gap == 1) R_now_last_ = R;
+    if (earlier == &frames_.back()) R_now_last_ = R;
   }
   return is_inlier;
 }
 
-void RigidityCheck::add(const std::vector<TrackPoint>& points) {
+void RigidityCheck::add(Stamp stamp, const std::vector<TrackPoint>& points) {
   for (Frame& frame : frames_) frame.R_last_frame = chained(R_now_last_, frame.R_last_frame);
-  frames_.push_back({points, Quaterniond::Identity()});
-  if (frames_.size() > kGaps.back()) frames_.pop_front();
+  frames_.push_back({stamp, points, Quaterniond::Identity()});
+  while (frames_.size() > 1 && seconds_between(frames_[1].stamp, stamp) >= kAges_s.back()) {
+    frames_.pop_front();
+  }
   R_now_last_.reset();
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apvi/core/error.hpp"
+#include "sensors/reduced_camera.hpp"
 #include "vio/factors/projection.hpp"
 #include "vio/frontend/corner_grid.hpp"
 #include "vio/frontend/frame_image.hpp"
@@ -33,6 +34,7 @@ struct StereoView {
 struct Track {
   std::int64_t id = 0;
   int length = 1;
+  Stamp since;
   cv::Point2f pixel;
   Vector2d point = Vector2d::Zero();
   cv::Point2f drift;  // flow not explained by the rotation [px/s]
@@ -41,6 +43,27 @@ struct Track {
 
 cv::Size size_of(const CameraModel& camera) {
   return {camera.parameters().width, camera.parameters().height};
+}
+
+// A camera, and its images as they are tracked.
+struct TrackedCamera {
+  TrackedCamera(const CameraCalibration& recorded, int max_image_side_px)
+      : size(size_of(recorded.model)),
+        by(reduction_of(recorded.model, max_image_side_px)),
+        calibration(recorded) {
+    calibration.model = reduced(recorded.model, by);
+  }
+  Vector2d recorded_pixel(const cv::Point2f& pixel) const {
+    return by * (Vector2d(pixel.x, pixel.y).array() + 0.5) - 0.5;
+  }
+
+  cv::Size size;  // of recorded images
+  int by;         // which they are divided
+  CameraCalibration calibration;
+};
+
+double corner_distance_of(const TrackerConfig& config, cv::Size image) {
+  return config.min_distance_px.value_or(corner_distance(image, config.max_tracks));
 }
 
 std::vector<cv::Point2f> pixels_of(const std::vector<Track>& tracks) {
@@ -57,15 +80,13 @@ std::vector<TrackPoint> points_of(const std::vector<Track>& tracks) {
   return points;
 }
 
-FeatureObservation observe(const Track& track) {
-  const Vector2d pixel(track.pixel.x, track.pixel.y);
-  return {track.id, 0, pixel, track.point, track.length};
+FeatureObservation observe(const Track& track, const TrackedCamera& camera) {
+  return {track.id, 0, camera.recorded_pixel(track.pixel), track.point, track.length};
 }
 
-FeatureObservation observe_right(const Track& track) {
+FeatureObservation observe_right(const Track& track, const TrackedCamera& camera) {
   const StereoMatch& match = track.right->match;
-  const Vector2d pixel(match.pixel.x, match.pixel.y);
-  return {track.id, 1, pixel, match.point, track.right->length};
+  return {track.id, 1, camera.recorded_pixel(match.pixel), match.point, track.right->length};
 }
 
 }  // namespace
@@ -73,13 +94,16 @@ FeatureObservation observe_right(const Track& track) {
 struct Tracker::Impl {
   Impl(const TrackerConfig& tracker_config, const std::vector<CameraCalibration>& cameras)
       : config(tracker_config),
-        camera(cameras.front()),
+        left(cameras.front(), config.max_image_side_px),
+        camera(left.calibration),
         preparer(config.equalize),
-        grid(size_of(camera.model), config.max_tracks, config.min_distance_px),
+        grid(size_of(camera.model), config.max_tracks,
+             corner_distance_of(config, size_of(camera.model))),
         rigidity(config.max_epipolar_px / focal_length(camera.model)) {
     if (cameras.size() < 2) return;
-    right_size = size_of(cameras[1].model);
-    stereo.emplace(camera, cameras[1], config.max_forward_backward_px, config.max_epipolar_px);
+    second.emplace(cameras[1], config.max_image_side_px);
+    stereo.emplace(camera, second->calibration, config.max_forward_backward_px,
+                   config.max_epipolar_px);
   }
 
   TrackedFrame process(const std::vector<cv::Mat>& images, Stamp stamp,
@@ -94,18 +118,21 @@ struct Tracker::Impl {
   std::optional<Quaterniond> rotation_since_last() const;
   std::vector<cv::Point2f> rotated_pixels() const;
   std::vector<Track> track_by_flow(double dt, FrameStatistics& statistics) const;
-  std::vector<Track> reject_non_rigid(const std::vector<Track>& now, FrameStatistics& statistics);
-  void detect(FrameStatistics& statistics);
+  std::vector<Track> reject_non_rigid(Stamp stamp, const std::vector<Track>& now,
+                                      FrameStatistics& statistics);
+  void detect(Stamp stamp, FrameStatistics& statistics);
   void match_stereo(const std::vector<cv::Mat>& images, Stamp stamp);
+  bool is_stable(const Track& track, Stamp now) const;
   void report(TrackedFrame& frame) const;
 
   TrackerConfig config;
-  CameraCalibration camera;
+  TrackedCamera left;
+  CameraCalibration camera;  // of tracked images
   FramePreparer preparer;
   CornerGrid grid;
   RigidityCheck rigidity;
   std::optional<StereoSearch> stereo;
-  cv::Size right_size;
+  std::optional<TrackedCamera> second;
 
   std::vector<Track> tracks;  // of the last good frame, by id
   std::int64_t next_id = 0;
@@ -123,7 +150,7 @@ FrameQuality Tracker::Impl::load_image(const std::vector<cv::Mat>& images, Stamp
   if (newest && stamp < *newest) return FrameQuality::out_of_order;
   if (newest && stamp == *newest) return FrameQuality::repeated;
   newest = stamp;
-  if (images.empty() || !FramePreparer::load(images[0], size_of(camera.model), current)) {
+  if (images.empty() || !FramePreparer::load(images[0], left.size, current, left.by)) {
     return FrameQuality::wrong_size;
   }
   if (current.contrast < kMinContrast) return FrameQuality::featureless;
@@ -187,9 +214,9 @@ std::vector<Track> Tracker::Impl::track_by_flow(double dt, FrameStatistics& stat
   return now;
 }
 
-std::vector<Track> Tracker::Impl::reject_non_rigid(const std::vector<Track>& now,
+std::vector<Track> Tracker::Impl::reject_non_rigid(Stamp stamp, const std::vector<Track>& now,
                                                    FrameStatistics& statistics) {
-  const std::vector<char> is_inlier = rigidity.check(points_of(now), rotation_since_last());
+  const std::vector<char> is_inlier = rigidity.check(stamp, points_of(now), rotation_since_last());
   std::vector<Track> kept;
   for (std::size_t i = 0; i < now.size(); ++i) {
     if (is_inlier[i] != 0) kept.push_back(now[i]);
@@ -198,12 +225,13 @@ std::vector<Track> Tracker::Impl::reject_non_rigid(const std::vector<Track>& now
   return kept;
 }
 
-void Tracker::Impl::detect(FrameStatistics& statistics) {
+void Tracker::Impl::detect(Stamp stamp, FrameStatistics& statistics) {
   for (const cv::Point2f& pixel : grid.find(current.half_gradient(), pixels_of(tracks))) {
     const auto point = plane_point(camera.model, pixel);
     if (!point) continue;
     Track track;
     track.id = next_id++;
+    track.since = stamp;
     track.pixel = pixel;
     track.point = *point;
     tracks.push_back(track);
@@ -213,7 +241,7 @@ void Tracker::Impl::detect(FrameStatistics& statistics) {
 
 void Tracker::Impl::match_stereo(const std::vector<cv::Mat>& images, Stamp stamp) {
   if (!stereo || images.size() < 2) return;
-  if (!FramePreparer::load(images[1], right_size, right)) return;
+  if (!FramePreparer::load(images[1], second->size, right, second->by)) return;
   preparer.build_pyramid(right);
   std::vector<StereoQuery> queries;
   for (const Track& track : tracks) {
@@ -228,16 +256,21 @@ void Tracker::Impl::match_stereo(const std::vector<cv::Mat>& images, Stamp stamp
   }
 }
 
+bool Tracker::Impl::is_stable(const Track& track, Stamp now) const {
+  return track.length >= config.stable_frames &&
+         seconds_between(track.since, now) >= config.stable_s;
+}
+
 void Tracker::Impl::report(TrackedFrame& frame) const {
-  for (const Track& track : tracks) frame.observations.push_back(observe(track));
+  for (const Track& track : tracks) frame.observations.push_back(observe(track, left));
   for (const Track& track : tracks) {
     if (track.right && track.right->stamp == frame.stamp) {
-      frame.observations.push_back(observe_right(track));
+      frame.observations.push_back(observe_right(track, *second));
     }
   }
   frame.statistics.stable =
       static_cast<int>(std::count_if(tracks.begin(), tracks.end(), [&](const Track& track) {
-        return track.length >= config.stable_frames;
+        return is_stable(track, frame.stamp);
       }));
   frame.statistics.spread = spread(pixels_of(tracks), size_of(camera.model));
 }
@@ -274,7 +307,7 @@ TrackedFrame Tracker::Impl::process(const std::vector<cv::Mat>& images, Stamp st
   preparer.build_pyramid(current);
   if (last_stamp && !tracks.empty()) {
     const double dt = seconds_between(*last_stamp, stamp);
-    std::vector<Track> now = reject_non_rigid(track_by_flow(dt, statistics), statistics);
+    std::vector<Track> now = reject_non_rigid(stamp, track_by_flow(dt, statistics), statistics);
     if (is_glitch(now.size(), stamp)) {
       statistics.quality = FrameQuality::featureless;
       return handle_bad_frame(std::move(frame));
@@ -282,7 +315,7 @@ TrackedFrame Tracker::Impl::process(const std::vector<cv::Mat>& images, Stamp st
     statistics.tracked = static_cast<int>(now.size());
     tracks = std::move(now);
   }
-  detect(statistics);
+  detect(stamp, statistics);
   match_stereo(images, stamp);
   report(frame);
   keep(stamp);
@@ -291,7 +324,7 @@ TrackedFrame Tracker::Impl::process(const std::vector<cv::Mat>& images, Stamp st
 
 // The current frame becomes the last good one.
 void Tracker::Impl::keep(Stamp stamp) {
-  rigidity.add(points_of(tracks));
+  rigidity.add(stamp, points_of(tracks));
   std::swap(last, current);
   last_stamp = stamp;
   bad_frames = 0;

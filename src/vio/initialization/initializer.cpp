@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "vio/initialization/closed_form_start.hpp"
 #include "vio/initialization/gyro_bias_from_rays.hpp"
@@ -38,10 +39,10 @@ bool has_gap(const std::vector<InitFrame>& frames) {
                      [](const InitFrame& frame) { return frame.imu.size() < 2; });
 }
 
-// Median parallax [px] of the tracks common to the first and the given keyframe, with the rotation
+// Median parallax [rad] of the tracks common to the first and the given keyframe, with the rotation
 // removed; zero without any.
-double parallax_px(const StartProblem& problem, const std::vector<imu::Preintegration>& motion,
-                   int keyframe, double focal_px) {
+double parallax(const StartProblem& problem, const std::vector<imu::Preintegration>& motion,
+                int keyframe) {
   const auto rotation = [&](int k) {
     return motion[static_cast<std::size_t>(k)].delta().rotation * problem.T_body_camera.rotation;
   };
@@ -58,11 +59,10 @@ double parallax_px(const StartProblem& problem, const std::vector<imu::Preintegr
   if (angles.empty()) return 0.0;
   const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
   std::nth_element(angles.begin(), middle, angles.end());
-  return *middle * focal_px;
+  return *middle;
 }
 
-double largest_parallax_px(const StartProblem& problem, const Vector3d& gyro_bias,
-                           double focal_px) {
+double largest_parallax(const StartProblem& problem, const Vector3d& gyro_bias) {
   std::vector<imu::Preintegration> motion;
   imu::Preintegration now(problem.noise, gyro_bias, Vector3d::Zero());
   double largest = 0.0;
@@ -70,7 +70,7 @@ double largest_parallax_px(const StartProblem& problem, const Vector3d& gyro_bia
     const auto& samples = problem.imu[static_cast<std::size_t>(k)];
     for (std::size_t i = 1; i < samples.size(); ++i) now.integrate(samples[i - 1], samples[i]);
     motion.push_back(now);
-    largest = std::max(largest, parallax_px(problem, motion, k, focal_px));
+    largest = std::max(largest, parallax(problem, motion, k));
   }
   return largest;
 }
@@ -185,12 +185,12 @@ std::optional<InitResult> check_solution(const SolvedStart& solved, double span_
   return std::nullopt;
 }
 
-InitResult solve(const std::vector<InitFrame>& frames, const StartProblem& problem,
+InitResult solve(const std::vector<InitFrame>& frames, const StartProblem& problem, double focal_px,
                  const InitConfig& config) {
   const StartSigmas sigmas{.gyro_bias = config.gyro_bias_sigma,
                            .accel_bias = config.accel_bias_sigma,
                            .pixel = config.pixel_sigma,
-                           .focal_px = config.reference_focal_px};
+                           .focal_px = focal_px};
   const GyroBias gyro = find_gyro_bias(problem, sigmas);
   const auto accepted = std::count_if(gyro.track_weights.begin(), gyro.track_weights.end(),
                                       [](double track_weights) { return track_weights > 0.5; });
@@ -198,9 +198,9 @@ InitResult solve(const std::vector<InitFrame>& frames, const StartProblem& probl
       kMinAcceptedTracks * static_cast<double>(problem.tracks.size())) {
     return refuse(InitStatus::gyro_bias_not_found, fmt::format("{} inlier tracks", accepted));
   }
-  const double parallax = largest_parallax_px(problem, gyro.bias, config.reference_focal_px);
-  if (parallax < config.min_parallax_px) {
-    return refuse(InitStatus::too_little_parallax, fmt::format("{:.1f} px", parallax));
+  const double parallax_deg = largest_parallax(problem, gyro.bias) / kRadiansPerDegree;
+  if (parallax_deg < config.min_parallax_deg) {
+    return refuse(InitStatus::too_little_parallax, fmt::format("{:.2f} deg", parallax_deg));
   }
   const auto guess = closed_form_start(problem, gyro.bias, gyro.track_weights, sigmas);
   if (!guess) return refuse(InitStatus::ill_conditioned, "closed-form solution");
@@ -245,7 +245,7 @@ std::string_view to_string(InitStatus status) {
   return "unknown";
 }
 
-InitResult initialize(const std::vector<InitFrame>& frames, const SE3& T_body_camera,
+InitResult initialize(const std::vector<InitFrame>& frames, const InitCamera& camera,
                       const imu::Noise& noise, double gravity_magnitude, const InitConfig& config) {
   const auto min_frames = static_cast<std::size_t>(config.min_frames);
   if (frames.size() < min_frames) {
@@ -262,10 +262,10 @@ InitResult initialize(const std::vector<InitFrame>& frames, const SE3& T_body_ca
     return refuse(InitStatus::too_few_tracks, fmt::format("{} common tracks", span.common));
   }
   StartProblem problem = make_start_problem(frames, span.first, config.keyframes);
-  problem.T_body_camera = T_body_camera;
+  problem.T_body_camera = camera.T_body_camera;
   problem.noise = noise;
   problem.gravity = gravity_magnitude;
-  return solve(frames, problem, config);
+  return solve(frames, problem, camera.focal_px, config);
 }
 
 }  // namespace apvi::vio

@@ -23,6 +23,12 @@ struct InitFrame {
       imu;  ///< from the previous frame to this one, including both ends; empty for the first
 };
 
+/// The first camera.
+struct InitCamera {
+  SE3 T_body_camera;
+  double focal_px = 0.0;
+};
+
 /// Result of an initialization attempt.
 enum class InitStatus {
   success,
@@ -42,9 +48,9 @@ struct InitResult {
   InitStatus status = InitStatus::too_few_frames;
   std::size_t first = 0;  ///< first frame used; states of older frames are propagated inertially
   std::vector<imu::NavState> states;
-  double reprojection_rms_px = 0.0;  ///< at focal length `InitConfig::reference_focal_px`
-  double scale_sigma = 0.0;          ///< relative, from the final information matrix
-  std::string detail;                ///< the value that decided, for the status line
+  double reprojection_rms_px = 0.0;
+  double scale_sigma = 0.0;  ///< relative, from the final information matrix
+  std::string detail;        ///< the value that decided, for the status line
 };
 
 /// Visual-inertial initialization without other sensors, for a vehicle in motion: gyro bias from
@@ -52,7 +58,7 @@ struct InitResult {
 /// noise-free IMU; full refinement with IMU noise; acceptance tests. Pass the frames of the last
 /// few seconds at each new frame until it succeeds; the longest span with enough common tracks is
 /// used.
-InitResult initialize(const std::vector<InitFrame>& frames, const SE3& T_body_camera,
+InitResult initialize(const std::vector<InitFrame>& frames, const InitCamera& camera,
                       const imu::Noise& noise, double gravity_magnitude, const InitConfig& config);
 
 }  // namespace apvi::vio

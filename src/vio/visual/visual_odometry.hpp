@@ -73,7 +73,7 @@ class VisualOdometry {
   double scene_depth_;      // median depth in the last window
   bool is_metric_ = false;  // after `change_scale`
   bool newest_is_keyframe_ = false;
-  int bad_frames_ = 0;
+  std::optional<Stamp> bad_since_;
 };
 
 }  // namespace apvi::vio

@@ -32,7 +32,7 @@ struct FrameStatistics {
   FrameQuality quality = FrameQuality::good;
   int tracked = 0;          ///< continued from the previous frame
   int detected = 0;         ///< new tracks
-  int stable = 0;           ///< tracked over `TrackerConfig::stable_frames` frames or more
+  int stable = 0;           ///< tracked for `TrackerConfig::stable_s` or longer
   int lost_flow = 0;        ///< rejected by optical flow or its forward-backward check
   int lost_epipolar = 0;    ///< rejected by the epipolar check
   double spread = 0.0;      ///< fraction of grid cells with a track, in [0, 1]

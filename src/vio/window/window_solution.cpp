@@ -23,7 +23,7 @@ void solve_window(const Graph& graph, Window& window, const Config& config, cons
   result.window_information = informations.over_window;
   result.window_s = seconds_between(window.frames.front()->stamp, newest.stamp);
   result.information_s = watch.seconds();
-  result.keyframe = window.frames.size() == 1 || is_keyframe(window, config, rig);
+  result.keyframe = window.frames.size() == 1 || is_keyframe(window, config);
 }
 
 }  // namespace apvi::vio

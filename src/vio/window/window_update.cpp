@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
 
 namespace apvi::vio {
@@ -199,7 +200,7 @@ double newest_rms_px(const Window& window, const Rig& rig) {
   return count == 0 ? 0.0 : std::sqrt(sum / count);
 }
 
-bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
+bool is_keyframe(const Window& window, const Config& config) {
   const Frame& newest = window.newest();
   const Frame& last = *window.frames[window.frames.size() - 2];
   const WindowConfig& c = config.window;
@@ -220,7 +221,7 @@ bool is_keyframe(const Window& window, const Config& config, const Rig& rig) {
   }
   if (common == 0) return newest.tracks > 0;
   if (common < c.keyframe_min_tracked_ratio * last.tracks) return true;
-  return parallax / common * focal(rig, 0) >= c.keyframe_parallax_px;
+  return parallax / common >= c.keyframe_parallax_deg * kRadiansPerDegree;
 }
 
 PoseInformation newest_pose_information(const Graph& graph, Window& window, const Config& config) {

@@ -45,7 +45,7 @@ double newest_rms_px(const Window& window, const Rig& rig);
 
 /// True if the newest frame is a keyframe: enough parallax, too few surviving tracks, or enough
 /// time since the last keyframe.
-bool is_keyframe(const Window& window, const Config& config, const Rig& rig);
+bool is_keyframe(const Window& window, const Config& config);
 
 /// What all terms but the hold of the calibration tell about the estimated calibration, at its
 /// present values.
