@@ -39,9 +39,8 @@ TEST(SurfacePoints, AreNoneWhereTheMapIsEmpty) {
 }
 
 TEST(BlockShares, AreFractionsOfThePoints) {
-  const Tensor points =
-      torch::tensor({{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {2.0, 0.0, 0.0}, {9.0, 0.0, 0.0}},
-                    torch::kFloat64);
+  const Tensor points = torch::tensor(
+      {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {2.0, 0.0, 0.0}, {9.0, 0.0, 0.0}}, torch::kFloat64);
   const BlockPartition halves({{.axis = 0, .value = 5.0, .below = -1, .above = -2}});
   const Tensor shares = block_shares(halves, points);
   EXPECT_TRUE(torch::equal(shares, torch::tensor({0.75, 0.25}, torch::kFloat64)));
@@ -51,10 +50,8 @@ TEST(BlockShares, AreFractionsOfThePoints) {
 
 TEST(NearAnyView, KeepsWhatTheImagesShowAndALittleMore) {
   // The image spans 3.6 m at a distance of 3 m, and 15 % of that on each side.
-  const Tensor means = torch::tensor({{0.0F, 0.0F, 3.0F},
-                                      {1.9F, 0.0F, 3.0F},
-                                      {3.0F, 0.0F, 3.0F},
-                                      {0.0F, 0.0F, -3.0F}});
+  const Tensor means = torch::tensor(
+      {{0.0F, 0.0F, 3.0F}, {1.9F, 0.0F, 3.0F}, {3.0F, 0.0F, 3.0F}, {0.0F, 0.0F, -3.0F}});
   const Tensor near = near_any_view(means, {view_at(0.0, 0.0)});
   EXPECT_TRUE(torch::equal(near, torch::tensor({true, true, false, false})));
   const Tensor both = near_any_view(means, {view_at(0.0, 0.0), view_at(2.0, 0.0)});
