@@ -50,6 +50,13 @@ std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) con
   return slam::to_tensor(undistort_(image));
 }
 
+std::optional<torch::Tensor> SimulatedTruth::moving(const std::string& stamp) const {
+  const cv::Mat image = read_image(folder_ / "moving" / (stamp + ".png"), cv::IMREAD_GRAYSCALE);
+  if (image.empty()) return std::nullopt;
+  const cv::Mat mask = undistort_.nearest(image);
+  return torch::from_blob(mask.data, {mask.rows, mask.cols}, torch::kUInt8).clone();
+}
+
 bool SimulatedTruth::has_own_exposure() const {
   return fs::exists(folder_ / "camera.json");  // spectral physics
 }
