@@ -142,12 +142,11 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   const Target target = target_of(keyframes, i, rendered, settings);
   const Tensor drawn = tone_curve_.encode(image);
   const Tensor wanted = tone_curve_.encode(target.saturation_adjusted(rendered.image));
-  const Tensor pixel_weights = robust_weights_
-                                   ? robust_weights_->weigh(i, {.rendered = drawn.detach(),
-                                                                .alpha = rendered.alpha,
-                                                                .image = wanted,
-                                                                .reduction = settings.reduction})
-                                   : Tensor();
+  const Tensor pixel_weights =
+      robust_weights_
+          ? robust_weights_->weigh(
+                i, {.rendered = drawn.detach(), .alpha = rendered.alpha, .image = wanted})
+          : Tensor();
   Tensor loss = gaussians::photometric_loss(drawn, wanted, options_.ssim_weight, pixel_weights);
   if (options_.depth_curvature_weight > 0.0 &&
       shared_->store.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
@@ -157,9 +156,9 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   if (add_opacity_loss) {
     const OpacityWeights& weights =
         water->has_lamp() ? kLampOpacityWeights : kDaylightOpacityWeights;
-    const Tensor opacity_gradient =
-        opacity_loss_gradient(target.saturation_adjusted(rendered.open_water), rendered.open_water,
-                              rendered.alpha, weights);
+    Tensor opacity_gradient = opacity_loss_gradient(target.saturation_adjusted(rendered.open_water),
+                                                    rendered.open_water, rendered.alpha, weights);
+    if (pixel_weights.defined()) opacity_gradient = opacity_gradient * pixel_weights;
     torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_gradient});
   } else {
     loss.backward();

@@ -14,18 +14,18 @@ namespace {
 using torch::Tensor;
 namespace F = torch::nn::functional;
 
-constexpr std::int64_t kBlock = 2;      // [px] of the full image
+constexpr std::int64_t kBlocks = 320;   // at least, along the longer side of a large image
 constexpr std::int64_t kMinUses = 1;    // of a view, before its weights count
 constexpr std::int64_t kInterval = 3;   // uses of a view between two searches for outliers
 constexpr double kColorWeight = 4.0;    // of the color, against the difference
 constexpr double kDark = 0.03;          // below, an image has no color
 constexpr double kHigh = 4.0;           // times the running median: an outlier
 constexpr double kLow = 2.5;            // the same for blocks connected to one
-constexpr int kGrowth = 2;              // that are at most so many blocks away
+constexpr int kGrowth = 4;              // that are at most so many blocks away
 constexpr double kMinResidual = 0.02;   // noise and rounding are never outliers
 constexpr double kMedianMemory = 0.95;  // of the running median, per step
 constexpr double kMinNeighbors = 0.5;   // of an outlier that are outliers too
-constexpr double kMinAlpha = 0.9;       // of a block that the map covers
+constexpr double kMinAlpha = 0.3;       // of a block that the map covers
 constexpr double kMaxOutliers = 0.35;   // of a view; above, it does not fit yet
 constexpr double kOutlierWeight = 0.02;
 
@@ -45,24 +45,31 @@ Tensor neighborhood_means_of(const Tensor& mask) {
   return neighborhood_means(mask.to(torch::kFloat32).unsqueeze(0)).squeeze(0);
 }
 
+// Side of a block [px].
+std::int64_t block_size(const Tensor& image) {
+  return std::max<std::int64_t>(1, std::max(image.size(0), image.size(1)) / kBlocks);
+}
+
 struct Blocks {
   Tensor residual;
   Tensor alpha;
 };
 
-Blocks blocks_of(const RobustWeights::Comparison& seen, std::int64_t size) {
+Blocks blocks_of(const RobustWeights::Comparison& seen) {
   const Tensor rendered = seen.rendered.permute({2, 0, 1});
   const Tensor image = seen.image.permute({2, 0, 1});
   const Tensor difference = (rendered - image).abs().mean(0, true);
-  const Tensor means = neighborhood_means(
-      block_means(torch::cat({rendered, image, difference, seen.alpha.unsqueeze(0)}), size));
+  const Tensor blocks = block_means(
+      torch::cat({rendered, image, difference, seen.alpha.unsqueeze(0)}), block_size(seen.image));
+  const Tensor means = neighborhood_means(blocks.narrow(0, 0, 7));
   const Tensor a = means.narrow(0, 0, 3) + kDark;
   const Tensor b = means.narrow(0, 3, 3) + kDark;
   const Tensor color = (a / a.sum(0, true) - b / b.sum(0, true)).abs().sum(0) * a.mean(0);
-  return {.residual = means.select(0, 6) + kColorWeight * color, .alpha = means.select(0, 7)};
+  return {.residual = means.select(0, 6) + kColorWeight * color, .alpha = blocks.select(0, 7)};
 }
 
-Tensor find_outliers(const Blocks& blocks, const Tensor& median) {
+Tensor find_outliers(const Blocks& blocks, const Tensor& scale) {
+  const Tensor median = torch::maximum(scale, blocks.residual.median());
   const Tensor high = blocks.residual > (kHigh * median).clamp_min(kMinResidual);
   const Tensor low = blocks.residual > (kLow * median).clamp_min(kMinResidual);
   Tensor outliers = high & (neighborhood_means_of(high) >= kMinNeighbors);
@@ -71,9 +78,11 @@ Tensor find_outliers(const Blocks& blocks, const Tensor& median) {
   return outliers & (outliers.to(torch::kFloat32).mean() < kMaxOutliers);
 }
 
-// From blocks to pixels [h,w]; a reduced image may lack incomplete blocks, which get zero.
+// From blocks to pixels [h,w], also of a larger image. Reducing crops incomplete blocks, which get
+// zero.
 Tensor at_pixels(const Tensor& blocks, std::int64_t height, std::int64_t width) {
-  const std::int64_t size = (height + blocks.size(0) - 1) / blocks.size(0);
+  const std::int64_t size =
+      std::max<std::int64_t>(1, (2 * height + blocks.size(0)) / (2 * blocks.size(0)));  // rounded
   const std::int64_t rows = blocks.size(0);
   const std::int64_t columns = blocks.size(1);
   const Tensor all = blocks.view({rows, 1, columns, 1})
@@ -106,10 +115,16 @@ Tensor RobustWeights::weigh(std::size_t view, const Comparison& seen) {
 }
 
 void RobustWeights::search(std::size_t view, std::int64_t use, const Comparison& seen) {
-  const Blocks blocks = blocks_of(seen, std::max<std::int64_t>(1, kBlock / seen.reduction));
+  const Blocks blocks = blocks_of(seen);
   const Tensor median = blocks.residual.median();
   scale_ = scale_.defined() ? kMedianMemory * scale_ + (1.0 - kMedianMemory) * median : median;
-  if (use >= kMinUses) outliers_[view] = find_outliers(blocks, torch::maximum(scale_, median));
+  if (use >= kMinUses) outliers_[view] = find_outliers(blocks, scale_);
+}
+
+Tensor RobustWeights::outliers(const Comparison& seen) const {
+  const torch::NoGradGuard no_grad;
+  if (!scale_.defined()) return torch::zeros_like(seen.alpha, torch::kBool);
+  return at_pixels(find_outliers(blocks_of(seen), scale_), seen.image.size(0), seen.image.size(1));
 }
 
 Tensor RobustWeights::lowered(std::size_t view, std::int64_t height, std::int64_t width) const {

@@ -17,7 +17,8 @@ namespace apvi::mapping {
 /// Robust weights of pixels in the photometric loss: low where an image shows something that is not
 /// in the map because it moves, such as a fish.
 ///
-/// The residual of a block of pixels, averaged over its neighbors, is the mean absolute difference
+/// Images have blocks of pixels, about as many in large ones as in small ones. The residual of a
+/// block, averaged over its neighbors, is the mean absolute difference
 /// between image and rendering plus a multiple of the difference of their colors regardless of
 /// brightness, which caustics and shadows hardly change. A block is an outlier if its residual and
 /// that of half of its neighbors exceed a multiple of the running median over all views, or of the
@@ -39,7 +40,6 @@ class RobustWeights {
     torch::Tensor rendered;  ///< [h,w,3]
     torch::Tensor alpha;     ///< [h,w]
     torch::Tensor image;     ///< [h,w,3]
-    int reduction = 1;       ///< of the image
   };
 
   explicit RobustWeights(std::size_t views) : uses_(views, 0), outliers_(views) {}
@@ -47,6 +47,9 @@ class RobustWeights {
   void add_view();
   /// Weights [h,w] of the pixels of a view. Undefined: all one. Counts as a use.
   torch::Tensor weigh(std::size_t view, const Comparison& seen);
+  /// The outliers, bool [h,w], of a view whose uses do not matter. None before the first use of
+  /// any.
+  torch::Tensor outliers(const Comparison& seen) const;
   /// The pixels, bool [height,width], whose weight was low at the latest use of a view with a full
   /// image of that size.
   torch::Tensor lowered(std::size_t view, std::int64_t height, std::int64_t width) const;
