@@ -16,6 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kPartlyMoving = 128;  // like a shadow
+
 // Empty when the file does not exist; avoids OpenCV's warning.
 cv::Mat read_image(const fs::path& file, int how) {
   return fs::exists(file) ? cv::imread(file.string(), how) : cv::Mat();
@@ -53,7 +55,8 @@ std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) con
 std::optional<torch::Tensor> SimulatedTruth::moving(const std::string& stamp) const {
   const cv::Mat image = read_image(folder_ / "moving" / (stamp + ".png"), cv::IMREAD_GRAYSCALE);
   if (image.empty()) return std::nullopt;
-  const cv::Mat mask = undistort_.nearest(image);
+  cv::Mat mask = undistort_.nearest(image);
+  mask.setTo(kPartlyMoving, (undistort_(image) > 0) & (mask == 0));
   return torch::from_blob(mask.data, {mask.rows, mask.cols}, torch::kUInt8).clone();
 }
 

@@ -17,10 +17,10 @@ namespace apvi::mapping {
 /// Robust weights of pixels in the photometric loss: low where an image shows something that is not
 /// in the map because it moves, such as a fish.
 ///
-/// Images have blocks of pixels, about as many in large ones as in small ones. The residual of a
-/// block, averaged over its neighbors, is the mean absolute difference
-/// between image and rendering plus a multiple of the difference of their colors regardless of
-/// brightness, which caustics and shadows hardly change. A block is an outlier if its residual and
+/// A block is a pixel of a small image, or several of one at least 640 pixels wide or high. Its
+/// residual, averaged over its neighbors, is the mean absolute difference between image and
+/// rendering plus a multiple of the difference of their colors regardless of brightness, which
+/// caustics and shadows hardly change. A block is an outlier if its residual and
 /// that of half of its neighbors exceed a multiple of the running median over all views, or of the
 /// median of its own view if that is larger. So are blocks connected to it that exceed a lower
 /// multiple. The trimmed residuals and their smoothing are those of RobustNeRF (Sabour et al., CVPR
