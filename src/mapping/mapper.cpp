@@ -185,8 +185,8 @@ void Mapper::insert_from_depth(std::size_t view) {
     if (estimate.status != depth::DepthStatus::estimated) return;
     const auto entry = times_.scope("depth_insertion");
     depth_seeder_.clear_free_space(estimate, keyframes_.view(view, 1), optimizer_);
-    const Seeds seeds = depth_seeder_.seeds(estimate, view, keyframes_, optimizer_.full_map(),
-                                            point_seeder_.positions());
+    const Seeds seeds =
+        depth_seeder_.seeds(estimate, view, keyframes_, optimizer_, point_seeder_.positions());
     if (seeds.size() > 0) inserter_.insert(seeds, view, keyframes_, optimizer_);
   });
 }

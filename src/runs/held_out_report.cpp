@@ -125,7 +125,12 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
     rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
     rendering = as_image_values(rendering, map, keyframes, i, exposure, of_truth);
     write_renders(rendering, keyframes[i], map.medium.has_value(), folder);
-    if (truth != nullptr) errors.push_back(compare(rendering, keyframes[i], *truth, water));
+    if (truth == nullptr) continue;
+    errors.push_back(compare(rendering, keyframes[i], *truth, water));
+    if (const auto moving = truth->moving(keyframes[i].name)) {
+      write_png(folder / (keyframes[i].name + "_moving.png"),
+                moving->unsqueeze(2).expand({-1, -1, 3}));
+    }
   }
   eval::Json json = eval::Json::object();
   for (const NamedError& column : kErrorColumns)

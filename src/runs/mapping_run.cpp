@@ -26,6 +26,7 @@
 #include "runs/initial_points.hpp"
 #include "runs/local_origin.hpp"
 #include "runs/map_files.hpp"
+#include "runs/moving_report.hpp"
 #include "runs/posed_images.hpp"
 #include "runs/run_folder.hpp"
 #include "runs/scale.hpp"
@@ -141,9 +142,13 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
   training.save();
   const auto truth =
       SimulatedTruth::open(config.dataset.path, images.camera, config.mapping.image_scale);
-  const eval::Json figures =
+  eval::Json figures =
       report_held_out(training.map(), images.store, renders, truth ? &*truth : nullptr);
   const mapping::Trainer& trainer = training.trainer();
+  if (const mapping::RobustWeights* weights = trainer.robust_weights()) {
+    figures["moving"] =
+        report_moving(*weights, images.store, options.folder / "moving", truth ? &*truth : nullptr);
+  }
   eval::Json sections = eval::Json::object();
   sections["scale"] = scale_json(scale);
   eval::merge_metrics(options.folder / "metrics.json", sections);

@@ -12,6 +12,7 @@
 #include "core/stopwatch.hpp"
 #include "runs/held_out_report.hpp"
 #include "runs/map_files.hpp"
+#include "runs/moving_report.hpp"
 #include "runs/online_map.hpp"
 #include "runs/simulated_truth.hpp"
 #include "runs/tone_curve.hpp"
@@ -116,8 +117,12 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
                                           config.mapping.image_scale);
   const mapping::Map made = mapper.map();
-  const eval::Json figures =
+  eval::Json figures =
       report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
+  if (const mapping::RobustWeights* weights = mapper.optimizer().robust_weights()) {
+    figures["moving"] = report_moving(*weights, mapper.keyframes(), options.folder / "moving",
+                                      truth ? &*truth : nullptr);
+  }
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = mapper.size(),

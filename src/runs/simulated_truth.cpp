@@ -16,6 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kPartlyMoving = 128;  // like a shadow
+
 // Empty when the file does not exist; avoids OpenCV's warning.
 cv::Mat read_image(const fs::path& file, int how) {
   return fs::exists(file) ? cv::imread(file.string(), how) : cv::Mat();
@@ -48,6 +50,14 @@ std::optional<torch::Tensor> SimulatedTruth::clear(const std::string& stamp) con
   const cv::Mat image = read_image(folder_ / "clear" / (stamp + ".png"), cv::IMREAD_COLOR);
   if (image.empty()) return std::nullopt;
   return slam::to_tensor(undistort_(image));
+}
+
+std::optional<torch::Tensor> SimulatedTruth::moving(const std::string& stamp) const {
+  const cv::Mat image = read_image(folder_ / "moving" / (stamp + ".png"), cv::IMREAD_GRAYSCALE);
+  if (image.empty()) return std::nullopt;
+  cv::Mat mask = undistort_.nearest(image);
+  mask.setTo(kPartlyMoving, (undistort_(image) > 0) & (mask == 0));
+  return torch::from_blob(mask.data, {mask.rows, mask.cols}, torch::kUInt8).clone();
 }
 
 bool SimulatedTruth::has_own_exposure() const {

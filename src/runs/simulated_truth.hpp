@@ -25,6 +25,9 @@ class SimulatedTruth {
   /// The image without water [H,W,3] uint8, in the exposure and white balance of the camera image,
   /// or else in one exposure for the recording (`has_own_exposure`).
   std::optional<torch::Tensor> clear(const std::string& stamp) const;
+  /// Where something moves [H,W] uint8: 255 a body, 128 its shadow or a pixel that is interpolated
+  /// from some that show either, 0 nothing.
+  std::optional<torch::Tensor> moving(const std::string& stamp) const;
   std::optional<medium::Medium> medium() const;
   bool has_own_exposure() const;
 

@@ -83,6 +83,13 @@ TruthErrors compare(const mapping::MapRendering& rendering, const mapping::Keyfr
       out.restored_seen_psnr_db = masked_psnr(restored, expected, visible);
     }
   }
+  if (const auto moving = truth.moving(keyframe.name)) {
+    const torch::Tensor still = *moving == 0;
+    if (still.any().item<bool>()) {
+      out.static_psnr_db =
+          masked_psnr(cpu(rendering.color).clamp(0.0, 1.0), cpu(keyframe.image) / 255.0, still);
+    }
+  }
   return out;
 }
 

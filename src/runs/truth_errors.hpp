@@ -22,6 +22,7 @@ struct TruthErrors {
   std::optional<double> depth_half_pixel_rmse_m;  ///< of the ground truth shifted by half a pixel
   std::optional<double> restored_psnr_db;
   std::optional<double> restored_seen_psnr_db;
+  std::optional<double> static_psnr_db;  ///< of the image where nothing moves
 };
 
 using ErrorMember = std::optional<double> TruthErrors::*;
@@ -30,14 +31,15 @@ struct NamedError {
   ErrorMember value = nullptr;
   bool is_rmse = false;
 };
-inline constexpr std::array<NamedError, 7> kErrorColumns = {
+inline constexpr std::array<NamedError, 8> kErrorColumns = {
     {{"depth_mean_m", &TruthErrors::depth_mean_m},
      {"depth_rmse_m", &TruthErrors::depth_rmse_m, true},
      {"depth_abs_rel", &TruthErrors::depth_abs_rel},
      {"depth_seen_rmse_m", &TruthErrors::depth_seen_rmse_m, true},
      {"depth_half_pixel_rmse_m", &TruthErrors::depth_half_pixel_rmse_m, true},
      {"restored_psnr_db", &TruthErrors::restored_psnr_db},
-     {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db}}};
+     {"restored_seen_psnr_db", &TruthErrors::restored_seen_psnr_db},
+     {"static_psnr_db", &TruthErrors::static_psnr_db}}};
 
 /// Errors of a rendering, in image values, of a keyframe. `water`: the true medium, which decides
 /// what is visible.

@@ -177,6 +177,7 @@ struct TrainerOptions {
   int sh_degree_interval = 1000;  ///< iterations per additional degree
   double ssim_weight = 0.2;
   double depth_curvature_weight = 1.0;  ///< weight of `depth_curvature_loss`
+  bool robust_weights = false;          ///< see RobustWeights
   int initial_downscale = 4;            ///< initial image reduction: 1, 2 or 4
   double full_resolution_after = 0.25;  ///< fraction of the training
   /// The initial map is a finished one: full images, all degrees and gains from the start.

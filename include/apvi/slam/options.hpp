@@ -91,8 +91,7 @@ struct MappingOptions {
     v("max_gaussians", trainer.densify.max_gaussians, Range{0, 100000000},
       "maximum number of Gaussians; 0: 100,000 on a CPU, 600,000 on a GPU; fewer if GPU memory "
       "runs out");
-    v("iterations", trainer.iterations, Range{0, 100000000},
-      "optimization steps, with given poses");
+    v("iterations", trainer.iterations, Range{0, 100000000}, "optimization steps; given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "additional optimization steps at the end, without densification, at decaying learning "
       "rates");
@@ -118,6 +117,7 @@ struct MappingOptions {
       "steps until the next degree is used");
     v("ssim_weight", trainer.ssim_weight, Range{0.0, 1.0},
       "weight of D-SSIM in the loss; the rest is L1");
+    v("robust_weights", trainer.robust_weights, "lower the weight of what moves, such as fish");
     v("depth_curvature_weight", trainer.depth_curvature_weight, Range{0.0, 1000.0},
       "weight of the depth curvature loss in regions with little texture; 0: none");
     v("antialiased", trainer.antialiased,

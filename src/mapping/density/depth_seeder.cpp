@@ -9,6 +9,7 @@
 #include "mapping/density/neighbors.hpp"
 #include "mapping/density/quadtree_insertion.hpp"
 #include "mapping/medium/open_water.hpp"
+#include "mapping/training/robust_weights.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -64,18 +65,27 @@ void DepthSeeder::clear_free_space(const depth::DepthEstimate& estimate,
 }
 
 Seeds DepthSeeder::seeds(const depth::DepthEstimate& estimate, std::size_t view,
-                         const KeyframeStore& keyframes, const Map& map,
+                         const KeyframeStore& keyframes, const MapOptimizer& optimizer,
                          const Tensor& points) const {
+  const Map map = optimizer.full_map();
   const gaussians::View camera = keyframes.view(view, 1);
   const Tensor image = keyframes.image(view, 1, gaussians::active_device());
   const MapRendering rendering = render_map(map, camera);
   const Tensor response = camera_response(map, keyframes, view, 1);
-  const Tensor rendered = (rendering.color * response).clamp_max(1.0);
+  Tensor rendered = (rendering.color * response).clamp_max(1.0);
   Tensor alpha = rendering.alpha;
   const Tensor water = render_open_water(map, camera.intrinsics);
   if (water.defined()) {  // open water needs no Gaussians
     const Tensor seen = (water * response).clamp_max(1.0);
     alpha = alpha.masked_fill(open_water(image / response, seen / response), 1.0);
+  }
+  if (optimizer.robust_weights() != nullptr) {  // nor does what moves
+    const Tensor moving =
+        optimizer.robust_weights()->outliers({.rendered = map.tone_curve.encode(rendered),
+                                              .alpha = rendering.alpha,
+                                              .image = map.tone_curve.encode(image)});
+    alpha = alpha.masked_fill(moving, 1.0);
+    rendered = torch::where(moving.unsqueeze(2), image, rendered);
   }
   const ProjectedPoints seen = project(camera, points);
   const Tensor pixels = seen.pixels.index({seen.in_view});

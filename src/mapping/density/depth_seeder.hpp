@@ -27,10 +27,11 @@ class DepthSeeder {
   /// In daylight, removes the Gaussians in front of the surfaces that the keyframe sees.
   void clear_free_space(const depth::DepthEstimate& estimate, const gaussians::View& camera,
                         MapOptimizer& optimizer) const;
-  /// Seeds of the blocks that the map does not cover and that contain none of `points` [n,3]
-  /// float64 [m].
+  /// Seeds of the blocks that the map does not cover, that contain none of `points` [n,3] float64
+  /// [m], and that show nothing that moves (see RobustWeights).
   Seeds seeds(const depth::DepthEstimate& estimate, std::size_t view,
-              const KeyframeStore& keyframes, const Map& map, const torch::Tensor& points) const;
+              const KeyframeStore& keyframes, const MapOptimizer& optimizer,
+              const torch::Tensor& points) const;
 
   /// Time spent in `estimate` so far [s].
   double estimation_s() const { return estimation_s_; }

@@ -14,6 +14,7 @@
 #include "mapping/density/gaussian_limit.hpp"
 #include "mapping/depth_curvature_loss.hpp"
 #include "mapping/medium/open_water.hpp"
+#include "mapping/training/robust_weights.hpp"
 #include "mapping/training/step_backend.hpp"
 #include "medium/medium_initialization.hpp"
 
@@ -82,6 +83,7 @@ MapOptimizer::MapOptimizer(std::shared_ptr<SharedGaussians> shared, const Traine
       gains_(views, gaussians::active_device()),
       tone_curve_evidence_(options.tone_curve),
       tone_curve_(tone_curve_evidence_.initial()) {
+  if (options.robust_weights) robust_weights_ = std::make_shared<RobustWeights>(views);
   if (medium) create_medium(*medium);
 }
 
@@ -139,9 +141,14 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
                                  .open_water = needs_open_water ? water->open_water() : Tensor(),
                                  .horizon = horizon(camera)};
   const Target target = target_of(keyframes, i, rendered, settings);
-  Tensor loss = gaussians::photometric_loss(
-      tone_curve_.encode(image), tone_curve_.encode(target.saturation_adjusted(rendered.image)),
-      options_.ssim_weight);
+  const Tensor drawn = tone_curve_.encode(image);
+  const Tensor wanted = tone_curve_.encode(target.saturation_adjusted(rendered.image));
+  const Tensor pixel_weights =
+      robust_weights_
+          ? robust_weights_->weigh(
+                i, {.rendered = drawn.detach(), .alpha = rendered.alpha, .image = wanted})
+          : Tensor();
+  Tensor loss = gaussians::photometric_loss(drawn, wanted, options_.ssim_weight, pixel_weights);
   if (options_.depth_curvature_weight > 0.0 &&
       shared_->store.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
     loss = loss + options_.depth_curvature_weight *
@@ -150,9 +157,9 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   if (add_opacity_loss) {
     const OpacityWeights& weights =
         water->has_lamp() ? kLampOpacityWeights : kDaylightOpacityWeights;
-    const Tensor opacity_gradient =
-        opacity_loss_gradient(target.saturation_adjusted(rendered.open_water), rendered.open_water,
-                              rendered.alpha, weights);
+    Tensor opacity_gradient = opacity_loss_gradient(target.saturation_adjusted(rendered.open_water),
+                                                    rendered.open_water, rendered.alpha, weights);
+    if (pixel_weights.defined()) opacity_gradient = opacity_gradient * pixel_weights;
     torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_gradient});
   } else {
     loss.backward();
@@ -194,7 +201,9 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
                        .log_gain = {},
                        .light = light_table(device)};
   if (options_.gain_compensation) {
-    if (updates_gain(settings)) gains_.track(i, rendered, backend.target(input));
+    if (updates_gain(settings)) {
+      gains_.track(i, rendered, without_outliers(i, rendered.image, backend.target(input)));
+    }
     input.log_gain = gains_.log_gain(i);
   }
   Target target = {.image = backend.target(input), .saturated = {}};
@@ -202,6 +211,15 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
     target.saturated = backend.saturated(input.image, input.reduction);
   }
   return target;
+}
+
+// What moves says nothing about the exposure: there the image is what the present gain expects.
+Tensor MapOptimizer::without_outliers(std::size_t i, const Tensor& rendered,
+                                      const Tensor& image) const {
+  if (!robust_weights_) return image;
+  const Tensor lowered = robust_weights_->lowered(i, image.size(0), image.size(1));
+  return torch::where(lowered.to(image.device()).unsqueeze(2), rendered * gains_.log_gain(i).exp(),
+                      image);
 }
 
 DensifyResult MapOptimizer::densify(double extent, std::int64_t limit, std::uint64_t seed,
@@ -293,6 +311,7 @@ void MapOptimizer::change_scale(const gaussians::ScaleChange& change) {
 void MapOptimizer::add_view() {
   corrections_.add_view();
   gains_.add_view();
+  if (robust_weights_) robust_weights_->add_view();
 }
 
 const Tensor& MapOptimizer::light_table(const torch::Device& device) {
@@ -394,6 +413,7 @@ void MapOptimizer::save_session(torch::serialize::OutputArchive& archive) const 
   };
   child("corrections", corrections_);
   child("gains", gains_);
+  if (robust_weights_) child("robust_weights", *robust_weights_);
   child("water", medium_posterior_);
   child("tone_curve_evidence", tone_curve_evidence_);
   child("medium_support", medium_support_);
@@ -426,6 +446,10 @@ void MapOptimizer::load_session(torch::serialize::InputArchive& archive) {
   corrections_.load(part);
   archive.read("gains", part);
   gains_.load(part);
+  if (robust_weights_) {
+    archive.read("robust_weights", part);
+    robust_weights_->load(part);
+  }
   archive.read("water", part);
   medium_posterior_.load(part);
   archive.read("tone_curve_evidence", part);

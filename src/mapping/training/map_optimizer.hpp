@@ -27,6 +27,8 @@
 
 namespace apvi::mapping {
 
+class RobustWeights;
+
 /// Settings of one optimizer step.
 struct StepSettings {
   int reduction = 1;  ///< image downscale factor
@@ -134,6 +136,8 @@ class MapOptimizer {
   /// Adam's learning rate of the medium.
   std::optional<double> medium_rate() const;
   const ViewCorrections& corrections() const { return corrections_; }
+  /// Null without TrainerOptions::robust_weights.
+  const RobustWeights* robust_weights() const { return robust_weights_.get(); }
   /// Of the camera. That of the keyframes must be the same; their owner copies it after
   /// `apply_medium` and `load`.
   const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
@@ -179,6 +183,8 @@ class MapOptimizer {
   std::pair<RenderedView, torch::Tensor> gain_images(const KeyframeStore& keyframes, std::size_t i);
   Target target_of(const KeyframeStore& keyframes, std::size_t i, const RenderedView& rendered,
                    const StepSettings& settings);
+  torch::Tensor without_outliers(std::size_t i, const torch::Tensor& rendered,
+                                 const torch::Tensor& image) const;
   void recolor_for(const Map& after, const KeyframeStore& keyframes);
   void apply_appearance(const Map& after, const torch::Tensor& resolution,
                         const KeyframeStore& keyframes);
@@ -191,6 +197,7 @@ class MapOptimizer {
   std::optional<SessionLight> light_;
   ViewCorrections corrections_;
   ViewGains gains_;
+  std::shared_ptr<RobustWeights> robust_weights_;
   std::optional<Illumination> illumination_;
   medium::Vignetting vignetting_;
   ToneCurveEvidence tone_curve_evidence_;

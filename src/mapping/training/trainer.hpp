@@ -63,6 +63,8 @@ class Trainer {
   /// Maximum number of Gaussians: as configured, or less after running out of memory.
   std::int64_t most_gaussians() const { return optimizer().max_gaussians(); }
   std::optional<medium::Medium> medium() const { return optimizer().medium(); }
+  /// Of the first session; see MapOptimizer.
+  const RobustWeights* robust_weights() const { return optimizer().robust_weights(); }
   const ViewCorrections& corrections(std::size_t session = 0) const {
     return sessions_.at(session).optimizer.corrections();
   }

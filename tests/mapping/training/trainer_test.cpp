@@ -81,6 +81,7 @@ TEST(Trainer, ResumesBitIdentically) {
   KeyframeStore keyframes = render_keyframes(gaussian_wall());
   TrainerOptions options = quick_options(100);
   options.pose_refinement.enabled = options.exposure_correction.enabled = true;
+  options.robust_weights = true;
   const medium::Medium water = {.beta_d = torch::full({3}, 0.1F),
                                 .beta_b = torch::full({3}, 0.1F),
                                 .b_inf = torch::full({3}, 0.3F)};
