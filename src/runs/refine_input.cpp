@@ -60,10 +60,7 @@ RefineResult previous_results(const fs::path& folder, const RefinePlan& plan,
 
 /// Takes over poses and gains of the images.
 void continue_from(const RefineResult& previous, const fs::path& folder, RefineInput& input) {
-  std::map<std::int64_t, std::int64_t> row_of;
-  for (std::size_t row = 0; row < previous.stamps_ns.size(); ++row) {
-    row_of[previous.stamps_ns[row]] = static_cast<std::int64_t>(row);
-  }
+  const auto row_of = rows_by_stamp(previous);
   mapping::KeyframeStore& store = input.images.store;
   std::vector<std::int64_t> rows;
   for (std::size_t i = 0; i < store.size(); ++i) {

@@ -57,20 +57,11 @@ void copy_files(const fs::path& from, const fs::path& to) {
   }
 }
 
-/// Row of each image in the results, by stamp.
-std::map<std::int64_t, std::int64_t> rows_of(const RefineResult& all) {
-  std::map<std::int64_t, std::int64_t> rows;
-  for (std::size_t i = 0; i < all.stamps_ns.size(); ++i) {
-    rows[all.stamps_ns[i]] = static_cast<std::int64_t>(i);
-  }
-  return rows;
-}
-
 /// The poses at all images of the map, those of the training images as refined.
 Trajectory refined_poses(const RefinePlan& plan, const RefineResult& all,
                          const SE3& T_body_camera) {
   Trajectory poses = io::read_trajectory(plan.run / "keyframes.tum");
-  const auto rows = rows_of(all);
+  const auto rows = rows_by_stamp(all);
   std::map<std::int64_t, SE3> refined;
   for (const RefineImage& image : plan.images) {
     const auto row = rows.find(image.image.ns);
@@ -119,7 +110,7 @@ Tensor by_image(const Tensor& values, const std::map<std::int64_t, std::int64_t>
 
 mapping::Map map_of(RefineResult& all, const fs::path& folder, const RefinePlan& plan,
                     const PosedImages& images, bool antialiased) {
-  const auto rows = rows_of(all);
+  const auto rows = rows_by_stamp(all);
   mapping::Map map;
   map.medium = map_io::read_ply_medium(initial_map_file(folder));
   map.antialiased = antialiased;

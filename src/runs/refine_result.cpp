@@ -3,7 +3,6 @@
 
 #include <torch/torch.h>
 
-#include <array>
 #include <cstddef>
 #include <utility>
 
@@ -13,9 +12,6 @@ namespace apvi::runs {
 namespace {
 
 using torch::Tensor;
-
-constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
-                                               "logit_opacities", "sh_dc",      "sh_rest"};
 
 Tensor joined(const std::vector<RefineResult>& results, Tensor RefineResult::*member) {
   std::vector<Tensor> parts;
@@ -30,9 +26,7 @@ Tensor joined(const std::vector<RefineResult>& results, Tensor RefineResult::*me
 
 void write_result(const std::filesystem::path& file, const RefineResult& result) {
   torch::serialize::OutputArchive archive;
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
-    archive.write(kNames[k], *result.gaussians.tensors()[k]);
-  }
+  gaussians::write_gaussians(archive, "", result.gaussians);
   archive.write("stamps", torch::tensor(result.stamps_ns, torch::kInt64));
   archive.write("poses", result.poses);
   archive.write("log_gains", result.log_gains);
@@ -51,10 +45,7 @@ RefineResult read_result(const std::filesystem::path& file) {
       archive.read(name, tensor);
       return tensor.detach().cpu().contiguous();
     };
-    for (std::size_t k = 0; k < kNames.size(); ++k) {
-      *result.gaussians.tensors()[k] = read(kNames[k]);
-    }
-    gaussians::check(result.gaussians);
+    result.gaussians = gaussians::read_gaussians(archive, "");
     const Tensor stamps = read("stamps");
     const auto* const first = stamps.data_ptr<std::int64_t>();
     result.stamps_ns.assign(first, first + stamps.numel());
@@ -72,12 +63,20 @@ RefineResult read_result(const std::filesystem::path& file) {
   return result;
 }
 
+std::map<std::int64_t, std::int64_t> rows_by_stamp(const RefineResult& result) {
+  std::map<std::int64_t, std::int64_t> rows;
+  for (std::size_t i = 0; i < result.stamps_ns.size(); ++i) {
+    rows[result.stamps_ns[i]] = static_cast<std::int64_t>(i);
+  }
+  return rows;
+}
+
 RefineResult join(std::vector<RefineResult> results) {
   RefineResult all;
   all.poses = joined(results, &RefineResult::poses);
   all.log_gains = joined(results, &RefineResult::log_gains);
   all.illumination = joined(results, &RefineResult::illumination);
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < all.gaussians.tensors().size(); ++k) {
     std::vector<Tensor> parts;
     for (RefineResult& result : results) {
       parts.push_back(std::exchange(*result.gaussians.tensors()[k], Tensor()));

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <vector>
 
 #include "gaussians/model/gaussians.hpp"
@@ -26,6 +27,9 @@ struct RefineResult {
 void write_result(const std::filesystem::path& file, const RefineResult& result);
 /// Throws InputError when it is damaged.
 RefineResult read_result(const std::filesystem::path& file);
+
+/// Row of each image by its stamp [ns].
+std::map<std::int64_t, std::int64_t> rows_by_stamp(const RefineResult& result);
 
 /// Results of several blocks put together, in the order given.
 RefineResult join(std::vector<RefineResult> results);

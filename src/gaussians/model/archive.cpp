@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include <array>
+#include <cstddef>
 #include <ostream>
 
 #include "apvi/core/error.hpp"
@@ -11,6 +13,9 @@
 
 namespace apvi::gaussians {
 namespace {
+
+constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
+                                               "logit_opacities", "sh_dc",      "sh_rest"};
 
 c10::IValue read_value(torch::serialize::InputArchive& archive, const char* key) {
   c10::IValue value;
@@ -54,6 +59,27 @@ double read_double(torch::serialize::InputArchive& archive, const char* key) {
 
 bool read_bool(torch::serialize::InputArchive& archive, const char* key) {
   return read_value(archive, key).toBool();
+}
+
+void write_gaussians(torch::serialize::OutputArchive& archive, const std::string& prefix,
+                     const Gaussians& gaussians) {
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    const torch::Tensor& values = *gaussians.tensors()[k];
+    // A copy, also on the CPU: an archive would store the whole buffer of a view.
+    archive.write(prefix + kNames[k], values.to(torch::kCPU, values.scalar_type(),
+                                                /*non_blocking=*/false, /*copy=*/true));
+  }
+}
+
+Gaussians read_gaussians(torch::serialize::InputArchive& archive, const std::string& prefix) {
+  Gaussians gaussians;
+  for (std::size_t k = 0; k < kNames.size(); ++k) {
+    torch::Tensor& tensor = *gaussians.tensors()[k];
+    archive.read(prefix + kNames[k], tensor);
+    tensor = tensor.detach().to(torch::kCPU).contiguous();
+  }
+  check(gaussians);
+  return gaussians;
 }
 
 }  // namespace apvi::gaussians

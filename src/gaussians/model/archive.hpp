@@ -6,6 +6,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <string>
+
+#include "gaussians/model/gaussians.hpp"
 
 namespace apvi::gaussians {
 
@@ -16,6 +19,12 @@ void write_archive(const std::filesystem::path& file, torch::serialize::OutputAr
 /// c10::Error; out-of-memory errors are rethrown.
 void read_archive(const std::filesystem::path& file,
                   const std::function<void(torch::serialize::InputArchive&)>& read);
+
+/// Writes the tensors, from CPU memory, with names that begin with `prefix`.
+void write_gaussians(torch::serialize::OutputArchive& archive, const std::string& prefix,
+                     const Gaussians& gaussians);
+/// Reads them into CPU memory. Throws c10::Error when they are missing or do not match.
+Gaussians read_gaussians(torch::serialize::InputArchive& archive, const std::string& prefix);
 
 /// Reads a value of a checkpoint. Throw c10::Error when it is missing or has another type.
 std::int64_t read_int(torch::serialize::InputArchive& archive, const char* key);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "gaussians/device.hpp"
+#include "gaussians/model/archive.hpp"
 
 namespace apvi::gaussians {
 namespace {
@@ -16,14 +17,12 @@ namespace {
 using torch::Tensor;
 
 constexpr double kGrowth = 1.5;
-constexpr std::array<const char*, 6> kNames = {"means",           "log_scales", "quaternions",
-                                               "logit_opacities", "sh_dc",      "sh_rest"};
-
+constexpr std::size_t kTensors = 6;  // of a map
 /// Applies a function to every tensor.
 template <typename Function>
 Gaussians map_tensors(const Gaussians& gaussians, Function function) {
   Gaussians out;
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < kTensors; ++k) {
     *out.tensors()[k] = function(*gaussians.tensors()[k]);
   }
   return out;
@@ -79,33 +78,15 @@ void check_mask(const Tensor& mask, const char* name, std::int64_t size) {
               "gaussian store: ", name, " must be bool [", size, "]");
 }
 
-void write(torch::serialize::OutputArchive& archive, const std::string& prefix,
-           const Gaussians& gaussians) {
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
-    archive.write(prefix + kNames[k], on_host(*gaussians.tensors()[k]));
-  }
-}
-
-Gaussians read(torch::serialize::InputArchive& archive, const std::string& prefix) {
-  Gaussians gaussians;
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
-    Tensor& tensor = *gaussians.tensors()[k];
-    archive.read(prefix + kNames[k], tensor);
-    tensor = tensor.detach().to(torch::kCPU).contiguous();
-  }
-  check(gaussians);
-  return gaussians;
-}
-
 /// Converted to the moment type of this device.
 Gaussians read_moments(torch::serialize::InputArchive& archive, const std::string& prefix,
                        const Gaussians& parameters) {
   const torch::ScalarType type = moment_type(parameters.means);
-  return map_tensors(read(archive, prefix), [&](const Tensor& t) { return t.to(type); });
+  return map_tensors(read_gaussians(archive, prefix), [&](const Tensor& t) { return t.to(type); });
 }
 
 bool same_shapes(const Gaussians& a, const Gaussians& b) {
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < kTensors; ++k) {
     if (a.tensors()[k]->sizes() != b.tensors()[k]->sizes()) return false;
   }
   return true;
@@ -156,7 +137,7 @@ void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
   TORCH_CHECK(!anchors.defined() || anchors.sizes() == at::IntArrayRef({count}),
               "gaussian store: anchors of shape ", anchors.sizes(), " for ", count, " Gaussians");
   reserve(size_ + count);
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < kTensors; ++k) {
     parameters_.tensors()[k]->narrow(0, size_, count).copy_(*gaussians.tensors()[k]);
     first_.tensors()[k]->narrow(0, size_, count).zero_();
     second_.tensors()[k]->narrow(0, size_, count).zero_();
@@ -212,7 +193,7 @@ std::vector<AdamGroup> GaussianStore::groups(const GaussianLearningRates& rates)
   const Gaussians first = valid_rows(first_, size_);
   const Gaussians second = valid_rows(second_, size_);
   std::vector<AdamGroup> out;
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < kTensors; ++k) {
     const Tensor& leaf = *leaves.tensors()[k];
     out.push_back({.parameter = leaf.detach(),
                    .gradient = leaf.grad(),
@@ -264,7 +245,7 @@ void GaussianStore::transform(const SimilarityTransforms& similarities, const Te
   const Gaussians moved = transformed(
       map_tensors(parameters_, [&](const Tensor& t) { return t.index_select(0, rows); }),
       similarities, index.index_select(0, rows));
-  for (std::size_t k = 0; k < kNames.size(); ++k) {
+  for (std::size_t k = 0; k < kTensors; ++k) {
     parameters_.tensors()[k]->index_copy_(0, rows, *moved.tensors()[k]);
   }
   view_ = {};
@@ -272,9 +253,9 @@ void GaussianStore::transform(const SimilarityTransforms& similarities, const Te
 
 void GaussianStore::save(torch::serialize::OutputArchive& archive) const {
   archive.write("steps", c10::IValue(steps_));
-  write(archive, "", valid_rows(parameters_, size_));
-  write(archive, "first.", valid_rows(first_, size_));
-  write(archive, "second.", valid_rows(second_, size_));
+  write_gaussians(archive, "", valid_rows(parameters_, size_));
+  write_gaussians(archive, "first.", valid_rows(first_, size_));
+  write_gaussians(archive, "second.", valid_rows(second_, size_));
   archive.write("anchors", on_host(anchors()));
 }
 
@@ -283,7 +264,7 @@ GaussianStore GaussianStore::load(torch::serialize::InputArchive& archive) {
   archive.read("steps", steps);
   TORCH_CHECK(steps.isInt() && steps.toInt() >= 0,
               "gaussian store: invalid step count in the archive");
-  GaussianStore store(read(archive, ""));
+  GaussianStore store(read_gaussians(archive, ""));
   store.first_ = read_moments(archive, "first.", store.parameters_);
   store.second_ = read_moments(archive, "second.", store.parameters_);
   TORCH_CHECK(
