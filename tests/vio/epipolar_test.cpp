@@ -139,15 +139,19 @@ std::vector<TrackPoint> creeping(int frame) {
   return points;
 }
 
+Stamp stamp_of(int frame) {
+  return Stamp{50'000'000 * static_cast<std::int64_t>(frame)};
+}
+
 TEST(Rigidity, RejectsASlowlyDriftingPointAfterSomeFrames) {
   RigidityCheck check(0.5 * kThreshold);
   std::vector<char> stays;
   for (int frame = 0; frame < 12; ++frame) {
-    stays = check.check(creeping(frame), Quaterniond::Identity());
+    stays = check.check(stamp_of(frame), creeping(frame), Quaterniond::Identity());
     if (frame == 1) {
       EXPECT_EQ(stays.back(), 1);
     }
-    check.add(creeping(frame));
+    check.add(stamp_of(frame), creeping(frame));
   }
   EXPECT_EQ(stays.back(), 0);
   EXPECT_GE(std::count(stays.begin(), stays.end(), 1), 58);
@@ -160,9 +164,9 @@ TEST(Rigidity, MatchesTracksById) {
     points.pop_back();
     points.erase(points.begin() + frame);
     points.erase(points.begin() + 30);
-    const auto stays = check.check(points, Quaterniond::Identity());
+    const auto stays = check.check(stamp_of(frame), points, Quaterniond::Identity());
     EXPECT_EQ(std::count(stays.begin(), stays.end(), 1), 57);
-    check.add(points);
+    check.add(stamp_of(frame), points);
   }
 }
 
