@@ -58,7 +58,7 @@ double error_percent(const medium::Medium& medium, const medium::Medium& truth) 
 }  // namespace
 
 std::filesystem::path make_renders_folder(const std::filesystem::path& run) {
-  const std::filesystem::path folder = run / "renders";
+  std::filesystem::path folder = run / "renders";
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) fail_run("{}: cannot create folder: {}", run.string(), error.message());

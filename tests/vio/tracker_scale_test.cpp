@@ -2,6 +2,8 @@
 // Corner tracking at other image sizes and frame rates.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include <algorithm>
 #include <map>
 
@@ -22,7 +24,7 @@ using test::two_walls;
 // A dive whose images are made smaller before they are tracked.
 class SmallDive {
  public:
-  SmallDive(int by, const TrackerConfig& config = {}) : by_(by), camera_(dive_.camera) {
+  explicit SmallDive(int by, const TrackerConfig& config = {}) : by_(by), camera_(dive_.camera) {
     camera_.model = reduced(camera_.model, by);
     tracker_ = std::make_unique<Tracker>(config, std::vector{camera_});
   }
@@ -115,7 +117,7 @@ bool is_creeping_point_found(double rate_hz) {
     std::vector<TrackPoint> points;
     for (int i = 0; i < 40; ++i) {
       const double depth = 2.0 + 0.05 * (i * 7 % 40);
-      points.push_back({i, {0.02 * (i % 8) - 0.4 * t / depth, 0.1 * (i / 8)}});
+      points.push_back({i, {0.02 * (i % 8) - 0.4 * t / depth, 0.1 * std::floor(i / 8.0)}});
     }
     points[20].point.y() += kCreep * t;
     const auto inlier = check.check(stamp, points, Eigen::Quaterniond::Identity());

@@ -13,7 +13,6 @@
 namespace apvi::mapping {
 namespace {
 
-using gaussians::Gaussians;
 using torch::Tensor;
 
 constexpr double kSplitShrink = 1.6;

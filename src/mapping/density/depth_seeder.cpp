@@ -91,7 +91,7 @@ Seeds DepthSeeder::seeds(const depth::DepthEstimate& estimate, std::size_t view,
   const Tensor pixels = seen.pixels.index({seen.in_view});
   const Tensor depths = insertion_depths(estimate, options_.insertion_depth);
   const Tensor which = blocks_to_fill(estimate, depths, pixels, rendered, alpha, image, options_);
-  const Seeds seeds = seeds_from_blocks(estimate, depths, which, options_.initial_opacity);
+  Seeds seeds = seeds_from_blocks(estimate, depths, which, options_.initial_opacity);
   log::debug("{}: depth accepted in {} of {} blocks, {} seeded", keyframes[view].name,
              estimate.confident.sum().item<std::int64_t>(), estimate.blocks.size(), seeds.size());
   return seeds;

@@ -184,7 +184,8 @@ std::vector<CornerGrid::Corner> CornerGrid::peaks(const std::vector<int>& missin
   std::vector<Corner> corners;
   const int columns = strength_.cols;
   for (int y = kBorder; y + kBlock <= half_.height - kBorder; y += kBlock) {
-    const float* row = &largest[static_cast<std::size_t>((y - kBorder) / kBlock * columns)];
+    const float* row = &largest[static_cast<std::size_t>((y - kBorder) / kBlock) *
+                                static_cast<std::size_t>(columns)];
     for (int x = kBorder; x + kBlock <= columns - kBorder; x += kBlock) {
       if (std::max({row[x], row[x + 1], row[x + 2], row[x + 3]}) < weakest) continue;
       const cv::Point p = largest_in_block(strength_, {x, y});
@@ -228,11 +229,11 @@ Points CornerGrid::find(const cv::Mat& half_gradient, const Points& existing) {
 double spread(const Points& points, cv::Size image) {
   constexpr int kColumns = 8;
   constexpr int kRows = 6;
-  std::bitset<kColumns * kRows> held;
+  std::bitset<std::size_t{kColumns} * kRows> held;
   for (const cv::Point2f& p : points) {
     const int column = std::clamp(static_cast<int>(p.x) * kColumns / image.width, 0, kColumns - 1);
     const int row = std::clamp(static_cast<int>(p.y) * kRows / image.height, 0, kRows - 1);
-    held.set(static_cast<std::size_t>(row * kColumns + column));
+    held.set(static_cast<std::size_t>(row) * kColumns + static_cast<std::size_t>(column));
   }
   return static_cast<double>(held.count()) / (kColumns * kRows);
 }

@@ -44,7 +44,7 @@ std::optional<Quaterniond> RigidityCheck::compare(const Frame& earlier,
   std::vector<PointPair> pairs;
   for_each_pair(earlier.points, now, is_inlier,
                 [&](std::size_t, const PointPair& pair) { pairs.push_back(pair); });
-  const auto R_now_earlier = chained(R_now_last, earlier.R_last_frame);
+  auto R_now_earlier = chained(R_now_last, earlier.R_last_frame);
   const auto motion = best_motion(pairs, R_now_earlier, threshold_);
   if (!motion) return R_now_earlier;
   const Eigen::Matrix3d essential = motion->essential();
