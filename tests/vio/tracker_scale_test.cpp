@@ -2,9 +2,8 @@
 // Corner tracking at other image sizes and frame rates.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "sensors/reduced_camera.hpp"
