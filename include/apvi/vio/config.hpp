@@ -24,9 +24,7 @@ struct TrackerConfig {
     using config::Range;
     v("max_tracks", max_tracks, Range{10, 2000}, "maximum number of tracked corners");
     v("min_distance_px", min_distance_px, Range{1.0, 500.0},
-      "minimum distance between corners; null: about half the distance of max_tracks corners "
-      "spread "
-      "evenly over the image, which suits every image size [px]");
+      "minimum distance between corners; null: by the size of the image, 25 px at 640x480 [px]");
     v("max_image_side_px", max_image_side_px, Range{160, 100000},
       "images with a longer side are tracked at the largest whole fraction of their size that "
       "fits; "

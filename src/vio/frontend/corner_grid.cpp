@@ -153,7 +153,11 @@ int cells_along(int length, double cell) {
 
 double corner_distance(cv::Size image, int max_corners) {
   constexpr double kOfSquareGrid = 0.55;
-  return kOfSquareGrid * std::sqrt(static_cast<double>(image.area()) / max_corners);
+  constexpr double kIndependent_px = 25.0;  // the patches of optical flow do not overlap
+  constexpr double kSmallSide_px = 320.0;   // of images that do not have enough corners so
+  const double even = kOfSquareGrid * std::sqrt(static_cast<double>(image.area()) / max_corners);
+  const double size = std::max(image.width, image.height) / kSmallSide_px;
+  return std::max(even, kIndependent_px * std::min(1.0, size * size));
 }
 
 CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px)

@@ -7,7 +7,9 @@
 namespace apvi::vio {
 
 /// Default minimum distance between corners [px]: a little more than half of what `max_corners`
-/// corners have on a square grid over the image, so that they fit where texture is uneven.
+/// corners have on a square grid over the image, so that they fit where texture is uneven. At least
+/// 25 px, because closer corners share their surroundings and with them their errors, but less in
+/// images of less than 320 px, in proportion to their area, so that they have corners enough.
 double corner_distance(cv::Size image, int max_corners);
 
 /// Detects Shi-Tomasi corners where there are too few: the image is divided into cells, each filled
