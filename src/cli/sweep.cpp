@@ -13,6 +13,7 @@
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
 #include "cli/sweep_task.hpp"
+#include "core/text_file.hpp"
 #include "eval/sweep_summary.hpp"
 
 namespace apvi::cli {

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <list>
 #include <thread>
+#include <vector>
 
 #include "apvi/core/log.hpp"
 #include "cli/sweep_task.hpp"
@@ -74,14 +75,9 @@ class Runner {
   // Stopped cases stay unfinished, whatever their exit status.
   void stop_all() {
     log::warning("interrupted; stopping {} running cases", running_.size());
-    for (Running& r : running_) r.process.stop();
-    const Stopwatch watch;
-    for (Running& r : running_) {
-      while (!r.process.poll()) {
-        if (watch.seconds() > kStopTimeout_s) r.process.kill();
-        std::this_thread::sleep_for(kPollInterval);
-      }
-    }
+    std::vector<ChildProcess*> processes;
+    for (Running& r : running_) processes.push_back(&r.process);
+    apvi::stop_all(processes, kStopTimeout_s);
     running_.clear();
   }
 

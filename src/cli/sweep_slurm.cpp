@@ -18,6 +18,7 @@
 #include "cli/sweep_task.hpp"
 #include "core/stopwatch.hpp"
 #include "core/text.hpp"
+#include "core/text_file.hpp"
 
 namespace apvi::cli {
 namespace {

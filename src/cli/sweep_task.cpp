@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cli/sweep_task.hpp"
 
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "cli/configurations.hpp"
 #include "cli/mapping_support.hpp"
 #include "core/atomic_file.hpp"
-#include "core/text.hpp"
+#include "core/text_file.hpp"
 #include "sim/scene_config.hpp"
 
 namespace apvi::cli {
@@ -28,29 +26,12 @@ void check_case(const fs::path& file, Command command) {
   }
 }
 
-// The last line of a program's log is usually the reason for its failure.
-std::string last_line(const fs::path& log) {
-  std::istringstream in(read_text(log));
-  std::string last;
-  for (std::string line; std::getline(in, line);) {
-    if (!text::trim(line).empty()) last = text::trim(line);
-  }
-  return last;
-}
-
 void load_metrics(SweepTask& task) {
   const fs::path file = task.folder / "metrics.json";
   if (fs::exists(file)) task.row.metrics = eval::flatten(eval::read_metrics(file));
 }
 
 }  // namespace
-
-std::string read_text(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 void write_text(const fs::path& file, const std::string& text) {
   write_file_atomically(file, [&](std::ostream& out) { out << text; });

@@ -42,7 +42,6 @@ void finish(SweepTask& task, const ChildExit& exit);
 /// Records that a task failed for another reason.
 void fail_task(SweepTask& task, const std::string& reason);
 
-std::string read_text(const std::filesystem::path& file);
 void write_text(const std::filesystem::path& file, const std::string& text);
 
 /// Launchers. Each runs the tasks whose state is `open`, calls `changed` after every finished one,

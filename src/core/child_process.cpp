@@ -6,12 +6,15 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstring>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "apvi/core/error.hpp"
+#include "core/stopwatch.hpp"
 
 namespace apvi {
 namespace {
@@ -102,6 +105,17 @@ void ChildProcess::stop() {
 
 void ChildProcess::kill() {
   if (pid_ > 0) ::kill(pid_, SIGKILL);
+}
+
+void stop_all(std::span<ChildProcess* const> processes, double timeout_s) {
+  for (ChildProcess* const process : processes) process->stop();
+  const Stopwatch watch;
+  for (ChildProcess* const process : processes) {
+    while (!process->poll()) {
+      if (watch.seconds() > timeout_s) process->kill();
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  }
 }
 
 std::filesystem::path current_executable() {

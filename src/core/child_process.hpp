@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,10 @@ class ChildProcess {
   int pid_ = -1;  // -1: terminated, or moved from
   std::optional<ChildExit> exit_;
 };
+
+/// Stops the processes as Ctrl-C does, waits until all have exited, and kills those that have not
+/// after `timeout_s`.
+void stop_all(std::span<ChildProcess* const> processes, double timeout_s);
 
 /// Path of the running executable. Throws RunError if the system does not provide it.
 std::filesystem::path current_executable();

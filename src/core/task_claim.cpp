@@ -11,7 +11,6 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -19,6 +18,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "core/atomic_file.hpp"
+#include "core/text_file.hpp"
 
 namespace apvi {
 namespace {
@@ -30,11 +30,6 @@ constexpr std::chrono::seconds kBeat{1};
 std::string host_name() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
-}
-
-std::string read_content(const fs::path& file) {
-  std::ifstream in(file);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
 /// Content of a claim: "HOST PID BEATS PROGRESS".
@@ -103,7 +98,7 @@ void TaskClaim::keep_alive() {
 }
 
 std::optional<double> claimed_progress(const fs::path& file) {
-  const auto content = parse(read_content(file));
+  const auto content = parse(read_text(file));
   return content ? std::optional(content->progress) : std::nullopt;
 }
 
@@ -112,7 +107,7 @@ bool DeadClaims::remove_if_dead(const fs::path& file) {
     seen_.erase(file);
     return false;
   }
-  const std::string text = read_content(file);
+  const std::string text = read_text(file);
   Seen& seen = seen_[file];
   if (seen.content != text) seen = {text, {}};
   const auto content = parse(text);

@@ -20,19 +20,14 @@ std::string_view to_string(Action action) {
 }
 
 bool Hysteresis::update(Stamp now, bool good) {
-  if (good == good_) {
-    contradicted_since_.reset();
-    return good_;
-  }
-  if (!contradicted_since_) contradicted_since_ = now;
-  const double time_s = seconds_between(*contradicted_since_, now);
-  if (time_s >= (good ? config_.good_s : config_.bad_s)) set(good);
+  const std::optional<double> contradicted_s = contradicted_.update(now, good != good_);
+  if (contradicted_s && *contradicted_s >= (good ? config_.good_s : config_.bad_s)) set(good);
   return good_;
 }
 
 void Hysteresis::set(bool good) {
   good_ = good;
-  contradicted_since_.reset();
+  contradicted_.reset();
 }
 
 FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
@@ -41,8 +36,7 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
   // A short interruption of DIPO (saturated inertial samples) does not make it unstable.
   const bool interrupted = dipo.reason == StabilityReason::absent && has_dipo_;
   has_dipo_ = has_dipo_ || dipo.reason != StabilityReason::absent;
-  if (!verdict.accepted()) good_since_.reset();
-  if (verdict.accepted() && !good_since_) good_since_ = now;
+  accepted_.update(now, verdict.accepted());
   Decision decision;
   switch (phase_) {
     case Phase::starting:
@@ -69,7 +63,7 @@ FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdi
 FreezePolicy::Decision FreezePolicy::fail(Stamp now, const Verdict& verdict,
                                           const Stability& dipo) {
   ++counts_.failures;
-  good_since_.reset();
+  accepted_.reset();
   outages_.push_back({.failed = now, .features_back = {}, .recovered = {}});
   track_features_back(now, verdict);
   if (verdict.reason == Reason::diverged) return reset("VIO has diverged");
@@ -99,13 +93,14 @@ FreezePolicy::Decision FreezePolicy::update_frozen(Stamp now, const Verdict& ver
 
 FreezePolicy::Decision FreezePolicy::reset(std::string_view reason) {
   phase_ = Phase::dropped;
-  good_since_.reset();
+  accepted_.reset();
   ++counts_.resets;
   return {.action = Action::reset, .phase = phase_, .reason = reason};
 }
 
 bool FreezePolicy::may_return(Stamp now) const {
-  return good_since_ && seconds_between(*good_since_, now) >= config_.release_s;
+  const std::optional<double> accepted_s = accepted_.elapsed(now);
+  return accepted_s && *accepted_s >= config_.release_s;
 }
 
 void FreezePolicy::recover(Stamp now) {

@@ -8,6 +8,7 @@
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/fusion/config.hpp"
+#include "core/condition_timer.hpp"
 #include "fusion/dipo_stability.hpp"
 #include "fusion/discriminator.hpp"
 
@@ -26,7 +27,7 @@ class Hysteresis {
  private:
   HysteresisConfig config_;
   bool good_ = false;
-  std::optional<Stamp> contradicted_since_;  // by all frames from there on
+  ConditionTimer contradicted_;  // frames differ from good_
 };
 
 /// State of the VIO window.
@@ -86,7 +87,7 @@ class FreezePolicy {
 
   FreezeConfig config_;
   Phase phase_ = Phase::starting;
-  std::optional<Stamp> good_since_;  // all frames from there on
+  ConditionTimer accepted_;  // frames are accepted
   bool has_dipo_ = false;
   FreezeCounts counts_;
   std::vector<Outage> outages_;

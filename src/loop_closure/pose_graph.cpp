@@ -78,7 +78,6 @@ class Information {
     block(3, 3) = 1.0 / (height.sigma_m * height.sigma_m);
     add(height.node, height.node, block);
   }
-  int size() const { return size_; }
   Eigen::SparseMatrix<double> matrix() const {
     Eigen::SparseMatrix<double> H(size_, size_);
     H.setFromTriplets(entries_.begin(), entries_.end());

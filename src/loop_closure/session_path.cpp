@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "apvi/core/error.hpp"
@@ -117,6 +118,7 @@ std::vector<Edge> own_edges(const Session& session, const SessionPath& path, dou
     if (node + 1 < path.size()) graph.edges.push_back(edge_to_next(session, path, node));
   }
   const std::vector<DriftCorrection> none(path.size());
+  std::optional<LinearGraph> linear;  // made anew after each loop that is added
   const std::vector<MapPlace>& places = session.places.places;
   std::vector<Place> seen;
   for (const MapPlace& place : places) seen.push_back(to_place(place));
@@ -126,9 +128,11 @@ std::vector<Edge> own_edges(const Session& session, const SessionPath& path, dou
       const auto match = recognize_place(seen[then], seen[now], sigma, PlaceOptions{}.min_inliers);
       if (!match) continue;
       const Edge loop = edge_of(path, places[then], places[now], match->T_now_then.inverse());
-      const bool fits =
-          loop.from != loop.to && LinearGraph(graph, none).check(loop).squared_distance < gate;
-      if (fits) graph.edges.push_back(loop);
+      if (loop.from == loop.to) continue;
+      if (!linear) linear.emplace(graph, none);
+      if (linear->check(loop).squared_distance >= gate) continue;
+      graph.edges.push_back(loop);
+      linear.reset();
     }
   }
   return graph.edges;

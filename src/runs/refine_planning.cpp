@@ -86,7 +86,7 @@ void assign(RefinePlan& plan, const Tensor& shares) {
   const auto blocks = static_cast<std::int64_t>(plan.blocks.size());
   for (std::int64_t b = 0; b < blocks; ++b) {
     // A block that no image shows much of is trained by all that show any of it.
-    const bool small = (shares.select(1, b) >= kMinShare).logical_not().all().item<bool>();
+    const bool small = shares.select(1, b).max().item<double>() < kMinShare;
     const double least = small ? 0.0 : kMinShare;
     RefineBlock& block = plan.blocks[static_cast<std::size_t>(b)];
     std::set<int> seen = {static_cast<int>(b)};

@@ -60,8 +60,8 @@ bool carry_out(const RefineRequest& request, const RefinePlan& plan, int devices
       request.interrupted);
 }
 
-int threads_of(const fs::path& run, int asked) {
-  return asked > 0 ? asked : load_recorded_run_config(run / "resolved.yaml").run.threads;
+int threads_of(const RunConfig& config, int asked) {
+  return asked > 0 ? asked : config.run.threads;
 }
 
 }  // namespace
@@ -73,7 +73,7 @@ RefineResultSummary refine_run(const RefineRequest& request) {
   const RefinePlan plan = plan_for(request, devices);
   log::open_file(request.folder / "log.txt");
   const RunConfig config = load_recorded_run_config(plan.run / "resolved.yaml");
-  const int threads = threads_of(plan.run, request.threads);
+  const int threads = threads_of(config, request.threads);
   torch::set_num_threads(threads);
   return with_oom_message(config, request.folder, [&]() -> RefineResultSummary {
     if (!carry_out(request, plan, devices, threads)) return {.interrupted = true};
@@ -90,8 +90,8 @@ RefineResultSummary refine_run(const RefineRequest& request) {
 bool join_refinement(const fs::path& folder, int threads,
                      const std::function<bool()>& interrupted) {
   const RefinePlan plan = read_plan(folder);
-  torch::set_num_threads(threads_of(plan.run, threads));
   const RunConfig config = load_recorded_run_config(plan.run / "resolved.yaml");
+  torch::set_num_threads(threads_of(config, threads));
   return with_oom_message(config, folder, [&] { return work(folder, plan, interrupted); });
 }
 

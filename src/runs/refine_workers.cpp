@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <cstdlib>
-#include <fstream>
 #include <list>
 #include <memory>
 #include <optional>
@@ -23,6 +22,7 @@
 #include "core/stopwatch.hpp"
 #include "core/task_claim.hpp"
 #include "core/text.hpp"
+#include "core/text_file.hpp"
 #include "runs/refine_task.hpp"
 
 namespace apvi::runs {
@@ -65,16 +65,6 @@ std::optional<ClaimedTask> claim_one(const fs::path& folder, const std::vector<R
     if (claim && !fs::exists(result_file(folder, task))) return ClaimedTask{task, std::move(claim)};
   }
   return std::nullopt;
-}
-
-/// Last line of a log that is not empty.
-std::string last_line(const fs::path& file) {
-  std::ifstream in(file);
-  std::string last;
-  for (std::string line; std::getline(in, line);) {
-    if (!text::trim(line).empty()) last = line;
-  }
-  return last;
 }
 
 /// Names of the GPUs for CUDA_VISIBLE_DEVICES: those that this process may use.
@@ -159,14 +149,9 @@ class Supervisor {
 
   void stop_all() {
     log::warning("interrupted; stopping {} processes, which save their state", running_.size());
-    for (Worker& worker : running_) worker.process.stop();
-    const Stopwatch watch;
-    for (Worker& worker : running_) {
-      while (!worker.process.poll()) {
-        if (watch.seconds() > kStopTimeout_s) worker.process.kill();
-        std::this_thread::sleep_for(kPollInterval);
-      }
-    }
+    std::vector<ChildProcess*> processes;
+    for (Worker& worker : running_) processes.push_back(&worker.process);
+    apvi::stop_all(processes, kStopTimeout_s);
   }
 
   const fs::path& folder_;

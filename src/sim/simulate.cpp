@@ -9,6 +9,7 @@
 #include "apvi/core/log.hpp"
 #include "core/interrupt.hpp"
 #include "core/stopwatch.hpp"
+#include "core/text_file.hpp"
 #include "sim/formats.hpp"
 #include "sim/frames.hpp"
 
@@ -44,12 +45,6 @@ std::string scene_fingerprint(const Scene& scene, OutputFormat format) {
   }
   return fmt::format("# simulated as {}\n{}\n# with the rig\n# {}\n", format_name(format),
                      config::to_yaml(config::to_node(scene.config)), rig);
-}
-
-std::string read_text(const fs::path& path) {
-  std::ostringstream text;
-  text << std::ifstream(path, std::ios::binary).rdbuf();
-  return text.str();
 }
 
 bool is_complete(const fs::path& out, const std::string& fingerprint) {

@@ -84,7 +84,7 @@ void Estimator::reset() {
   clear_window();
   waiting_.clear();
   newest_is_keyframe_ = false;
-  bad_since_.reset();
+  bad_.reset();
   frozen_ = false;
   prior_before_freeze_.reset();
   vision_failed_ = false;
@@ -319,11 +319,10 @@ std::string Estimator::divergence_reason(const Result& result) {
   }
   if (s.v_body.norm() > limits.max_speed) return fmt::format("{:.1f} m/s", s.v_body.norm());
   const bool bad = result.reprojection_rms_px > limits.max_reprojection_px;
-  if (!bad) bad_since_.reset();
-  if (bad && !bad_since_) bad_since_ = result.stamp;
-  if (!bad || seconds_between(*bad_since_, result.stamp) < limits.max_bad_s) return {};
-  return fmt::format("reprojection error of {:.1f} px since {:.1f} s", result.reprojection_rms_px,
-                     seconds_between(*bad_since_, result.stamp));
+  const std::optional<double> bad_s = bad_.update(result.stamp, bad);
+  if (!bad_s || *bad_s < limits.max_bad_s) return {};
+  return fmt::format("reprojection error of {:.1f} px for {:.1f} s", result.reprojection_rms_px,
+                     *bad_s);
 }
 
 Frame& Estimator::push_frame(Stamp image_stamp, const FrameState& state,

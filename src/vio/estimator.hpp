@@ -10,6 +10,7 @@
 
 #include "apvi/sensors/rig.hpp"
 #include "apvi/vio/config.hpp"
+#include "core/condition_timer.hpp"
 #include "imu/sample_buffer.hpp"
 #include "vio/result.hpp"
 #include "vio/state_prior.hpp"
@@ -127,7 +128,7 @@ class Estimator {
   bool has_used_landmarks_ = false;  // a landmark has been in the graph since initialization
   bool started_with_prior_ = false;
   std::optional<Stamp> first_ping_;  // first ping in the graph since initialization or release
-  std::optional<Stamp> bad_since_;   // the reprojection error is too large
+  ConditionTimer bad_;               // the reprojection error is too large
 };
 
 }  // namespace apvi::vio

@@ -4,14 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <csignal>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
 #include "apvi/core/error.hpp"
 #include "core/stopwatch.hpp"
+#include "core/text_file.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi {
@@ -33,16 +33,9 @@ ChildExit wait(ChildProcess& child) {
   return {};
 }
 
-std::string read(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 void wait_for_text(const std::filesystem::path& file, const std::string& text) {
   const Stopwatch watch;
-  while (read(file).find(text) == std::string::npos && watch.seconds() < 20.0) {
+  while (read_text(file).find(text) == std::string::npos && watch.seconds() < 20.0) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
 }
@@ -51,7 +44,7 @@ TEST(ChildProcess, RedirectsStdoutAndStderrAndHasNoInput) {
   const test::TmpDir dir;
   ChildProcess child = shell("echo one; echo two >&2; cat", dir.path() / "out");
   EXPECT_TRUE(wait(child).success());
-  EXPECT_EQ(read(dir.path() / "out"), "one\ntwo\n");
+  EXPECT_EQ(read_text(dir.path() / "out"), "one\ntwo\n");
 }
 
 TEST(ChildProcess, ReportsExitStatusAndSignal) {
@@ -66,6 +59,21 @@ TEST(ChildProcess, ReportsExitStatusAndSignal) {
   EXPECT_THAT(exit.text(), HasSubstr("killed by signal 11"));
 }
 
+TEST(StopAll, WaitsForProcessesAndKillsThoseThatDoNotExit) {
+  const test::TmpDir dir;
+  const auto out = [&](const char* name) { return dir.path() / name; };
+  ChildProcess polite = shell(
+      "trap 'echo saved; exit 0' INT; echo ready; while :; do sleep 0.01; done", out("polite"));
+  ChildProcess deaf = shell("trap '' INT; echo ready; while :; do sleep 0.01; done", out("deaf"));
+  wait_for_text(out("polite"), "ready");
+  wait_for_text(out("deaf"), "ready");
+  const std::array<ChildProcess*, 2> all{&polite, &deaf};
+  stop_all(all, 1.0);
+  EXPECT_EQ(polite.poll()->text(), "exit status 0");
+  EXPECT_EQ(read_text(out("polite")), "ready\nsaved\n");
+  EXPECT_EQ(deaf.poll()->signal, SIGKILL);
+}
+
 TEST(ChildProcess, StopSendsInterrupt) {
   const test::TmpDir dir;
   ChildProcess child =
@@ -75,7 +83,7 @@ TEST(ChildProcess, StopSendsInterrupt) {
   EXPECT_FALSE(child.poll());
   child.stop();
   EXPECT_TRUE(wait(child).success());
-  EXPECT_EQ(read(dir.path() / "out"), "ready\nsaved\n");
+  EXPECT_EQ(read_text(dir.path() / "out"), "ready\nsaved\n");
 }
 
 TEST(ChildProcess, IsKilledByDestructor) {
@@ -85,7 +93,7 @@ TEST(ChildProcess, IsKilledByDestructor) {
         shell("trap '' INT; echo $$; while :; do sleep 0.01; done", dir.path() / "out");
     wait_for_text(dir.path() / "out", "\n");
   }
-  const int pid = std::stoi(read(dir.path() / "out"));
+  const int pid = std::stoi(read_text(dir.path() / "out"));
   EXPECT_EQ(::kill(pid, 0), -1);
 }
 

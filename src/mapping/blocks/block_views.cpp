@@ -62,13 +62,16 @@ Tensor block_shares(const BlockPartition& partition, const Tensor& points) {
 
 Tensor near_any_view(const Tensor& means, const std::vector<gaussians::View>& views) {
   const torch::NoGradGuard no_grad;
+  std::vector<gaussians::View> cameras;
+  for (const gaussians::View& view : views) {
+    cameras.push_back(widened(view));
+    cameras.back().T_camera_world = cameras.back().T_camera_world.to(means.device());
+  }
   std::vector<Tensor> parts = {torch::empty({0}, means.options().dtype(torch::kBool))};
   for (std::int64_t first = 0; first < means.size(0); first += kChunk) {
     const Tensor chunk = means.slice(0, first, first + kChunk).to(torch::kFloat64);
     Tensor near = torch::zeros({chunk.size(0)}, means.options().dtype(torch::kBool));
-    for (const gaussians::View& view : views) {
-      gaussians::View camera = widened(view);
-      camera.T_camera_world = camera.T_camera_world.to(chunk.device());
+    for (const gaussians::View& camera : cameras) {
       near.logical_or_(project(camera, chunk).in_view);
     }
     parts.push_back(near);

@@ -88,7 +88,7 @@ void VisualOdometry::reset() {
   waiting_.clear();
   mean_force_.clear();
   attempts_ = 0;
-  bad_since_.reset();
+  bad_.reset();
   newest_is_keyframe_ = false;
 }
 
@@ -229,13 +229,11 @@ Result VisualOdometry::track(const TrackedFrame& tracked) {
   add_frame(window_, tracked, *camera * rig_.cameras.front().T_body_camera.inverse());
   finish(result, config_.window.max_iterations);
   const bool bad = result.reprojection_rms_px > config_.health.max_reprojection_px;
-  if (!bad) bad_since_.reset();
-  if (bad && !bad_since_) bad_since_ = tracked.stamp;
-  if (!bad || seconds_between(*bad_since_, tracked.stamp) < config_.health.max_bad_s) return result;
+  const std::optional<double> bad_s = bad_.update(tracked.stamp, bad);
+  if (!bad_s || *bad_s < config_.health.max_bad_s) return result;
   result.status = Status::lost;
-  result.detail =
-      fmt::format("reprojection error of {:.1f} px since {:.1f} s", result.reprojection_rms_px,
-                  seconds_between(*bad_since_, tracked.stamp));
+  result.detail = fmt::format("reprojection error of {:.1f} px for {:.1f} s",
+                              result.reprojection_rms_px, *bad_s);
   return result;
 }
 

@@ -11,6 +11,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "apvi/sensors/samples.hpp"
 #include "apvi/vio/config.hpp"
+#include "core/condition_timer.hpp"
 #include "vio/result.hpp"
 #include "vio/window/window.hpp"
 
@@ -73,7 +74,7 @@ class VisualOdometry {
   double scene_depth_;      // median depth in the last window
   bool is_metric_ = false;  // after `change_scale`
   bool newest_is_keyframe_ = false;
-  std::optional<Stamp> bad_since_;
+  ConditionTimer bad_;  // the reprojection error is too large
 };
 
 }  // namespace apvi::vio
