@@ -5,8 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "runs/health_file.hpp"
 #include "support/source_dir.hpp"
@@ -165,7 +167,8 @@ TEST(Calibrate, ThresholdsFromRealRecordingAcceptIt) {
   const CalibrationResult result = calibrate(options);
   EXPECT_GT(result.plain.healthy.frames, 200U);
   EXPECT_LE(result.plain.healthy.rejected, 0.01);
-  EXPECT_GT(result.plain.thresholds.rotation, 1e6);
+  const double sigma = 1.0 / std::sqrt(result.plain.thresholds.rotation);  // that is let pass
+  EXPECT_LT(sigma, 0.2 * kRadiansPerDegree);
   EXPECT_TRUE(fs::exists(options.folder / "runs" / "euroc_mh01_apvi-dark" / "health.csv"));
 }
 
