@@ -129,7 +129,7 @@ FrameOutput FusionStage::process(const FrameJob& job,
   if (output.vio.has_state()) input.vio = estimate_of(output.vio);
   output.fusion = fuser_.update(input);
   update_vio_dipo_transform(input, output);
-  if (output.fusion.pose) add_segment_error(*output.fusion.pose, job.stamp);
+  if (output.fusion.pose) add_segment_error(output);
   apply(output.fusion.freeze.action);
   output.timing.solve_s = output.vio.solve_s;
   output.timing.information_s = output.vio.information_s;
@@ -229,15 +229,18 @@ void FusionStage::add(const ImuSample& sample) {
 }
 
 // The estimators know the error within the segment only.
-void FusionStage::add_segment_error(fusion::PoseEstimate& pose, Stamp stamp) {
-  if (std::exchange(segment_began_, false) && last_pose_) {
+void FusionStage::add_segment_error(FrameOutput& output) {
+  fusion::PoseEstimate& pose = *output.fusion.pose;
+  output.begins_segment = std::exchange(segment_began_, false) && last_pose_;
+  if (output.begins_segment) {
     const bool height = !(T_output_dipo_ && height_is_measured_);
     segment_error_ = {last_pose_->T_world_body, last_pose_->covariance,
-                      seconds_between(last_pose_stamp_, stamp), height};
+                      seconds_between(last_pose_stamp_, output.stamp), height};
   }
-  pose.covariance += segment_error_.covariance(pose.T_world_body);
+  output.segment_covariance = segment_error_.covariance(pose.T_world_body);
+  pose.covariance += output.segment_covariance;
   last_pose_ = pose;
-  last_pose_stamp_ = stamp;
+  last_pose_stamp_ = output.stamp;
 }
 
 std::optional<vio::StatePrior> FusionStage::to_output_frame(

@@ -34,6 +34,9 @@ struct FrameOutput {
   vio::Result vio;          ///< pose in the output frame
   std::optional<SE3> dipo;  ///< pose in the output frame
   fusion::FusionResult fusion;
+  bool begins_segment = false;  ///< the first pose after a pause of the inertial data
+  /// Part of the covariance of the fused pose: the error that all poses of its segment share.
+  fusion::Matrix6 segment_covariance = fusion::Matrix6::Zero();
   std::optional<ScaleFound> scale_found;  ///< what this frame changes about earlier poses
   FrameTiming timing;
 
@@ -78,7 +81,7 @@ class FusionStage {
   std::optional<vio::StatePrior> acoustic_prior(const FrameJob& job);
   bool images_may_serve(const FrameJob& job, bool with_dipo) const;
   void use_scale(const ScaleFound& found, vio::Result& vio);
-  void add_segment_error(fusion::PoseEstimate& pose, Stamp stamp);
+  void add_segment_error(FrameOutput& output);
   std::optional<vio::StatePrior> to_output_frame(const std::optional<vio::StatePrior>& dipo) const;
   std::optional<SE3> restart_pose(const std::optional<vio::StatePrior>& dipo) const;
   void align_dipo(const vio::StatePrior& dipo, const vio::Result& vio, bool vio_was_first);

@@ -5,10 +5,14 @@
 #include <cmath>
 #include <utility>
 
+#include "dipo/segment.hpp"
+
 namespace apvi::localization {
 namespace {
 
 using loop_closure::DriftVariance;
+
+constexpr double kMaxGap_s = 1.0;  // between poses that relate to each other
 
 DriftVariance variance_of(const fusion::PoseEstimate& pose) {
   const Eigen::Vector3d position = pose.covariance.diagonal().tail<3>();
@@ -30,6 +34,13 @@ bool is_by_vio(const FrameOutput& output) {
          output.vio.has_state() && output.vio.window_s > 0.0;
 }
 
+// Of what nothing has measured: dead reckoning would have given a pose.
+DriftVariance unknown_motion(const fusion::PoseEstimate& pose, double duration_s) {
+  const dipo::SegmentError error(pose.T_world_body, dipo::SegmentError::Matrix6::Zero(), duration_s,
+                                 true);
+  return variance_of({pose.T_world_body, error.covariance(pose.T_world_body)});
+}
+
 // Of the motion over the window.
 DriftVariance drift_of_vio(const vio::Result& vio, double duration_s) {
   const fusion::PoseEstimate motion{vio.state.pose(),
@@ -46,20 +57,32 @@ DriftVariance larger(const DriftVariance& a, const DriftVariance& b) {
 
 void OdometryDrift::add(const FrameOutput& output) {
   if (!output.fusion.pose) return;
+  fusion::PoseEstimate pose = *output.fusion.pose;
+  pose.covariance -= output.segment_covariance;
   if (last_) {
     const double duration_s = seconds_between(stamp_, output.stamp);
-    since_ += is_by_vio(output) ? drift_of_vio(output.vio, duration_s)
-                                : change(*last_, *output.fusion.pose);
+    if (output.begins_segment) {
+      since_ += variance_of({pose.T_world_body, output.segment_covariance});
+    } else if (is_by_vio(output)) {
+      since_ += drift_of_vio(output.vio, duration_s);
+      gap_s_ = std::max(gap_s_, duration_s);
+    } else {
+      since_ += change(*last_, pose);
+    }
   }
-  last_ = output.fusion.pose;
+  last_ = pose;
   if (!at_take_) at_take_ = last_;
   stamp_ = output.stamp;
 }
 
 DriftVariance OdometryDrift::take(bool vio_continues) {
   DriftVariance drift = std::exchange(since_, {});
-  if (!vio_continues && at_take_) drift = larger(drift, change(*at_take_, *last_));
+  if (!vio_continues && at_take_) {
+    drift = larger(drift, change(*at_take_, *last_));
+    if (gap_s_ > kMaxGap_s) drift = larger(drift, unknown_motion(*last_, gap_s_));
+  }
   at_take_ = last_;
+  gap_s_ = 0.0;
   return drift;
 }
 

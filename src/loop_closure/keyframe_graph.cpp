@@ -6,6 +6,8 @@
 #include <set>
 #include <utility>
 
+#include "apvi/geometry/so3.hpp"
+
 namespace apvi::loop_closure {
 namespace {
 
@@ -13,12 +15,16 @@ constexpr double kMinSigma = 1e-5;        // of odometry: the graph must stay so
 constexpr double kMaxLinearAge_s = 10.0;  // time of odometry from a linearized graph
 constexpr std::size_t kLoopsPerNode = 4;
 constexpr std::size_t kAnchorsPerNode = 2;
+// A break of the path: with more drift from one keyframe to the next, one sigma, earlier places are
+// not where they are looked for.
+constexpr double kBreak_m = 1.0;
+constexpr double kBreakHeading = 20.0 * kRadiansPerDegree;
 
 double sigma(double variance) {
   return std::max(kMinSigma, std::sqrt(std::max(0.0, variance)));
 }
 
-// Of each pair the later one; the first and the last stay.
+// Every second one; the first and the last stay.
 template <typename T>
 void drop_every_second(std::vector<T>& all) {
   if (all.size() < 3) return;
@@ -50,18 +56,49 @@ void KeyframeGraph::add(const Keyframe& keyframe) {
   path_m_.push_back(first ? 0.0 : path_m_.back() + moved);
   drift_.push_back(drift);
   keyframes_.push_back(keyframe);
-  if (!first && age_s(nodes_.back()) < node_step_s_) return;
-  nodes_.push_back(index);
-  corrections_.push_back(corrections_.empty() ? DriftCorrection{} : corrections_.back());
+  const bool broken = is_break(index);
+  if (broken && nodes_.back() + 1 < index) push_node(index - 1);
+  if (first || broken || age_s(nodes_.back()) >= node_step_s_) push_node(index);
   if (nodes_.size() > options_.max_nodes) thin_out();
 }
 
+void KeyframeGraph::push_node(std::size_t keyframe) {
+  nodes_.push_back(keyframe);
+  corrections_.push_back(corrections_.empty() ? DriftCorrection{} : corrections_.back());
+}
+
+bool KeyframeGraph::is_break(std::size_t keyframe) const {
+  const DriftVariance& drift = keyframes_[keyframe].drift;
+  return keyframe > 0 &&
+         (drift.horizontal > kBreak_m * kBreak_m || drift.heading > kBreakHeading * kBreakHeading);
+}
+
+bool KeyframeGraph::is_beside_break(std::size_t keyframe) const {
+  return is_break(keyframe) || (keyframe < newest() && is_break(keyframe + 1));
+}
+
+// Every second node, those beside a break excepted.
 void KeyframeGraph::thin_out() {
   linear_.reset();
-  drop_every_second(nodes_);
-  drop_every_second(corrections_);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    if (i % 2 != 0 && i + 1 < nodes_.size() && !is_beside_break(nodes_[i])) continue;
+    nodes_[kept] = nodes_[i];
+    corrections_[kept++] = corrections_[i];
+  }
+  nodes_.resize(kept);
+  corrections_.resize(kept);
   node_step_s_ *= 2.0;
   merge_loops();
+}
+
+void KeyframeGraph::place_since(std::size_t first, const SE3& T_corrected_odometry) {
+  linear_.reset();
+  const DriftCorrection correction{.heading = so3::yaw(T_corrected_odometry.rotation),
+                                   .translation = T_corrected_odometry.translation};
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    if (nodes_[i] >= first) corrections_[i] = correction;
+  }
 }
 
 // Of the loops between the same two nodes the first stays: what errs in the points of a place errs
@@ -263,9 +300,9 @@ bool KeyframeGraph::refine() {
   std::vector<std::size_t> nodes;
   std::vector<DriftCorrection> corrections;
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
-    if (!nodes.empty() &&
-        seconds_between(keyframes_[nodes.back()].stamp, keyframes_[k].stamp) < options_.node_step_s)
-      continue;
+    const bool due = nodes.empty() || seconds_between(keyframes_[nodes.back()].stamp,
+                                                      keyframes_[k].stamp) >= options_.node_step_s;
+    if (!due && !is_beside_break(k)) continue;
     nodes.push_back(k);
     corrections.push_back(correction(k));
   }

@@ -64,7 +64,8 @@ struct KeyframeGraphOptions {
 /// one is kept, so the work is bounded; `refine` solves for all of them in the end. A loop is in
 /// the graph from the next `optimize` on: the covariance that others are checked with would be too
 /// small for poses that have not been moved by it. Loops are kept between keyframes and expressed
-/// between their nearest nodes. A known map is one more node, to which anchors are edges.
+/// between their nearest nodes. A known map is one more node, to which anchors are edges. The
+/// keyframes on either side of a break are nodes, so that no correction is interpolated over it.
 class KeyframeGraph {
  public:
   explicit KeyframeGraph(const KeyframeGraphOptions& options)
@@ -86,12 +87,17 @@ class KeyframeGraph {
   std::size_t size() const { return keyframes_.size(); }
   const Keyframe& operator[](std::size_t keyframe) const { return keyframes_[keyframe]; }
   std::size_t nodes() const { return nodes_.size(); }
+  /// Whether the path is broken before a keyframe: its drift since the keyframe before is so large
+  /// that no image of an earlier place could be predicted.
+  bool is_break(std::size_t keyframe) const;
   std::size_t newest() const { return keyframes_.size() - 1; }
   /// Time from a keyframe to the newest one [s].
   double age_s(std::size_t keyframe) const;
   /// Length of the way from one keyframe to a later one [m].
   double path_m(std::size_t from, std::size_t to) const { return path_m_[to] - path_m_[from]; }
   DriftCorrection correction(std::size_t keyframe) const;
+  /// Gives every keyframe from a break on the same correction, a heading and a translation.
+  void place_since(std::size_t first, const SE3& T_corrected_odometry);
   SE3 corrected_pose(std::size_t keyframe) const;
   bool has_known_map() const { return T_world_known_.has_value(); }
   /// Where the known map lies in the corrected frame; identity without one.
@@ -115,6 +121,8 @@ class KeyframeGraph {
   /// Among the first `count` nodes.
   std::size_t nearest_node(std::size_t keyframe, std::size_t count) const;
   bool is_thinned() const { return node_step_s_ > options_.node_step_s; }
+  bool is_beside_break(std::size_t keyframe) const;
+  void push_node(std::size_t keyframe);
   void thin_out();
   void merge_loops();
   void take_pending();

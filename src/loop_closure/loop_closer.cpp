@@ -57,7 +57,7 @@ CloserOptions closer_options(const SmoothingOptions& options) {
 }
 
 LoopCloser::LoopCloser(const CloserOptions& options, const CameraModel& camera)
-    : options_(options), graph_(options.graph), places_(options.places, camera) {
+    : options_(options), graph_(options.graph), places_(options.places, camera), camera_(camera) {
   if (options.known_map) anchors_.emplace(options.known_map, options.gate);
 }
 
@@ -108,7 +108,9 @@ std::optional<LoopCloser::Found> LoopCloser::find_loop(const PlaceStore::Stored&
 // graph.
 void LoopCloser::detect_loops(const Place& place) {
   std::vector<Found> all;
-  for (const PlaceStore::Stored* stored : places_.candidates(graph_)) {
+  // After a break no pose relates the places before it to this one.
+  const std::size_t first = search_ ? search_->first() : 0;
+  for (const PlaceStore::Stored* stored : places_.candidates(graph_, first)) {
     if (const auto found = find_loop(*stored, place)) all.push_back(*found);
   }
   for (const Found& found : all) {
@@ -152,8 +154,10 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
   }
   graph_.add(keyframe);
   reported_.push_back(reported_.empty() ? DriftCorrection{} : reported_.back());
+  if (graph_.is_break(graph_.newest())) begin_search();
   const bool new_place = !gray.empty() && places_.is_new_place(graph_);
-  searched_ = new_place || (!gray.empty() && anchors_);
+  searched_ = new_place || (!gray.empty() && (anchors_ || search_));
+  was_found_ = false;
   if (!searched_) return false;
   search(gray, new_place);
   return (was_found_ || is_optimization_due()) && flush();
@@ -161,7 +165,11 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
 
 void LoopCloser::search(const cv::Mat& gray, bool new_place) {
   Place place = new_place ? places_.describe(graph_, gray) : places_.features(gray);
-  if (anchors_) anchor_to_map(place);
+  if (search_) {
+    reconnect(place);
+  } else if (anchors_) {
+    anchor_to_map(place);
+  }
   if (!new_place) return;
   detect_loops(place);
   places_.store(graph_, std::move(place));
@@ -171,6 +179,30 @@ void LoopCloser::anchor_to_map(const Place& place) {
   const bool searching = anchors_->is_searching();
   if (anchors_->process(place, graph_)) news_ = std::numeric_limits<double>::infinity();
   was_found_ = searching && !anchors_->is_searching();
+}
+
+// Without a place since the break before, this one is the same loss of odometry, which goes on.
+void LoopCloser::begin_search() {
+  if (search_ && !places_.has_path()) return search_->begin_at(graph_.newest());
+  ++breaks_;
+  log::info("odometry is lost; the vehicle is searched among the places seen before");
+  places_.end_path(graph_);
+  search_.emplace(places_, graph_, graph_.newest(), camera_, options_.places.pixel_sigma);
+}
+
+// What was seen since the break moves as a whole; the graph does the rest.
+void LoopCloser::reconnect(const Place& place) {
+  const auto found = search_->add(place, graph_);
+  if (!found) return;
+  graph_.place_since(search_->first(), found->T_map_odometry);
+  for (const Loop& loop : found->loops) graph_.add(loop);
+  closures_ += found->loops.size();
+  log::info("the path after a break is found again: {} images agree, by {} points of earlier ones",
+            found->loops.size(), found->points);
+  ++reconnections_;
+  search_.reset();
+  news_ = std::numeric_limits<double>::infinity();
+  was_found_ = true;
 }
 
 SE3 LoopCloser::newest_correction() const {

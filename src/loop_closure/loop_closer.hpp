@@ -12,6 +12,7 @@
 #include "loop_closure/keyframe_graph.hpp"
 #include "loop_closure/known_map.hpp"
 #include "loop_closure/map_anchors.hpp"
+#include "loop_closure/own_map_search.hpp"
 #include "loop_closure/place_map.hpp"
 #include "loop_closure/place_store.hpp"
 
@@ -74,7 +75,10 @@ class LoopCloser {
   PlaceMap place_map() const;
   /// Nothing without a known map.
   const MapAnchors* anchors() const { return anchors_ ? &*anchors_ : nullptr; }
-  /// Whether the newest keyframe was searched for loops, as a new place, or for the known map.
+  /// Breaks of the path, and those after which it was found again among the places before.
+  std::size_t breaks() const { return breaks_; }
+  std::size_t reconnections() const { return reconnections_; }
+  /// Whether the newest keyframe was searched for loops, as a new place, or for a map.
   bool searched() const { return searched_; }
   /// Number of accepted loop closures.
   std::size_t closures() const { return closures_; }
@@ -92,19 +96,25 @@ class LoopCloser {
   std::optional<Found> find_loop(const PlaceStore::Stored& stored, const Place& place);
   void detect_loops(const Place& place);
   void anchor_to_map(const Place& place);
+  void begin_search();
+  void reconnect(const Place& place);
   void search(const cv::Mat& gray, bool new_place);
   bool is_optimization_due() const;
 
   CloserOptions options_;
   KeyframeGraph graph_;
   PlaceStore places_;
+  CameraModel camera_;
   std::optional<MapAnchors> anchors_;
+  std::optional<OwnMapSearch> search_;     ///< since a break of the path, until it is found again
   std::vector<DriftCorrection> reported_;  ///< by keyframe
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
+  std::size_t breaks_ = 0;
+  std::size_t reconnections_ = 0;
   bool searched_ = false;
   double news_ = 0.0;       ///< of the loops and anchors since the last optimization
-  bool was_found_ = false;  ///< the newest keyframe has found the known map
+  bool was_found_ = false;  ///< by the newest keyframe, in the known map or after a break
   std::optional<Stamp> last_optimization_;
 };
 

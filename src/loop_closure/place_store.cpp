@@ -92,11 +92,13 @@ double PlaceStore::visible_fraction(const Stored& stored, const SE3& T_now_then)
          static_cast<double>(std::max<std::size_t>(1, stored.triangulated));
 }
 
-std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph) const {
+std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph,
+                                                  std::size_t first) const {
   const SE3 T_camera_world = graph.corrected_pose(graph.newest()).inverse();
   std::vector<Near> near;
   for (const Stored& stored : places_) {
     if (graph.age_s(stored.keyframe) < options_.min_age_s) break;
+    if (stored.keyframe < first) continue;
     if (stored.triangulated < static_cast<std::size_t>(options_.min_inliers)) continue;
     const SE3 T_now_then = T_camera_world * graph.corrected_pose(stored.keyframe);
     const double distance = T_now_then.translation.norm();
@@ -108,13 +110,14 @@ std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph) co
   return near;
 }
 
-std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGraph& graph) const {
+std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGraph& graph,
+                                                              std::size_t first) const {
   struct Candidate {
     const Stored* stored = nullptr;
     double visible_fraction = 0.0;
   };
   std::vector<Candidate> found;
-  for (const Near& near : nearest(graph)) {
+  for (const Near& near : nearest(graph, first)) {
     const double fraction = visible_fraction(*near.stored, near.T_now_then);
     if (fraction > kMinVisibleFraction) found.push_back({near.stored, fraction});
   }
@@ -130,6 +133,11 @@ void PlaceStore::store(const KeyframeGraph& graph, Place place) {
   if (recent_.size() <= kRecent) return;
   keep(graph, std::move(recent_.front()));
   recent_.pop_front();
+}
+
+void PlaceStore::end_path(const KeyframeGraph& graph) {
+  for (Stored& stored : recent_) keep(graph, std::move(stored));
+  recent_.clear();
 }
 
 void PlaceStore::keep(const KeyframeGraph& graph, Stored stored) {

@@ -36,10 +36,15 @@ class PlaceStore {
   /// The place of the newest keyframe, triangulated with the last place, which gains points too.
   /// The oldest of the recent places gets better ones, from the widest baseline.
   Place describe(const KeyframeGraph& graph, const cv::Mat& gray);
-  /// Places at least `min_age_s` old that the newest keyframe should see, the best first.
-  std::vector<const Stored*> candidates(const KeyframeGraph& graph) const;
+  /// Places at least `min_age_s` old that the newest keyframe should see, the best first, among
+  /// those of keyframe `first` and later ones.
+  std::vector<const Stored*> candidates(const KeyframeGraph& graph, std::size_t first) const;
   /// Of the newest keyframe.
   void store(const KeyframeGraph& graph, Place place);
+  /// The path is broken: the next place is triangulated with none before it.
+  void end_path(const KeyframeGraph& graph);
+  /// Whether there is a place since `end_path`, or the beginning.
+  bool has_path() const { return !recent_.empty(); }
   std::vector<const Stored*> all() const;
   /// Standard deviation of a ray on the plane z = 1.
   double ray_sigma() const { return ray_sigma_; }
@@ -51,7 +56,7 @@ class PlaceStore {
     double distance_m = 0.0;
   };
 
-  std::vector<Near> nearest(const KeyframeGraph& graph) const;
+  std::vector<Near> nearest(const KeyframeGraph& graph, std::size_t first) const;
   double visible_fraction(const Stored& stored, const SE3& T_now_then) const;
   void keep(const KeyframeGraph& graph, Stored stored);
   void thin_out(const KeyframeGraph& graph);

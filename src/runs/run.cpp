@@ -451,6 +451,9 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                    .warnings = collect_warnings(evidence, rig, pass.fused)};
   const eval::Json relocalization =
       report_relocalization(config, pipeline.visual(), pass.first, result.warnings);
+  if (result.metrics.smoothed) {
+    warn_about_breaks(*pipeline.visual()->smoother(), result.warnings);
+  }
   eval::Json speed = speed_json(result);
   if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / vio::median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/smoothed.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <vector>
 
 #include "apvi/core/constants.hpp"
+#include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
 
 namespace apvi::runs {
@@ -44,6 +47,8 @@ eval::Json smoothed_json(const localization::Smoother& smoother, const Trajector
   eval::Json json = eval::to_json(metrics);
   json["closed_loops"] = smoother.closer().closures();
   json["rejected_loops"] = smoother.closer().rejected();
+  json["breaks"] = smoother.closer().breaks();
+  json["reconnections"] = smoother.closer().reconnections();
   const Largest largest =
       largest_correction(odometry, smoothed, smoother.closer().graph().T_world_known());
   json["largest_correction_m"] = largest.shift_m;
@@ -57,6 +62,18 @@ eval::Json smoothed_json(const localization::Smoother& smoother, const Trajector
                          {"p95_first_sixth", quantile_ms(all.first(sixth), 0.95)},
                          {"p95_last_sixth", quantile_ms(all.last(sixth), 0.95)}};
   return json;
+}
+
+void warn_about_breaks(const localization::Smoother& smoother, std::vector<std::string>& warnings) {
+  const std::size_t breaks = smoother.closer().breaks();
+  const std::size_t found = smoother.closer().reconnections();
+  if (breaks == found) return;
+  warnings.push_back(fmt::format(
+      "trajectory: odometry was lost {}; the images {} were not recognized as a place seen before, "
+      "so heading and position since then do not refer to those before",
+      breaks == 1 ? "once" : fmt::format("{} times", breaks),
+      breaks == 1 ? "afterwards" : fmt::format("after {} of them", breaks - found)));
+  log::warning("{}", warnings.back());
 }
 
 }  // namespace apvi::runs

@@ -106,5 +106,28 @@ TEST(KeyframeGraph, ALoopCountsFromTheNextOptimizationOn) {
   EXPECT_LT(graph.check(next).news, before);
 }
 
+// The two sides of a break keep their own corrections, also when nodes are thinned out.
+TEST(KeyframeGraph, NoCorrectionIsInterpolatedOverABreak) {
+  constexpr std::size_t kBreak = 51;
+  const SE3 moved{so3::exp({0.0, 0.0, 1.0}), {3.0, 4.0, 5.0}};
+  KeyframeGraph graph({.node_step_s = 4.0, .max_nodes = 10});
+  for (std::size_t i = 0; i < 200; ++i) {
+    graph.add(
+        {.stamp = stamp_of(i),
+         .T_world_camera = truth(i),
+         .drift = {.heading = 1e-6, .horizontal = i == kBreak ? 100.0 : 1e-5, .vertical = 0.0},
+         .height_sigma_m = {}});
+  }
+  ASSERT_LE(graph.nodes(), 10U);
+  graph.place_since(kBreak, moved);
+  for (const bool refined : {false, true}) {
+    if (refined) graph.refine();
+    for (std::size_t i = 0; i < graph.size(); ++i) {
+      const SE3 expected = (i < kBreak ? SE3::identity() : moved) * truth(i);
+      EXPECT_LT((graph.corrected_pose(i).translation - expected.translation).norm(), 1e-6) << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace apvi::loop_closure
