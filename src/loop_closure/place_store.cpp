@@ -17,6 +17,10 @@ constexpr double kMinStep_m = 0.25;
 constexpr double kMinTurn = 10.0 * kRadiansPerDegree;
 constexpr double kMinInterval_s = 0.5;
 
+// How fast the number of SIFT matches falls with the angle between two views and with their scale.
+constexpr double kViewSigma = 15.0 * kRadiansPerDegree;
+constexpr double kScaleSigma = 0.4;  // [octaves]
+
 constexpr std::size_t kMaxCandidates = 3;
 constexpr double kMinVisibleFraction = 0.3;            // of the triangulated points of a place
 constexpr double kMaxTurn = 50.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
@@ -32,6 +36,14 @@ constexpr double kKeptFraction = 0.75;  // of max_places, when places are thinne
 
 double angle_of_axes(const SE3& T_a_b) {
   return std::acos(std::clamp((T_a_b.rotation * Eigen::Vector3d::UnitZ()).z(), -1.0, 1.0));
+}
+
+// That SIFT matches a point seen from two directions at two distances, relative to the same view.
+double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now) {
+  const double angle = std::atan2(then.cross(now).norm(), then.dot(now));
+  const double octaves = std::log2(now.norm() / then.norm());
+  return std::exp(-0.5 * (angle * angle / (kViewSigma * kViewSigma) +
+                          octaves * octaves / (kScaleSigma * kScaleSigma)));
 }
 
 // A turn counts as much as a step between stored places.
@@ -78,18 +90,21 @@ Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {
   return place;
 }
 
-// Fraction of the triangulated points of a place that would be in the image at a similar distance.
-double PlaceStore::visible_fraction(const Stored& stored, const SE3& T_now_then) const {
+PlaceStore::Visibility PlaceStore::visibility(const Stored& stored, const SE3& T_now_then) const {
+  Visibility visibility;
   std::size_t in_image = 0;
   for (const auto& point : stored.place.points) {
     if (!point) continue;
     const Eigen::Vector3d p = T_now_then * *point;
     if (p.z() * kMaxDistanceRatio < point->z() || p.z() > kMaxDistanceRatio * point->z()) continue;
     const auto pixel = camera_.project(p);
-    if (pixel && camera_.in_image(*pixel)) ++in_image;
+    if (!pixel || !camera_.in_image(*pixel)) continue;
+    ++in_image;
+    visibility.matches += match_probability(T_now_then.rotation * *point, p);
   }
-  return static_cast<double>(in_image) /
-         static_cast<double>(std::max<std::size_t>(1, stored.triangulated));
+  visibility.fraction = static_cast<double>(in_image) /
+                        static_cast<double>(std::max<std::size_t>(1, stored.triangulated));
+  return visibility;
 }
 
 std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph,
@@ -114,14 +129,14 @@ std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGrap
                                                               std::size_t first) const {
   struct Candidate {
     const Stored* stored = nullptr;
-    double visible_fraction = 0.0;
+    double matches = 0.0;  ///< expected
   };
   std::vector<Candidate> found;
   for (const Near& near : nearest(graph, first)) {
-    const double fraction = visible_fraction(*near.stored, near.T_now_then);
-    if (fraction > kMinVisibleFraction) found.push_back({near.stored, fraction});
+    const Visibility visible = visibility(*near.stored, near.T_now_then);
+    if (visible.fraction > kMinVisibleFraction) found.push_back({near.stored, visible.matches});
   }
-  std::ranges::stable_sort(found, std::greater{}, &Candidate::visible_fraction);
+  std::ranges::stable_sort(found, std::greater{}, &Candidate::matches);
   found.resize(std::min(found.size(), kMaxCandidates));
   std::vector<const Stored*> best;
   for (const Candidate& candidate : found) best.push_back(candidate.stored);

@@ -36,8 +36,8 @@ class PlaceStore {
   /// The place of the newest keyframe, triangulated with the last place, which gains points too.
   /// The oldest of the recent places gets better ones, from the widest baseline.
   Place describe(const KeyframeGraph& graph, const cv::Mat& gray);
-  /// Places at least `min_age_s` old that the newest keyframe should see, the best first, among
-  /// those of keyframe `first` and later ones.
+  /// Places at least `min_age_s` old that the newest keyframe should see, among those of keyframe
+  /// `first` and later ones; the first has the most features that should match.
   std::vector<const Stored*> candidates(const KeyframeGraph& graph, std::size_t first) const;
   /// Of the newest keyframe.
   void store(const KeyframeGraph& graph, Place place);
@@ -57,7 +57,13 @@ class PlaceStore {
   };
 
   std::vector<Near> nearest(const KeyframeGraph& graph, std::size_t first) const;
-  double visible_fraction(const Stored& stored, const SE3& T_now_then) const;
+  /// What the newest image should show of a place.
+  struct Visibility {
+    double fraction = 0.0;  ///< of the points, at a similar distance
+    double matches = 0.0;   ///< expected number, from the change of each point's view
+  };
+
+  Visibility visibility(const Stored& stored, const SE3& T_now_then) const;
   void keep(const KeyframeGraph& graph, Stored stored);
   void thin_out(const KeyframeGraph& graph);
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "floor_dive.hpp"
 
@@ -71,6 +72,26 @@ TEST(PlaceStore, PointsOfAPlaceComeFromItsWidestBaseline) {
   }
   ASSERT_GT(first.triangulated, 50U);
   EXPECT_LT(std::sqrt(squares / static_cast<double>(first.triangulated)), 0.02);
+}
+
+// All points of a closer view are in the image too, but at another scale.
+TEST(PlaceStore, ViewsFromASimilarDistanceAreTheBestCandidates) {
+  Path path = line(0.0, 3.0, 0.0);
+  const std::size_t similar = path.size();
+  for (SE3 closer : line(0.0, 3.0, 0.6)) {
+    closer.translation.z() = 0.6 * kHeight_m;
+    path.push_back(closer);
+  }
+  for (const double x : {4.0, 4.3, 4.6, 4.9}) {
+    path.push_back(camera_looking_down({x, 4.0, kHeight_m}, 0.0));
+  }
+  path.push_back(camera_looking_down({1.5, 0.6, kHeight_m}, 0.0));
+  PlaceOptions options;
+  options.min_age_s = 1.0;
+  const Survey survey(options, path);
+  const auto candidates = survey.store.candidates(survey.graph, 0);
+  ASSERT_EQ(candidates.size(), 3U);
+  for (const PlaceStore::Stored* candidate : candidates) EXPECT_LT(candidate->keyframe, similar);
 }
 
 }  // namespace
