@@ -50,7 +50,7 @@ struct BrokenDive {
 };
 
 const Path& first_part() {
-  static const Path path = joined(line(-3.5, 3.5, 0.0), line(-3.5, 3.5, 1.2));
+  static const Path path = joined(line(-2.5, 2.5, 0.0), line(-2.5, 2.5, 1.2));
   return path;
 }
 
@@ -64,7 +64,7 @@ BrokenDive with_break(const Path& afterwards) {
 
 TEST(OwnMapSearch, APathThatContinuesElsewhereIsFoundAmongItsEarlierPlaces) {
   const std::size_t before = first_part().size();
-  const BrokenDive dive = with_break(line(-2.0, 3.0, 0.5, 0.4));
+  const BrokenDive dive = with_break(line(-1.5, 1.0, 0.5, 0.4));
   EXPECT_EQ(dive.closer.breaks(), 1U);
   ASSERT_EQ(dive.closer.reconnections(), 1U);
   EXPECT_LT(dive.error_m(0, before), 0.01);
@@ -75,7 +75,7 @@ TEST(OwnMapSearch, APathThatContinuesElsewhereIsFoundAmongItsEarlierPlaces) {
 
 TEST(OwnMapSearch, LoopsAreClosedAgainAfterwards) {
   const Path there_and_back =
-      joined(line(-2.0, 3.0, 0.5), joined(line(-3.5, 3.5, 4.0), line(-2.0, 3.0, 0.2)));
+      joined(line(-2.0, 1.0, 0.5), joined(line(-3.5, 3.5, 4.0), line(-2.0, 2.0, 0.2)));
   const BrokenDive dive = with_break(there_and_back);
   ASSERT_EQ(dive.closer.reconnections(), 1U);
   EXPECT_GT(dive.closer.closures(), 16U);  // more than the images that found it
@@ -84,7 +84,7 @@ TEST(OwnMapSearch, LoopsAreClosedAgainAfterwards) {
 
 TEST(OwnMapSearch, APathThatContinuesInUnknownTerrainStaysWhereOdometryPutsIt) {
   const std::size_t before = first_part().size();
-  const BrokenDive dive = with_break(line(-3.5, 3.5, 6.0));
+  const BrokenDive dive = with_break(line(-3.5, 0.0, 6.0));
   EXPECT_EQ(dive.closer.breaks(), 1U);
   EXPECT_EQ(dive.closer.reconnections(), 0U);
   EXPECT_LT(dive.error_m(0, before), 0.01);
@@ -96,9 +96,9 @@ TEST(OwnMapSearch, APathThatContinuesInUnknownTerrainStaysWhereOdometryPutsIt) {
 }
 
 TEST(OwnMapSearch, IsFoundAfterASecondBreak) {
-  BrokenDive dive = with_break(line(-2.0, 3.0, 0.5, 0.4));
+  BrokenDive dive = with_break(line(-1.5, 1.0, 0.5, 0.4));
   dive.break_path();
-  dive.follow(line(-3.0, 1.0, 0.9, -0.3), true);
+  dive.follow(line(-2.0, 0.5, 0.9, -0.3), true);
   EXPECT_EQ(dive.closer.breaks(), 2U);
   EXPECT_EQ(dive.closer.reconnections(), 2U);
   EXPECT_LT(dive.error_m(0, dive.truth.size()), 0.02);
@@ -118,7 +118,7 @@ TEST(OwnMapSearch, DriftThatGoesOnWithoutImagesIsOneBreak) {
                      .height_sigma_m = {}},
                     {});
   }
-  dive.follow(line(-2.0, 3.0, 0.5), true);
+  dive.follow(line(-1.5, 1.0, 0.5), true);
   EXPECT_EQ(dive.closer.breaks(), 1U);
   EXPECT_EQ(dive.closer.reconnections(), 1U);
   EXPECT_LT(dive.error_m(first_part().size() + dark, dive.truth.size()), 0.02);
