@@ -130,7 +130,7 @@ std::vector<Edge> own_edges(const Session& session, const SessionPath& path, dou
       const Edge loop = edge_of(path, places[then], places[now], match->T_now_then.inverse());
       if (loop.from == loop.to) continue;
       if (!linear) linear.emplace(graph, none);
-      if (linear->check(loop).squared_distance >= gate) continue;
+      if (!(linear->check(loop).squared_distance < gate)) continue;  // nor NaN
       graph.edges.push_back(loop);
       linear.reset();
     }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/simulate.hpp"
 
-#include <fstream>
-#include <sstream>
 #include <system_error>
 
 #include "apvi/core/error.hpp"

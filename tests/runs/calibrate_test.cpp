@@ -168,7 +168,7 @@ TEST(Calibrate, ThresholdsFromRealRecordingAcceptIt) {
   EXPECT_GT(result.plain.healthy.frames, 200U);
   EXPECT_LE(result.plain.healthy.rejected, 0.01);
   const double sigma = 1.0 / std::sqrt(result.plain.thresholds.rotation);  // that is let pass
-  EXPECT_LT(sigma, 0.2 * kRadiansPerDegree);
+  EXPECT_LT(sigma, 0.15 * kRadiansPerDegree);
   EXPECT_TRUE(fs::exists(options.folder / "runs" / "euroc_mh01_apvi-dark" / "health.csv"));
 }
 
