@@ -17,6 +17,7 @@ slam::MapSnapshot read_map(const std::filesystem::path& source) {
     slam::MapCopy copy{.map = {.gaussians = file.gaussians,
                                .medium = file.medium,
                                .antialiased = file.antialiased,
+                               .vignetting = file.vignetting,
                                .tone_curve = file.tone_curve},
                        .keyframes = {}};
     const std::filesystem::path keyframes = source / "keyframes.tum";
@@ -34,7 +35,8 @@ void save_map(const slam::MapSnapshot& snapshot, const std::filesystem::path& pa
                              .medium = map.medium,
                              .origin = snapshot.origin,
                              .antialiased = map.antialiased,
-                             .tone_curve = map.tone_curve});
+                             .tone_curve = map.tone_curve,
+                             .vignetting = map.vignetting});
   });
 }
 

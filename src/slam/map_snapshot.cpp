@@ -78,6 +78,7 @@ MapSnapshot to_snapshot(const MapCopy& copy) {
                      .medium = std::nullopt,
                      .keyframes = copy.keyframes,
                      .tone_curve = {copy.map.tone_curve.gamma, copy.map.tone_curve.offset},
+                     .vignetting = {copy.map.vignetting.square, copy.map.vignetting.fourth},
                      .antialiased = copy.map.antialiased};
   if (copy.map.medium) out.medium = to_coefficients(*copy.map.medium);
   return out;
@@ -100,6 +101,7 @@ mapping::Map to_map(const MapSnapshot& snapshot) {
   if (snapshot.medium) map.medium = to_medium(*snapshot.medium);
   map.antialiased = snapshot.antialiased;
   map.tone_curve = {.gamma = snapshot.tone_curve.gamma, .offset = snapshot.tone_curve.offset};
+  map.vignetting = {.square = snapshot.vignetting.square, .fourth = snapshot.vignetting.fourth};
   return map;
 }
 

@@ -32,6 +32,7 @@ mapping::Map lit_map() {
       .backscatter = 3.0F * ramp({3})};
   map.antialiased = true;
   map.tone_curve = gaussians::kSrgb;
+  map.vignetting = {.square = 0.25, .fourth = 0.125};
   return map;
 }
 
@@ -53,6 +54,8 @@ TEST(MapSnapshot, KeepsEveryNumberOfTheMap) {
                            medium::lamp_to_tensor(*back.medium->lamp)));
   EXPECT_TRUE(back.antialiased);
   EXPECT_EQ(back.tone_curve, map.tone_curve);
+  EXPECT_EQ(back.vignetting.square, map.vignetting.square);
+  EXPECT_EQ(back.vignetting.fourth, map.vignetting.fourth);
 }
 
 TEST(MapSnapshot, RendersAsTheMapDoes) {

@@ -35,6 +35,13 @@ struct ToneCoefficients {
   double offset = 0.0;
 };
 
+/// Vignetting of the lens: exp(-(square s + fourth s^2)) of the light arrives at a squared distance
+/// s from the principal point, 1 in a corner of the image.
+struct VignettingCoefficients {
+  double square = 0.0;
+  double fourth = 0.0;
+};
+
 /// A copy of the map, in the world frame of the trajectory; float arrays row by row. It has all
 /// that `render` needs. Colors are in linear light, those of images are the tone curve's.
 struct MapSnapshot {
@@ -49,6 +56,7 @@ struct MapSnapshot {
   std::optional<MediumCoefficients> medium;
   Trajectory keyframes;  ///< body poses, corrected by loop closures
   ToneCoefficients tone_curve = {};
+  VignettingCoefficients vignetting = {};  ///< none in rendered images
   bool antialiased = false;        ///< how opacities of small Gaussians are to be understood
   std::array<double, 3> origin{};  ///< to be added to `means` [m]; zero unless read from a file
 };
