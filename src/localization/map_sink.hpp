@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
@@ -12,6 +13,7 @@
 #include "apvi/geometry/scale_change.hpp"
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "loop_closure/correction_log.hpp"
 
 namespace apvi::localization {
 
@@ -22,8 +24,8 @@ struct MapPoint {
   double sigma_m = 0.0;  ///< along the ray
 };
 
-/// Data that localization passes to the map at a camera frame. Poses are of the body, in the output
-/// frame.
+/// Data that localization passes to the map at a camera frame. Poses are of the body, in the frame
+/// of the odometry that the pose graph corrects.
 struct MapFrame {
   Stamp stamp;                       ///< of the frame, on the IMU clock
   Stamp image_stamp;                 ///< as recorded
@@ -38,8 +40,10 @@ struct MapFrame {
   std::optional<Stamp> newest_keyframe;       ///< in the window, before this frame
   bool vio_failing = false;
   std::optional<ScaleChange> scale_change;  ///< of the map so far, before this frame
-  /// Poses of camera 0 at the keyframes by the pose graph of the whole dive, when that is finished.
-  Trajectory final_camera_poses;
+  /// Corrections of the keyframes by the pose graph of the whole dive, and the number of its
+  /// keyframes up to this frame; null without a graph.
+  std::shared_ptr<loop_closure::CorrectionLog> corrections;
+  std::size_t graph_keyframes = 0;
 };
 
 /// Interface of the mapper. `push` is called in order of time from the last stage's thread. Mapping

@@ -25,8 +25,10 @@ loop_closure::LoopThread thread_of(RunMode mode) {
   return loop_closure::LoopThread::none;
 }
 
-loop_closure::CloserOptions closer_options(const Options& options, const CameraModel& camera) {
+loop_closure::CloserOptions closer_options(const Options& options, const CameraModel& camera,
+                                           bool for_map) {
   loop_closure::CloserOptions closer = loop_closure::closer_options(options.smoothing);
+  closer.lists_corrections = for_map;
   const std::string& run = options.smoothing.known_map;
   if (run.empty()) return closer;
   closer.known_map = std::make_shared<loop_closure::KnownMap>(
@@ -37,13 +39,14 @@ loop_closure::CloserOptions closer_options(const Options& options, const CameraM
 
 }  // namespace
 
-Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors)
+Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors,
+                   bool for_map)
     : T_body_camera_(rig.cameras.front().T_body_camera),
       height_is_measured_(sensors.dvl && options.sensors.includes("pressure") &&
                           (rig.pressure || rig.depth)),
       drift_factor_(options.smoothing.drift_factor),
-      closer_(closer_options(options, rig.cameras.front().model), rig.cameras.front().model,
-              thread_of(options.run.mode)) {}
+      closer_(closer_options(options, rig.cameras.front().model, for_map),
+              rig.cameras.front().model, thread_of(options.run.mode)) {}
 
 // Poses up to scale are no odometry in meters.
 void Smoother::add(const FrameOutput& output, const std::optional<MapFrame>& news) {
@@ -51,8 +54,10 @@ void Smoother::add(const FrameOutput& output, const std::optional<MapFrame>& new
   if (!stamps_.empty() && output.stamp <= stamps_.back()) return;
   drift_.add(output);
   if (news) move_window(*news);
-  const bool has_image = news && !news->image.empty() && !news->held_out;
-  if (has_image) return add_image(output, *news);
+  const bool has_image = news && !news->image.empty();
+  const bool continues = !in_window_.empty();
+  if (has_image && !continues) place_window(output);
+  if (has_image && !news->held_out) return add_image(output, *news, continues);
   const bool due = !stamps_.empty() && seconds_between(stamps_.back(), output.stamp) >= kPoseStep_s;
   if (due) add_pose(output);
 }
@@ -78,19 +83,17 @@ SE3 Smoother::predicted(const SE3& T_odom_body) const {
   return last.T_graph_body() * last.T_odom_body.inverse() * T_odom_body;
 }
 
-void Smoother::add_image(const FrameOutput& output, const MapFrame& news) {
-  const SE3& T_odom_body = output.fusion.pose->T_world_body;
-  const SE3 T_window_body = output.vio.state.pose();
-  const bool continues = !in_window_.empty();
-  if (!continues) {
-    T_graph_window_ = vio::level_alignment(predicted(T_odom_body), T_window_body);
-  }
+void Smoother::place_window(const FrameOutput& output) {
+  T_graph_window_ =
+      vio::level_alignment(predicted(output.fusion.pose->T_world_body), output.vio.state.pose());
+}
+
+void Smoother::add_image(const FrameOutput& output, const MapFrame& news, bool continues) {
   in_window_[news.stamp] = keyframes_.size();
-  push({.T_odom_body = T_odom_body,
+  push({.T_odom_body = output.fusion.pose->T_world_body,
         .T_graph_image = T_graph_window_ * news.T_world_body,
-        .T_image_body = news.T_world_body.inverse() * T_window_body,
-        .T_body_camera = news.T_body_camera.value_or(T_body_camera_),
-        .has_image = true},
+        .T_image_body = news.T_world_body.inverse() * output.vio.state.pose(),
+        .T_body_camera = news.T_body_camera.value_or(T_body_camera_)},
        news.stamp, news.image, continues);
 }
 
@@ -122,6 +125,15 @@ void Smoother::push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image,
   closer_.push(std::move(input));
 }
 
+void Smoother::connect(MapFrame& news) const {
+  news.T_world_body = T_graph_window_ * news.T_world_body;
+  for (MapPoint& point : news.points) point.position = T_graph_window_ * point.position;
+  for (Eigen::Vector3d& point : news.range_points) point = T_graph_window_ * point;
+  for (StampedPose& pose : news.window) pose.T_world_body = T_graph_window_ * pose.T_world_body;
+  news.corrections = closer_.corrections();
+  news.graph_keyframes = closer_.pushed();
+}
+
 void Smoother::finish() {
   closer_.finish();
 }
@@ -134,17 +146,6 @@ SE3 Smoother::T_map_odom() const {
   const SE3 T_map_graph = closer_.newest_correction();
   const std::scoped_lock lock(mutex_);
   return T_map_graph * T_graph_odom_;
-}
-
-Trajectory Smoother::camera_poses() const {
-  const loop_closure::KeyframeGraph& graph = closer().graph();
-  const SE3 T_map_graph = graph.T_world_known().inverse();
-  Trajectory poses;
-  for (std::size_t k = 0; k < std::min(keyframes_.size(), graph.size()); ++k) {
-    if (!keyframes_[k].has_image) continue;
-    poses.poses.push_back({stamps_[k], T_map_graph * graph.corrected_pose(k)});
-  }
-  return poses;
 }
 
 // The pose as the odometry since a keyframe continues the corrected keyframe.

@@ -22,10 +22,14 @@ namespace apvi::localization {
 /// stage's thread; the graph has a thread of its own, except in `sequential` mode.
 class Smoother {
  public:
-  Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors);
+  /// `for_map`: whether a map follows the corrections of the graph.
+  Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors, bool for_map);
 
   /// Every frame, in order of time, with what it tells the map, if anything.
   void add(const FrameOutput& output, const std::optional<MapFrame>& news);
+  /// After `add`: moves it from the frame of the VIO window, which begins anew after a loss of
+  /// vision, to that of the graph's odometry, and adds the corrections of the graph.
+  void connect(MapFrame& news) const;
   /// Processes what is queued. Rethrows an exception of the graph's thread.
   void finish();
   /// Discards what is queued.
@@ -37,9 +41,6 @@ class Smoother {
   /// The odometry with the corrections of the graph, interpolated between keyframes, in the frame
   /// of the known map if it was found. After `finish` or `stop`.
   Trajectory smoothed(const Trajectory& odometry) const;
-  /// Poses of the camera at the images of the keyframes, in the same frame. After `finish` or
-  /// `stop`.
-  Trajectory camera_poses() const;
   /// After `finish` or `stop`.
   const loop_closure::LoopCloser& closer() const { return closer_.closer(); }
   const std::vector<double>& keyframe_seconds() const { return closer_.seconds(); }
@@ -51,12 +52,12 @@ class Smoother {
     SE3 T_graph_image;  ///< of the body when the image was taken; the graph's odometry
     SE3 T_image_body;   ///< motion between the two times
     SE3 T_body_camera;
-    bool has_image = false;
     SE3 T_graph_body() const { return T_graph_image * T_image_body; }
   };
 
   void move_window(const MapFrame& news);
-  void add_image(const FrameOutput& output, const MapFrame& news);
+  void place_window(const FrameOutput& output);
+  void add_image(const FrameOutput& output, const MapFrame& news, bool continues);
   void add_pose(const FrameOutput& output);
   SE3 predicted(const SE3& T_odom_body) const;
   void push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image, bool vio_continues);

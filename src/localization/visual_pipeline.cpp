@@ -40,7 +40,9 @@ VisualPipeline::VisualPipeline(const Options& options, const Rig& rig, const Act
       map_(map),
       map_to_odometry_(std::move(map_to_odometry)) {
   // Without an IMU the vertical is unknown.
-  if (options.smoothing.enabled && sensors.imu) smoother_.emplace(options, rig, sensors);
+  if (options.smoothing.enabled && sensors.imu) {
+    smoother_.emplace(options, rig, sensors, map != nullptr);
+  }
   if (map_ != nullptr || smoother_) map_feed_.emplace(options, rig);
   if (mode_ == RunMode::sequential) return;
   fusion_worker_ = std::make_unique<Worker<Tracked>>(
@@ -65,12 +67,6 @@ void VisualPipeline::finish() {
     fusion_worker_->wait();
   }
   if (smoother_) smoother_->finish();
-  if (smoother_ && map_ != nullptr && last_) {
-    MapFrame news;
-    news.stamp = *last_;
-    news.final_camera_poses = smoother_->camera_poses();
-    map_->push(std::move(news));
-  }
 }
 
 void VisualPipeline::stop() {
@@ -110,14 +106,15 @@ void VisualPipeline::fuse(const Tracked& tracked) {
   output.timing.decode_s = tracked.decode_s;
   output.timing.track_s = tracked.track_s;
   sink_(output);
-  last_ = output.stamp;
   if (!map_feed_) return;
   auto map_frame = map_feed_->process(tracked.job, tracked.image, output, fusion_stage_.window());
   if (smoother_) {
     smoother_->add(output, map_frame);
     if (map_to_odometry_) map_to_odometry_(smoother_->T_map_odom());
   }
-  if (map_ != nullptr && map_frame) map_->push(*std::move(map_frame));
+  if (map_ == nullptr || !map_frame) return;
+  if (smoother_) smoother_->connect(*map_frame);
+  map_->push(*std::move(map_frame));
 }
 
 }  // namespace apvi::localization

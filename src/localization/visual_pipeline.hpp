@@ -72,7 +72,6 @@ class VisualPipeline {
   MapToOdometry map_to_odometry_;
   std::optional<MapFeed> map_feed_;
   std::optional<Smoother> smoother_;
-  std::optional<Stamp> last_;  // frame that was fused
   std::size_t dropped_images_ = 0;
   // Last members, downstream worker first: threads stop before the members they use.
   std::unique_ptr<Worker<Tracked>> fusion_worker_;

@@ -24,39 +24,38 @@ AsyncLoopCloser::AsyncLoopCloser(const CloserOptions& options, const CameraModel
 }
 
 void AsyncLoopCloser::push(LoopInput job) {
+  ++pushed_;
   if (!worker_) return process(job);
   if (skips_images_ && worker_->waiting() >= kMaxQueuedImages) job.gray = cv::Mat();
   if (!worker_->push(std::move(job)))
     worker_->wait();  // the worker has stopped: rethrow its exception
 }
 
+// A reader of the corrections must not wait for keyframes that are never processed.
 void AsyncLoopCloser::process(const LoopInput& job) {
-  const Stopwatch watch;
-  for (const auto& [stamp, pose] : job.moved) closer_.update_pose(stamp, pose);
-  publish(closer_.add(job.keyframe, job.gray));
-  closures_ = closer_.closures();
-  if (closer_.searched()) seconds_.push_back(watch.seconds());
+  try {
+    const Stopwatch watch;
+    for (const auto& [stamp, pose] : job.moved) closer_.update_pose(stamp, pose);
+    publish(closer_.add(job.keyframe, job.gray));
+    if (closer_.searched()) seconds_.push_back(watch.seconds());
+  } catch (...) {
+    corrections_->close();
+    throw;
+  }
 }
 
 void AsyncLoopCloser::publish(bool changed) {
-  if (!changed) return;
-  std::vector<KeyframeCorrection> corrections;
-  if (lists_corrections_) corrections = closer_.changed_corrections();
-  const std::lock_guard lock(mutex_);
-  newest_ = closer_.newest_correction();
-  if (lists_corrections_) corrections_.push_back(std::move(corrections));
-}
-
-std::vector<KeyframeCorrection> AsyncLoopCloser::pop_corrections() {
-  const std::lock_guard lock(mutex_);
-  if (corrections_.empty()) return {};
-  auto first = std::move(corrections_.front());
-  corrections_.pop_front();
-  return first;
+  if (changed) {
+    const std::scoped_lock lock(mutex_);
+    newest_ = closer_.newest_correction();
+  }
+  KeyframeCorrections corrections;
+  if (changed && lists_corrections_) corrections = closer_.changed_corrections();
+  corrections_->publish(std::move(corrections), closer_.closures());
 }
 
 SE3 AsyncLoopCloser::newest_correction() const {
-  const std::lock_guard lock(mutex_);
+  const std::scoped_lock lock(mutex_);
   return newest_;
 }
 
@@ -66,6 +65,7 @@ void AsyncLoopCloser::finish() {
 }
 
 void AsyncLoopCloser::stop() {
+  corrections_->close();
   if (worker_) worker_->stop();
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <atomic>
-#include <deque>
+#include <cstddef>
 #include <memory>
 #include <mutex>
 #include <opencv2/core/mat.hpp>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "core/worker.hpp"
+#include "loop_closure/correction_log.hpp"
 #include "loop_closure/loop_closer.hpp"
 
 namespace apvi::loop_closure {
@@ -32,19 +32,22 @@ enum class LoopThread {
 class AsyncLoopCloser {
  public:
   AsyncLoopCloser(const CloserOptions& options, const CameraModel& camera, LoopThread thread);
+  ~AsyncLoopCloser() { stop(); }
+  AsyncLoopCloser(const AsyncLoopCloser&) = delete;
+  AsyncLoopCloser& operator=(const AsyncLoopCloser&) = delete;
 
   /// Blocks only if the thread is `blocking` and far behind. Rethrows an exception of the thread.
   void push(LoopInput job);
-  /// Pose corrections of the oldest unread loop closure; empty when there is none, or when the
-  /// options ask for none.
-  std::vector<KeyframeCorrection> pop_corrections();
+  /// What was pushed so far and what that has caused, if the options ask for corrections. The log
+  /// may outlive this object.
+  std::size_t pushed() const { return pushed_; }
+  const std::shared_ptr<CorrectionLog>& corrections() const { return corrections_; }
   /// Processes all queued keyframes and publishes the last corrections. Rethrows an exception of
   /// the worker thread.
   void finish();
   /// Discards what is queued.
   void stop();
 
-  std::size_t closures() const { return closures_; }
   /// Correction of the newest keyframe; any thread.
   SE3 newest_correction() const;
   /// After `finish` or `stop`.
@@ -60,10 +63,10 @@ class AsyncLoopCloser {
   std::vector<double> seconds_;
   bool skips_images_;
   bool lists_corrections_;
-  std::atomic<std::size_t> closures_ = 0;
+  std::size_t pushed_ = 0;
+  std::shared_ptr<CorrectionLog> corrections_ = std::make_shared<CorrectionLog>();
   mutable std::mutex mutex_;
-  std::deque<std::vector<KeyframeCorrection>> corrections_;  // guarded by mutex_
-  SE3 newest_;                                               // guarded by mutex_
+  SE3 newest_;                                 // guarded by mutex_
   std::unique_ptr<Worker<LoopInput>> worker_;  // last member: stopped before the members it uses
 };
 

@@ -127,15 +127,15 @@ bool LoopCloser::is_optimization_due() const {
          kOptimizationPeriod_s * std::max(1.0, loops / kLoopsPerPeriod);
 }
 
-std::vector<KeyframeCorrection> LoopCloser::changed_corrections() {
-  std::vector<KeyframeCorrection> all;
+KeyframeCorrections LoopCloser::changed_corrections() {
+  KeyframeCorrections all;
   for (std::size_t i = 0; i < graph_.size(); ++i) {
-    const DriftCorrection now = graph_.correction(i);
-    DriftCorrection& reported = reported_[i];
-    const SE3 before = reported.transform() * graph_[i].T_world_camera;
-    const SE3 T_after_before = now.transform() * reported.transform().inverse();
+    const SE3 now = correction(i);
+    SE3& reported = reported_[i];
+    const SE3 before = reported * graph_[i].T_world_camera;
+    const SE3 T_after_before = now * reported.inverse();
     const double moved = (T_after_before * before.translation - before.translation).norm();
-    const double turned = std::abs(now.heading - reported.heading);
+    const double turned = so3::angle_between(now.rotation, reported.rotation);
     const bool newest = i == graph_.newest();
     if (moved < kMinReportedShift_m && turned < kMinReportedTurn && !newest) continue;
     reported = now;
@@ -153,7 +153,7 @@ bool LoopCloser::add(Keyframe keyframe, const cv::Mat& gray) {
     }
   }
   graph_.add(keyframe);
-  reported_.push_back(reported_.empty() ? DriftCorrection{} : reported_.back());
+  reported_.push_back(reported_.empty() ? SE3::identity() : reported_.back());
   if (graph_.is_break(graph_.newest())) begin_search();
   const bool new_place = !gray.empty() && places_.is_new_place(graph_);
   searched_ = new_place || (!gray.empty() && (anchors_ || search_));
@@ -205,8 +205,8 @@ void LoopCloser::reconnect(const Place& place) {
   was_found_ = true;
 }
 
-SE3 LoopCloser::newest_correction() const {
-  return graph_.T_world_known().inverse() * graph_.correction(graph_.newest()).transform();
+SE3 LoopCloser::correction(std::size_t keyframe) const {
+  return graph_.T_world_known().inverse() * graph_.correction(keyframe).transform();
 }
 
 PlaceMap LoopCloser::place_map() const {

@@ -9,6 +9,7 @@
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/loop_closure/options.hpp"
+#include "loop_closure/correction_log.hpp"
 #include "loop_closure/keyframe_graph.hpp"
 #include "loop_closure/known_map.hpp"
 #include "loop_closure/map_anchors.hpp"
@@ -17,12 +18,6 @@
 #include "loop_closure/place_store.hpp"
 
 namespace apvi::loop_closure {
-
-/// Correction of the pose of a keyframe.
-struct KeyframeCorrection {
-  Stamp stamp;
-  SE3 T_after_before;  ///< left-multiplies the last reported camera pose
-};
 
 /// What the map and the trajectory ask of a `LoopCloser`.
 struct CloserOptions {
@@ -65,12 +60,12 @@ class LoopCloser {
     graph_.update_pose(stamp, T_world_camera);
   }
 
-  /// The keyframe corrections that have changed since the last call, in order of time, the last one
-  /// being that of the newest keyframe.
-  std::vector<KeyframeCorrection> changed_corrections();
+  /// The corrections of keyframes that have changed since the last call; the last one is that of
+  /// the newest keyframe. The corrected frame is that of the known map once it has been found.
+  KeyframeCorrections changed_corrections();
   const KeyframeGraph& graph() const { return graph_; }
   /// From odometry to the corrected frame, which is that of the known map once it has been found.
-  SE3 newest_correction() const;
+  SE3 newest_correction() const { return correction(graph_.newest()); }
   /// What a later dive needs to be found here.
   PlaceMap place_map() const;
   /// Nothing without a known map.
@@ -86,6 +81,7 @@ class LoopCloser {
   std::size_t rejected() const { return rejected_; }
 
  private:
+  SE3 correction(std::size_t keyframe) const;
   bool is_plausible(const Loop& loop) const;
   struct Found {
     Loop loop;
@@ -106,8 +102,8 @@ class LoopCloser {
   PlaceStore places_;
   CameraModel camera_;
   std::optional<MapAnchors> anchors_;
-  std::optional<OwnMapSearch> search_;     ///< since a break of the path, until it is found again
-  std::vector<DriftCorrection> reported_;  ///< by keyframe
+  std::optional<OwnMapSearch> search_;  ///< since a break of the path, until it is found again
+  std::vector<SE3> reported_;           ///< by keyframe, from odometry to the corrected frame
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
   std::size_t breaks_ = 0;

@@ -74,7 +74,12 @@ void Mapper::move_map(const MapperInput& input) {
   const auto entry = times_.scope("poses");
   const KeyframeMotions updated = poses_.update(input.moved, keyframes_);
   retry_on_oom([&] { optimizer_.move(updated); });
-  const KeyframeMotions corrected = poses_.correct(input.loop_corrections, keyframes_);
+}
+
+void Mapper::correct(const std::vector<LoopCorrection>& loop_corrections) {
+  const torch::NoGradGuard no_grad;
+  const auto entry = times_.scope("poses");
+  const KeyframeMotions corrected = poses_.correct(loop_corrections, keyframes_);
   aligner_.move(corrected, keyframes_);
   retry_on_oom([&] { optimizer_.move(corrected); });
 }
@@ -112,7 +117,7 @@ void Mapper::add_training_keyframe(const MapperInput& input) {
     const auto entry = times_.scope("gains");
     retry_on_oom([&] { optimizer_.match_gain(keyframes_, view); });
   }
-  align(view);
+  if (input.align) align(view);
   insert_gaussians(view, input);
   limit_image_memory();
   // Under load, only the first estimation runs; later ones are deferred.
@@ -122,7 +127,7 @@ void Mapper::add_training_keyframe(const MapperInput& input) {
 
 // Held-out images are not aligned; they share the drift of the preceding keyframe.
 void Mapper::align(std::size_t view) {
-  if (!options_.online.align || !inserter_.started()) return;
+  if (!inserter_.started()) return;
   const auto entry = times_.scope("alignment");
   const PoseSigmas sigmas = poses_.map_odom().sigmas(keyframes_[view].stamp_ns);
   std::optional<Tensor> pose;

@@ -34,13 +34,11 @@ struct MapperInput {
   SparsePoints points;
   torch::Tensor depth_samples;  ///< [m,3] float64 world points from range sensors; or undefined
   std::vector<MovedKeyframe> moved;
-  /// In order of time; the last also applies to all later keyframes. Keyframes in between that are
-  /// not listed do not move.
-  std::vector<LoopCorrection> loop_corrections;
   /// Stamp of the keyframe that a held-out image moves with; optional.
   std::optional<std::int64_t> follows_ns;
   bool vio_failing = false;
   bool low_visibility = false;  ///< has_low_visibility() of the raw camera image
+  bool align = false;           ///< register the keyframe to previously mapped areas
   /// Input is queued: defer depth estimation and keep a bounded, thinned queue.
   bool skip_depth = false;
   /// The input queue is long: do not estimate the medium now.
@@ -65,6 +63,9 @@ class Mapper {
 
   /// Does not throw for an invalid keyframe; the result tells what is wrong.
   KeyframeDecision add(const MapperInput& input);
+  /// Moves keyframes and their Gaussians. In order of time; the last correction also applies to all
+  /// later keyframes, those to come included. Keyframes in between that are not listed do not move.
+  void correct(const std::vector<LoopCorrection>& loop_corrections);
   /// Changes the unit of length of everything so far: images of the map stay the same.
   void change_scale(const gaussians::ScaleChange& change);
   /// Whether there are Gaussians and keyframes to optimize.

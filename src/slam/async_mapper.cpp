@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <limits>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -14,7 +13,6 @@
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
-#include "slam/final_poses.hpp"
 #include "slam/map_access.hpp"
 
 namespace apvi::slam {
@@ -60,6 +58,12 @@ std::size_t queue_size(MappingThread thread) {
 
 }  // namespace
 
+LoopClosureMethod resolve_loop_closure_method(LoopClosureMethod asked, bool has_graph,
+                                              bool has_lamp) {
+  if (asked != LoopClosureMethod::automatic) return asked;
+  return has_graph || !has_lamp ? LoopClosureMethod::pose_graph : LoopClosureMethod::alignment;
+}
+
 AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
                          AsyncMapperCallbacks callbacks)
     : options_(options),
@@ -70,7 +74,6 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
       scheduler_({.realtime = options.thread == MappingThread::dropping,
                   .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
   const bool may_drop = options_.thread == MappingThread::dropping;
-  if (options_.loop_closure) make_loop_closer();
   if (options_.thread == MappingThread::none) return;
   worker_ = std::make_unique<Worker<localization::MapFrame>>(
       queue_size(options_.thread), may_drop ? Overflow::drop_oldest : Overflow::block,
@@ -80,12 +83,15 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
 void AsyncMapper::make_loop_closer() {
   const bool may_drop = options_.thread == MappingThread::dropping;
   loop_closer_.emplace(
-      loop_closure::closer_options(*options_.loop_closure),
+      loop_closure::closer_options(options_.loop_closure),
       CameraModel(to_parameters(undistort_.intrinsics())),
       may_drop ? loop_closure::LoopThread::skipping : loop_closure::LoopThread::none);
+  corrections_ = loop_closer_->corrections();
 }
 
 void AsyncMapper::push(localization::MapFrame frame) {
+  const bool follows = loop_closure_method(frame) == LoopClosureMethod::pose_graph && !failed_;
+  if (frame.corrections && !follows) frame.corrections->close();
   if (!worker_) return run_guarded([&] { process(frame); });
   worker_->push(std::move(frame));
 }
@@ -117,25 +123,8 @@ void AsyncMapper::run_guarded(const std::function<void()>& work) {
 
 void AsyncMapper::finish_map() {
   if (loop_closer_) loop_closer_->finish();
-  for (auto moved = next_loop_corrections(); !moved.empty(); moved = next_loop_corrections()) {
-    mapping::MapperInput input;
-    input.loop_corrections = std::move(moved);
-    const std::scoped_lock lock(mutex_);
-    mapper_.add(input);
-  }
-  if (!final_camera_poses_.empty()) adopt_final_poses();
+  if (corrections_) correct(corrections_->read_all());
   flush_depth();
-}
-
-// As a whole: each keyframe for itself would need many steps of optimization afterwards. A
-// correction before the first keyframe is one of all.
-void AsyncMapper::adopt_final_poses() {
-  const auto motion = final_motion(mapper_.keyframes(), final_camera_poses_);
-  if (!motion) return;
-  mapping::MapperInput input;
-  input.loop_corrections.push_back({std::numeric_limits<std::int64_t>::min(), to_tensor(*motion)});
-  const std::scoped_lock lock(mutex_);
-  mapper_.add(input);
 }
 
 // The newest keyframes wait for neighbors that do not come anymore.
@@ -170,7 +159,6 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
   optimize_outage(frame);
   if (frame.scale_change) change_scale(*frame.scale_change);
-  if (!frame.final_camera_poses.empty()) final_camera_poses_ = frame.final_camera_poses;
   if (frame.T_body_camera) {
     const std::scoped_lock lock(mutex_);
     T_body_camera_ = *frame.T_body_camera;
@@ -188,7 +176,7 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
 
 // The few places seen so far are forgotten.
 void AsyncMapper::change_scale(const ScaleChange& change) {
-  if (options_.loop_closure) make_loop_closer();
+  if (loop_closer_) make_loop_closer();
   const std::scoped_lock lock(mutex_);
   const Eigen::Vector3d& c = change.center;
   mapper_.change_scale({change.scale, torch::tensor({c.x(), c.y(), c.z()}, torch::kFloat64)});
@@ -198,7 +186,7 @@ mapping::KeyframeDecision AsyncMapper::add_frame(const localization::MapFrame& f
   const auto entry = times_.scope("keyframes");
   return scheduler_.measure_keyframe([&] {
     mapping::MapperInput input = to_input(frame);
-    input.loop_corrections = next_loop_corrections();
+    follow_graph(frame);
     input.skip_depth = scheduler_.should_skip_depth(queued_frames(), depth_s());
     input.skip_medium_fit = scheduler_.should_skip_medium_fit(queued_frames());
     const std::scoped_lock lock(mutex_);
@@ -271,7 +259,7 @@ std::map<std::string, std::size_t> AsyncMapper::rejected() const {
 }
 
 std::optional<std::size_t> AsyncMapper::closed_loops() const {
-  return loop_closer_ ? std::optional(loop_closer_->closures()) : std::nullopt;
+  return corrections_ ? std::optional(corrections_->closures()) : std::nullopt;
 }
 
 mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) {
@@ -294,12 +282,15 @@ mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) 
   input.points = to_points(frame.points);
   if (frame.newest_keyframe) input.follows_ns = frame.newest_keyframe->ns;
   if (options_.use_dvl_ranges) input.depth_samples = to_rows(frame.range_points);
-  if (!frame.held_out && !input.low_visibility) close_loops(frame, undistorted);
+  const LoopClosureMethod method = loop_closure_method(frame);
+  input.align = method == LoopClosureMethod::alignment;
+  const bool closes_loops = method == LoopClosureMethod::pose_graph && !frame.corrections;
+  if (closes_loops && !frame.held_out && !input.low_visibility) close_loops(frame, undistorted);
   return input;
 }
 
 void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted) {
-  if (!loop_closer_) return;
+  if (!loop_closer_) make_loop_closer();
   const auto entry = times_.scope("loops");
   loop_closure::LoopInput job;
   job.keyframe.stamp = frame.stamp;
@@ -311,13 +302,38 @@ void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat
   loop_closer_->push(std::move(job));
 }
 
-std::vector<mapping::LoopCorrection> AsyncMapper::next_loop_corrections() {
-  std::vector<mapping::LoopCorrection> loop_corrections;
-  if (!loop_closer_) return loop_corrections;
-  for (const loop_closure::KeyframeCorrection& moved : loop_closer_->pop_corrections()) {
-    loop_corrections.push_back({moved.stamp.ns, to_tensor(moved.T_after_before)});
+LoopClosureMethod AsyncMapper::loop_closure_method(const localization::MapFrame& frame) const {
+  return resolve_loop_closure_method(options_.loop_closure.method, frame.corrections != nullptr,
+                                     options_.has_lamp);
+}
+
+// Applies what the keyframes up to this frame have caused. In real time the graph may be behind.
+void AsyncMapper::follow_graph(const localization::MapFrame& frame) {
+  if (loop_closure_method(frame) != LoopClosureMethod::pose_graph) return;
+  if (frame.corrections) {
+    corrections_ = frame.corrections;
+    if (frame.graph_keyframes == 0 && !frame.image.empty()) before_graph_.push_back(frame.stamp);
+    if (frame.graph_keyframes > 0 && !graph_begin_) graph_begin_ = frame.stamp;
+    const bool wait = options_.thread != MappingThread::dropping;
+    return correct(corrections_->read(frame.graph_keyframes, wait));
   }
-  return loop_corrections;
+  if (corrections_) correct(corrections_->read_all());
+}
+
+void AsyncMapper::correct(const std::vector<loop_closure::KeyframeCorrections>& all) {
+  for (const loop_closure::KeyframeCorrections& corrections : all) {
+    std::vector<mapping::LoopCorrection> moved;
+    // Images of a start up to scale are not in the graph; they stay with its first keyframe.
+    if (corrections.front().stamp == graph_begin_) {
+      const Tensor motion = to_tensor(corrections.front().T_after_before);
+      for (const Stamp stamp : before_graph_) moved.push_back({stamp.ns, motion});
+    }
+    for (const loop_closure::KeyframeCorrection& keyframe : corrections) {
+      moved.push_back({keyframe.stamp.ns, to_tensor(keyframe.T_after_before)});
+    }
+    const std::scoped_lock lock(mutex_);
+    mapper_.correct(moved);
+  }
 }
 
 Tensor AsyncMapper::camera_pose(const SE3& T_world_body) const {

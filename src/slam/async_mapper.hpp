@@ -9,7 +9,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "apvi/slam/options.hpp"
 #include "core/profiler.hpp"
 #include "core/worker.hpp"
 #include "localization/map_sink.hpp"
@@ -33,9 +35,15 @@ struct AsyncMapperOptions {
   int threads = 2;  ///< of LibTorch on the mapper's thread
   double image_scale = 1.0;
   bool use_dvl_ranges = false;
-  std::optional<loop_closure::LoopOptions> loop_closure;  ///< nothing: loops are not closed
+  LoopClosureOptions loop_closure = {};
+  bool has_lamp = false;  ///< of the rig
   mapping::MapperOptions mapper;
 };
+
+/// The method, with `automatic` resolved: by the pose graph of localization if there is one.
+/// Features do not match in the moving light of a lamp, if nothing predicts where they are.
+LoopClosureMethod resolve_loop_closure_method(LoopClosureMethod asked, bool has_graph,
+                                              bool has_lamp);
 
 /// What the mapper does after the last frame.
 enum class FinalWork {
@@ -119,13 +127,14 @@ class AsyncMapper : public localization::MapSink {
   void run_guarded(const std::function<void()>& work);
   void make_loop_closer();
   void process(const localization::MapFrame& frame);
+  LoopClosureMethod loop_closure_method(const localization::MapFrame& frame) const;
   void change_scale(const ScaleChange& change);
-  void adopt_final_poses();
   mapping::KeyframeDecision add_frame(const localization::MapFrame& frame);
   mapping::MapperInput to_input(const localization::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
   void close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted);
-  std::vector<mapping::LoopCorrection> next_loop_corrections();
+  void correct(const std::vector<loop_closure::KeyframeCorrections>& all);
+  void follow_graph(const localization::MapFrame& frame);
   void optimize();
   void optimize_outage(const localization::MapFrame& frame);
   double step();
@@ -141,11 +150,13 @@ class AsyncMapper : public localization::MapSink {
   mutable FairMutex mutex_;  // of mapper_, against snapshot and render
   mapping::Mapper mapper_;
   MappingScheduler scheduler_;
-  std::optional<loop_closure::AsyncLoopCloser> loop_closer_;
+  std::optional<loop_closure::AsyncLoopCloser> loop_closer_;  // without a graph of localization
+  std::shared_ptr<loop_closure::CorrectionLog> corrections_;
+  std::optional<Stamp> graph_begin_;  // first keyframe of the graph of localization
+  std::vector<Stamp> before_graph_;   // images before it
   Profiler times_;
   std::optional<Stamp> first_frame_;
   std::optional<Stamp> failing_since_;  // VIO has failed; no steps yet for the time since then
-  Trajectory final_camera_poses_;       // see localization::MapFrame
   double outages_s_ = 0.0;
   std::size_t dropped_ = 0;
   std::exception_ptr failure_;  // of the mapper's thread, until `finish`

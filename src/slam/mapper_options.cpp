@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "slam/mapper_options.hpp"
 
-#include <optional>
-
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::slam {
@@ -22,12 +20,6 @@ MappingThread mapping_thread(localization::RunMode mode) {
 
 }  // namespace
 
-LoopClosureMethod resolve_loop_closure_method(const MappingOptions& options, const Rig& rig) {
-  const LoopClosureMethod asked = options.loop_closure.method;
-  if (asked != LoopClosureMethod::automatic) return asked;
-  return lamps_of(rig).empty() ? LoopClosureMethod::pose_graph : LoopClosureMethod::alignment;
-}
-
 mapping::TrainerOptions trainer_options(const MappingOptions& options, int seed, const Rig& rig) {
   mapping::TrainerOptions trainer = options.trainer;
   trainer.seed = static_cast<std::uint64_t>(seed);
@@ -38,19 +30,16 @@ mapping::TrainerOptions trainer_options(const MappingOptions& options, int seed,
 AsyncMapperOptions async_mapper_options(const Options& options, const Rig& rig) {
   const MappingOptions& mapping = options.mapping;
   const localization::ExecutionOptions& run = options.localization.run;
-  const LoopClosureMethod method = resolve_loop_closure_method(mapping, rig);
-  AsyncMapperOptions out = {.thread = mapping_thread(run.mode),
-                            .threads = run.threads,
-                            .image_scale = mapping.image_scale,
-                            .use_dvl_ranges = mapping.use_dvl_ranges,
-                            .loop_closure = std::nullopt,
-                            .mapper = {.medium = mapping.medium,
-                                       .trainer = trainer_options(mapping, run.seed, rig),
-                                       .online = mapping.online,
-                                       .depth = mapping.depth}};
-  out.mapper.online.align = method == LoopClosureMethod::alignment;
-  if (method == LoopClosureMethod::pose_graph) out.loop_closure = mapping.loop_closure;
-  return out;
+  return {.thread = mapping_thread(run.mode),
+          .threads = run.threads,
+          .image_scale = mapping.image_scale,
+          .use_dvl_ranges = mapping.use_dvl_ranges,
+          .loop_closure = mapping.loop_closure,
+          .has_lamp = !lamps_of(rig).empty(),
+          .mapper = {.medium = mapping.medium,
+                     .trainer = trainer_options(mapping, run.seed, rig),
+                     .online = mapping.online,
+                     .depth = mapping.depth}};
 }
 
 }  // namespace apvi::slam

@@ -7,9 +7,6 @@
 
 namespace apvi::slam {
 
-/// `loop_closure.method`, with `automatic` resolved for the rig.
-LoopClosureMethod resolve_loop_closure_method(const MappingOptions& options, const Rig& rig);
-
 /// The trainer's options, with the rig's lamp if it is to be modeled.
 mapping::TrainerOptions trainer_options(const MappingOptions& options, int seed, const Rig& rig);
 

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <memory>
 
 #include "apvi/geometry/so3.hpp"
 #include "support/simulated_dive.hpp"
@@ -72,9 +74,50 @@ MapFrame map_frame_of(int frame, const Rig& rig) {
   return news;
 }
 
+/// A map that consists of the poses of its keyframes.
+class MapOfPoses {
+ public:
+  void add(const MapFrame& news) {
+    log_ = news.corrections;
+    for (const auto& corrections : log_->read(news.graph_keyframes, true)) correct(corrections);
+    for (const StampedPose& pose : news.window) {
+      if (const auto known = keyframes_.find(pose.stamp); known != keyframes_.end())
+        known->second.odometry = pose.T_world_body;
+    }
+    keyframes_[news.stamp] = {.odometry = news.T_world_body, .correction = newest_};
+  }
+  void finish() {
+    for (const auto& corrections : log_->read_all()) correct(corrections);
+  }
+  SE3 pose(Stamp stamp) const {
+    const Keyframe& keyframe = keyframes_.at(stamp);
+    return keyframe.correction * keyframe.odometry;
+  }
+  bool has(Stamp stamp) const { return keyframes_.contains(stamp); }
+
+ private:
+  struct Keyframe {
+    SE3 odometry;
+    SE3 correction;
+  };
+
+  void correct(const loop_closure::KeyframeCorrections& corrections) {
+    for (const auto& [stamp, motion] : corrections) {
+      const auto known = keyframes_.find(stamp);
+      if (known != keyframes_.end()) known->second.correction = motion * known->second.correction;
+    }
+    newest_ = corrections.back().T_after_before * newest_;
+  }
+
+  std::map<Stamp, Keyframe> keyframes_;
+  SE3 newest_;
+  std::shared_ptr<loop_closure::CorrectionLog> log_;
+};
+
 struct Result {
   Trajectory odometry;
   Trajectory smoothed;
+  MapOfPoses map;
   loop_closure::PlaceMap places;
   bool found = false;
   SE3 T_map_odom;
@@ -84,7 +127,7 @@ struct Result {
 /// `from` to `to`: frames without a usable image, which VIO bridges or, if `restarts`, does not.
 Result dive(const Options& options, int from = 0, int to = 0, bool restarts = false) {
   const Rig rig = floor_rig();
-  Smoother smoother(options, rig, {.cameras = 1});
+  Smoother smoother(options, rig, {.cameras = 1}, true);
   Result result;
   for (int frame = 0; frame < kFrames; ++frame) {
     const FrameOutput output = output_of(frame);
@@ -94,8 +137,12 @@ Result dive(const Options& options, int from = 0, int to = 0, bool restarts = fa
     if (!dark) news = map_frame_of(frame, rig);
     if (restarts && frame == to) news->window.clear();
     smoother.add(output, news);
+    if (!news) continue;
+    smoother.connect(*news);
+    result.map.add(*news);
   }
   smoother.finish();
+  result.map.finish();
   result.smoothed = smoother.smoothed(result.odometry);
   result.T_map_odom = smoother.T_map_odom();
   result.closures = smoother.closer().closures();
@@ -103,6 +150,10 @@ Result dive(const Options& options, int from = 0, int to = 0, bool restarts = fa
   const loop_closure::MapAnchors* anchors = smoother.closer().anchors();
   result.found = anchors != nullptr && anchors->found();
   return result;
+}
+
+bool is_same(const SE3& a, const SE3& b) {
+  return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
 }
 
 double largest_error(const Trajectory& poses) {
@@ -115,12 +166,26 @@ double largest_error(const Trajectory& poses) {
   return largest;
 }
 
+/// That a map which follows the corrections lies on the smoothed trajectory.
+void expect_map_on_trajectory(const Result& result) {
+  constexpr double kUnreported_m = 2e-3;  // of smaller corrections
+  std::size_t keyframes = 0;
+  for (const StampedPose& pose : result.smoothed.poses) {
+    if (!result.map.has(pose.stamp)) continue;
+    const SE3 difference = result.map.pose(pose.stamp).inverse() * pose.T_world_body;
+    EXPECT_LT(difference.translation.norm(), kUnreported_m) << pose.stamp.ns;
+    ++keyframes;
+  }
+  EXPECT_GT(keyframes, 100U);
+}
+
 TEST(Smoother, ClosesTheLoopOfADriftedTrajectory) {
   const Result result = dive({});
   EXPECT_GT(result.closures, 10U);
   ASSERT_EQ(result.smoothed.size(), result.odometry.size());
   ASSERT_GT(largest_error(result.odometry), 0.2);
   EXPECT_LT(largest_error(result.smoothed), 0.3 * largest_error(result.odometry));
+  expect_map_on_trajectory(result);
   const SE3 newest = result.T_map_odom * result.odometry.poses.back().T_world_body;
   const SE3& last = result.smoothed.poses.back().T_world_body;
   EXPECT_LT((newest.translation - last.translation).norm(), 1e-9);
@@ -133,7 +198,7 @@ TEST(Smoother, APathWithoutOdometryInBetweenIsFoundAgain) {
   constexpr int kResumed = 150;  // over places of the first lap
   const SE3 unseen{so3::exp({0.0, 0.0, 1.5}), {4.0, -2.0, 0.5}};
   const Rig rig = floor_rig();
-  Smoother smoother({}, rig, {.cameras = 1});
+  Smoother smoother({}, rig, {.cameras = 1}, false);
   Trajectory odometry;
   Trajectory expected;
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -192,9 +257,9 @@ TEST(Smoother, AThreadOfItsOwnGivesTheSameBits) {
   const Result b = dive(replay);
   EXPECT_EQ(a.closures, b.closures);
   for (std::size_t i = 0; i < a.smoothed.size(); ++i) {
-    const SE3& p = a.smoothed.poses[i].T_world_body;
-    const SE3& q = b.smoothed.poses[i].T_world_body;
-    EXPECT_TRUE(p.translation == q.translation && p.rotation.coeffs() == q.rotation.coeffs());
+    const StampedPose& pose = a.smoothed.poses[i];
+    EXPECT_TRUE(is_same(pose.T_world_body, b.smoothed.poses[i].T_world_body));
+    EXPECT_TRUE(is_same(a.map.pose(pose.stamp), b.map.pose(pose.stamp)));
   }
 }
 
@@ -215,6 +280,7 @@ TEST(Smoother, ADiveFoundInAKnownMapIsInItsFrame) {
   ASSERT_TRUE(again.found);
   EXPECT_FALSE(first.found);
   EXPECT_LT(largest_error(again.smoothed), 1.2 * largest_error(first.smoothed));
+  expect_map_on_trajectory(again);
   const SE3 newest = again.T_map_odom * again.odometry.poses.back().T_world_body;
   const SE3& last = again.smoothed.poses.back().T_world_body;
   EXPECT_LT((newest.translation - last.translation).norm(), 1e-9);
@@ -224,9 +290,7 @@ TEST(Smoother, AKnownMapGivesTheSameBitsOnAThread) {
   const Result a = second_dive(RunMode::sequential);
   const Result b = second_dive(RunMode::replay);
   for (std::size_t i = 0; i < a.smoothed.size(); ++i) {
-    const SE3& p = a.smoothed.poses[i].T_world_body;
-    const SE3& q = b.smoothed.poses[i].T_world_body;
-    EXPECT_TRUE(p.translation == q.translation && p.rotation.coeffs() == q.rotation.coeffs());
+    EXPECT_TRUE(is_same(a.smoothed.poses[i].T_world_body, b.smoothed.poses[i].T_world_body));
   }
 }
 
@@ -235,12 +299,13 @@ TEST(Smoother, BridgesASpanWithoutImages) {
     const Result result = dive({}, 60, 90, restarts);
     EXPECT_GT(result.closures, 5U);
     EXPECT_LT(largest_error(result.smoothed), 0.4 * largest_error(result.odometry));
+    expect_map_on_trajectory(result);
   }
 }
 
 TEST(Smoother, PosesUpToScaleAreNoOdometry) {
   const Rig rig = floor_rig();
-  Smoother smoother({}, rig, {.cameras = 1});
+  Smoother smoother({}, rig, {.cameras = 1}, false);
   for (int frame = 0; frame < 5; ++frame) {
     FrameOutput output = output_of(frame);
     output.vio.up_to_scale = true;

@@ -58,11 +58,9 @@ TEST(MapperLoopCorrection, MovesKeyframesGaussiansAndFollowers) {
   }
   ASSERT_GT(means[0].size(0), 0);
   ASSERT_GT(means[1].size(0), 0);
-  MapperInput news;
-  news.loop_corrections = {{keyframes[1].stamp_ns, shift_of(0.2)},
-                           {keyframes[1].stamp_ns + 1, shift_of(0.9)},  // not in the map
-                           {keyframes[3].stamp_ns, shift_of(0.3)}};
-  mapper.add(news);
+  mapper.correct({{keyframes[1].stamp_ns, shift_of(0.2)},
+                  {keyframes[1].stamp_ns + 1, shift_of(0.9)},  // not in the map
+                  {keyframes[3].stamp_ns, shift_of(0.3)}});
   const std::vector<double> shifts = {0.0, 0.2, 0.2, 0.3};
   for (const std::size_t i : {0U, 1U, 2U, 3U}) {
     const Tensor moved = camera_center(mapper.pose(i)) - centers[i];
@@ -78,9 +76,8 @@ TEST(MapperLoopCorrection, MovesKeyframesGaussiansAndFollowers) {
 TEST(MapperLoopCorrection, AppliesTheLastCorrectionToLaterKeyframes) {
   const gaussians::Gaussians world = test::gaussian_wall(300);
   Mapper mapper = three_keyframes(world);
-  MapperInput next = input_of(world, 0.8, 4, false);
-  next.loop_corrections = {{mapper.keyframes()[3].stamp_ns, shift_of(0.3)}};
-  mapper.add(next);
+  mapper.correct({{mapper.keyframes()[3].stamp_ns, shift_of(0.3)}});
+  mapper.add(input_of(world, 0.8, 4, false));
   EXPECT_NEAR(camera_center(mapper.pose(4))[0].item<double>(), 1.1, 1e-9);
   // An unchanged odometry pose does not move the keyframe.
   MapperInput news;
@@ -96,11 +93,9 @@ TEST(MapperLoopCorrection, KeepsCorrectedHeldOutImagesInTheWindow) {
   MapperInput next = input_of(world, 0.7, 4, true);
   next.follows_ns = mapper.keyframes()[2].stamp_ns;
   mapper.add(next);
+  mapper.correct({{mapper.keyframes()[1].stamp_ns, shift_of(0.2)},
+                  {mapper.keyframes()[3].stamp_ns, shift_of(0.3)}});
   MapperInput news;
-  news.loop_corrections = {{mapper.keyframes()[1].stamp_ns, shift_of(0.2)},
-                           {mapper.keyframes()[3].stamp_ns, shift_of(0.3)}};
-  mapper.add(news);
-  news.loop_corrections.clear();
   news.moved = {{mapper.keyframes()[2].stamp_ns, camera_at(0.1, 0.0)}};  // its odometry pose
   mapper.add(news);
   EXPECT_NEAR(camera_center(mapper.pose(2))[0].item<double>(), 0.3, 1e-9);
@@ -111,9 +106,7 @@ TEST(MapperLoopCorrection, IgnoresInvalidMotions) {
   const gaussians::Gaussians world = test::gaussian_wall(300);
   Mapper mapper = three_keyframes(world);
   const Tensor before = mapper.pose(3).clone();
-  MapperInput news;
-  news.loop_corrections = {{mapper.keyframes()[3].stamp_ns, 2.0 * shift_of(0.3)}};
-  mapper.add(news);
+  mapper.correct({{mapper.keyframes()[3].stamp_ns, 2.0 * shift_of(0.3)}});
   EXPECT_TRUE(torch::equal(mapper.pose(3), before));
 }
 

@@ -297,7 +297,6 @@ TEST(Mapper, AFullMapKeepsItsQuality) {
 /// Passes the wall twice, the second time with drifted poses and points.
 Mapper revisit(const gaussians::Gaussians& world, bool align, double drift_m) {
   MapperOptions options = quick_options();
-  options.online.align = align;
   options.online.drift_m_s = 0.02;
   options.trainer.densify.max_gaussians = 1200;
   Mapper mapper(options);
@@ -305,6 +304,7 @@ Mapper revisit(const gaussians::Gaussians& world, bool align, double drift_m) {
     const bool again = i >= 26;
     const double x = 0.06 * (i % 26) - 0.8;
     MapperInput input = input_of(world, x, 0.0, i, !again && i % 5 == 2);
+    input.align = align;
     if (!again) input.points = points_of(world);
     if (again) {
       input.keyframe.T_camera_world = camera_at(x, drift_m);

@@ -56,24 +56,6 @@ TEST(MappingConfig, SetsTrainerOptions) {
   EXPECT_EQ(options.seed, 4U);
 }
 
-TEST(MappingConfig, AutoLoopClosureIsPoseGraphUnlessRigHasLamp) {
-  Rig daylight;
-  daylight.cameras.emplace_back();
-  Rig lamplight = daylight;
-  lamplight.lamps.emplace_back();
-  const RunConfig usual = load("mapping: {enabled: true}\n");
-  EXPECT_EQ(slam::resolve_loop_closure_method(usual.mapping, daylight),
-            slam::LoopClosureMethod::pose_graph);
-  EXPECT_FALSE(slam::async_mapper_options(slam_options(usual), daylight).mapper.online.align);
-  EXPECT_EQ(slam::resolve_loop_closure_method(usual.mapping, lamplight),
-            slam::LoopClosureMethod::alignment);
-  EXPECT_TRUE(slam::async_mapper_options(slam_options(usual), lamplight).mapper.online.align);
-  const RunConfig none = load("mapping: {enabled: true, loop_closure: {method: none}}\n");
-  EXPECT_EQ(slam::resolve_loop_closure_method(none.mapping, lamplight),
-            slam::LoopClosureMethod::none);
-  EXPECT_FALSE(slam::async_mapper_options(slam_options(none), lamplight).mapper.online.align);
-}
-
 TEST(MappingConfig, DefaultIsMapWithDepthAndMediumWhereThereIsCamera) {
   const slam::MappingOptions usual = load("run: {seed: 1}\n").mapping;
   EXPECT_EQ(usual.enabled, slam::MapSwitch::automatic);

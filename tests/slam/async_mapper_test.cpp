@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -84,13 +85,60 @@ TEST(AsyncMapper, OptimizesAMediumByGradientAtTwiceTheRateDuringAnOutage) {
   }
 }
 
-TEST(AsyncMapper, ReportsTheProgressOfTheRefinement) {
+AsyncMapperOptions small_map() {
   AsyncMapperOptions options;
   options.mapper.medium = false;
   options.mapper.trainer.sh_degree = 0;
   options.mapper.trainer.densify.kind = mapping::Densification::none;
-  options.mapper.trainer.final_iterations = 4;
   options.mapper.online.steps_per_keyframe = 1;
+  return options;
+}
+
+TEST(AsyncMapper, FollowsThePoseGraphOfLocalizationAndClosesNoLoopsItself) {
+  const auto shift = [](double x) { return SE3{Eigen::Quaterniond::Identity(), {x, 0.0, 0.0}}; };
+  const gaussians::Gaussians world = test::gaussian_wall();
+  for (const MappingThread thread : {MappingThread::none, MappingThread::blocking}) {
+    AsyncMapperOptions options = small_map();
+    options.thread = thread;
+    options.loop_closure.method = LoopClosureMethod::automatic;
+    AsyncMapper mapper(options, rig_with_small_camera(), {});
+    const auto log = std::make_shared<loop_closure::CorrectionLog>();
+    for (int second = 0; second < 4; ++second) {
+      localization::MapFrame frame = keyframe(world, second);
+      frame.corrections = log;
+      frame.graph_keyframes = static_cast<std::size_t>(second);  // the first image is before it
+      if (second == 1) log->publish({}, 0);
+      if (second == 2) log->publish({{at_second(1), shift(0.1)}, {at_second(2), shift(0.2)}}, 7);
+      if (second == 3) log->publish({}, 7);
+      mapper.push(std::move(frame));
+    }
+    log->publish({{at_second(3), shift(0.4)}}, 8);
+    mapper.finish();
+    ASSERT_EQ(mapper.failure(), nullptr);
+    const std::vector<double> moved = {0.1, 0.1, 0.2, 0.6};
+    const Trajectory keyframes = mapper.keyframes();
+    ASSERT_EQ(keyframes.size(), moved.size());
+    for (std::size_t k = 0; k < moved.size(); ++k) {
+      const double x = keyframes.poses[k].T_world_body.translation.x();
+      EXPECT_NEAR(x, 0.05 * static_cast<double>(k) + moved[k], 1e-9) << k;
+    }
+    EXPECT_EQ(mapper.closed_loops(), 8U);
+  }
+}
+
+TEST(AsyncMapper, AutoLoopClosureIsThePoseGraphUnlessALampHasNone) {
+  using enum LoopClosureMethod;
+  EXPECT_EQ(resolve_loop_closure_method(automatic, true, true), pose_graph);
+  EXPECT_EQ(resolve_loop_closure_method(automatic, false, false), pose_graph);
+  EXPECT_EQ(resolve_loop_closure_method(automatic, false, true), alignment);
+  for (const LoopClosureMethod asked : {pose_graph, alignment, none}) {
+    EXPECT_EQ(resolve_loop_closure_method(asked, true, true), asked);
+  }
+}
+
+TEST(AsyncMapper, ReportsTheProgressOfTheRefinement) {
+  AsyncMapperOptions options = small_map();
+  options.mapper.trainer.final_iterations = 4;
   std::vector<FinalProgress> reports;
   const auto report = [&reports](const FinalProgress& progress) { reports.push_back(progress); };
   AsyncMapper mapper(options, rig_with_small_camera(), {.final_progress = report});

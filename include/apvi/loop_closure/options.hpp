@@ -27,7 +27,7 @@ struct PlaceOptions {
   }
 };
 
-/// Loop closure of the map.
+/// Loop closure of a map whose trajectory has no pose graph.
 struct LoopOptions : PlaceOptions {
   /// Odometry drift per square root of a second, one sigma.
   double drift_m_sqrt_s = 0.004;

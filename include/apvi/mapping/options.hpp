@@ -219,7 +219,6 @@ struct OnlineOptions {
   /// solution, and at full rates the rest of the map would follow noise.
   double final_rate_factor = 0.4;
   int rate_decay_steps = 10000;            ///< time constant of this decay [steps]
-  bool align = true;                       ///< register keyframes to previously mapped areas
   double keyframe_budget_fraction = 0.02;  ///< of max_gaussians, per keyframe
   double densify_budget_fraction = 0.01;   ///< of the free capacity, per keyframe
   /// Densification runs every two keyframes' number of steps, but at least DensifyOptions::interval

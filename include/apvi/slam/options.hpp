@@ -12,10 +12,10 @@
 
 namespace apvi::slam {
 
-/// How loops are closed when the vehicle returns to a mapped place.
+/// How the map is corrected when the vehicle returns to a mapped place.
 enum class LoopClosureMethod {
-  automatic,   ///< alignment if the rig has a lamp, else pose_graph
-  pose_graph,  ///< features of earlier keyframes are matched and a pose graph is optimized
+  automatic,   ///< pose_graph; without the graph of the trajectory, alignment if there is a lamp
+  pose_graph,  ///< follows the pose graph of the trajectory; without one, a graph of its own
   alignment,   ///< each keyframe is aligned to the map photometrically
   none,
 };
@@ -30,9 +30,10 @@ struct LoopClosureOptions : loop_closure::LoopOptions {
                                          {"pose_graph", LoopClosureMethod::pose_graph},
                                          {"alignment", LoopClosureMethod::alignment},
                                          {"none", LoopClosureMethod::none}},
-      "pose_graph: match features of earlier keyframes and optimize a pose graph; alignment: align "
-      "each keyframe to the map photometrically; auto: alignment if the rig has a lamp, whose "
-      "moving light changes appearance, else pose_graph");
+      "pose_graph: follow the pose graph of the trajectory (smoothing), or without one close loops "
+      "in a graph of the map's own, by the keys below; alignment: align each keyframe to the map "
+      "photometrically; auto: pose_graph, but alignment if the rig has a lamp and the trajectory "
+      "no pose graph");
     loop_closure::LoopOptions::visit(v);
   }
 };
