@@ -3,7 +3,6 @@
 
 #include <torch/torch.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "runs/stored_map.hpp"
@@ -40,28 +39,18 @@ void LiveScene::set_mapper(slam::AsyncMapper* mapper) {
 
 void LiveScene::add(const StampedPose& pose, const std::string& state) {
   const std::scoped_lock lock(mutex_);
-  description_.trace.push_back({pose, state});
+  trace_.add(pose, state);
 }
 
 void LiveScene::add(const localization::FrameOutput& output) {
-  const std::string state(output.pose_source());
-  const bool rewrites = output.scale_found || !output.vio.earlier.empty();
-  if (rewrites) {
-    Trajectory path;
-    const std::scoped_lock lock(mutex_);
-    for (const viewer::TracePose& p : description_.trace) path.poses.push_back(p.pose);
-    if (output.scale_found) localization::apply(*output.scale_found, path);
-    path.merge(output.vio.earlier);
-    description_.trace.clear();
-    for (const StampedPose& pose : path.poses) description_.trace.push_back({pose, state});
-    rewritten_ = true;
-  }
-  if (const auto pose = output.fused()) add(*pose, state);
+  const std::scoped_lock lock(mutex_);
+  if (trace_.rewrite(output)) rewritten_ = true;
+  if (const auto pose = output.fused()) trace_.add(*pose, std::string(output.pose_source()));
 }
 
 std::optional<std::vector<viewer::TracePose>> LiveScene::take_new_poses() {
   const std::scoped_lock lock(mutex_);
-  const std::vector<viewer::TracePose>& trace = description_.trace;
+  const std::vector<viewer::TracePose>& trace = trace_.poses();
   const std::size_t from = std::exchange(taken_, trace.size());
   if (std::exchange(rewritten_, false)) return std::nullopt;
   return std::vector(trace.begin() + static_cast<std::ptrdiff_t>(from), trace.end());
@@ -93,7 +82,9 @@ std::uint64_t LiveScene::version() const {
 
 viewer::SceneDescription LiveScene::description() const {
   const std::scoped_lock lock(mutex_);
-  return description_;
+  viewer::SceneDescription description = description_;
+  description.trace = trace_.poses();
+  return description;
 }
 
 // Nothing when there is no newer map. `set_mapper` waits for the lock.
@@ -123,6 +114,7 @@ void LiveScene::refresh() {
     description_.keyframes.push_back(pose.T_world_body);
   }
   map_is_new_ = true;
+  if (trace_.follow(copy->keyframes)) rewritten_ = true;
 }
 
 std::optional<viewer::Rendering> LiveScene::render(const viewer::View& view) {

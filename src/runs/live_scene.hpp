@@ -9,6 +9,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "core/stopwatch.hpp"
 #include "localization/fusion_stage.hpp"
+#include "runs/live_trace.hpp"
 #include "runs/map_painter.hpp"
 #include "slam/async_mapper.hpp"
 
@@ -51,7 +52,8 @@ class LiveScene : public viewer::Scene {
   mutable std::mutex mapper_mutex_;
   slam::AsyncMapper* mapper_ = nullptr;
   mutable std::mutex mutex_;
-  viewer::SceneDescription description_;
+  viewer::SceneDescription description_;  // without the trace
+  LiveTrace trace_;
   std::size_t taken_ = 0;   // poses of the trace
   bool rewritten_ = false;  // earlier poses have changed
   bool map_is_new_ = false;

@@ -53,7 +53,7 @@ std::map<std::int64_t, cv::Mat> images_of(const RunConfig& config,
 class Poses {
  public:
   Poses(const fs::path& run, const map_io::Origin& origin) {
-    for (const char* file : {"keyframes.tum", "trajectory.tum"}) {
+    for (const char* file : {"keyframes.tum", "trajectory_smoothed.tum", "trajectory.tum"}) {
       if (fs::exists(run / file)) all_.push_back(to_local(io::read_trajectory(run / file), origin));
     }
     if (all_.empty()) fail_input("{}: no keyframes.tum; is this a run folder?", run.string());

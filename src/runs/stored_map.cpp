@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include "apvi/core/error.hpp"
+#include "apvi/io/tum.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "gaussians/device.hpp"
 #include "gaussians/model/rows.hpp"
@@ -43,6 +44,13 @@ StoredMap load_drawable_map(const fs::path& source) {
   out.map.antialiased = stored.antialiased;
   out.origin = stored.origin;
   return out;
+}
+
+Trajectory load_path(const fs::path& run) {
+  for (const char* name : {"trajectory_smoothed.tum", "trajectory.tum", "keyframes.tum"}) {
+    if (fs::exists(run / name)) return io::read_trajectory(run / name);
+  }
+  return {};
 }
 
 }  // namespace apvi::runs

@@ -31,5 +31,8 @@ struct StoredMap {
 std::filesystem::path map_file_of(const std::filesystem::path& source);
 /// Reads the map of a run folder, or a map file. Throws InputError.
 StoredMap load_drawable_map(const std::filesystem::path& source);
+/// The path of the body in the frame of a run's map: the smoothed trajectory, or else the fused
+/// one, or with given poses the keyframes. Empty without any. Throws InputError.
+Trajectory load_path(const std::filesystem::path& run);
 
 }  // namespace apvi::runs

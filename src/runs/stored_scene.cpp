@@ -16,14 +16,6 @@ namespace fs = std::filesystem;
 
 constexpr double kConsistent = 0.5;  // length of the mean of unit vectors
 
-// The fused trajectory; with given poses those of the images.
-Trajectory read_path(const fs::path& run, const map_io::Origin& origin) {
-  for (const char* name : {"trajectory.tum", "keyframes.tum"}) {
-    if (fs::exists(run / name)) return to_local(io::read_trajectory(run / name), origin);
-  }
-  return {};
-}
-
 Trajectory read_keyframes(const fs::path& run, const map_io::Origin& origin) {
   const fs::path file = run / "keyframes.tum";
   return fs::exists(file) ? to_local(io::read_trajectory(file), origin) : Trajectory{};
@@ -104,7 +96,7 @@ std::vector<gaussians::View> StoredScene::describe_run(const fs::path& run,
   const RunConfig config = load_recorded_run_config(run / "resolved.yaml");
   const CameraMount mount = mount_of_run(config);
   describe_camera(mount, description_);
-  const Trajectory path = read_path(run, origin);
+  const Trajectory path = to_local(load_path(run), origin);
   description_.trace = trace_of(path, health_of(run));
   const auto up = config.localization.enabled ? std::nullopt : camera_up(path, mount.T_body_camera);
   description_.up = up ? *up : world_up(config);

@@ -76,10 +76,9 @@ mapping::DisplayExposure exposure_from_above(const survey::SurveyMap& visible) {
 
 survey::Georeference reference_of(const SurveyRequest& request, bool z_down) {
   if (request.positions.empty()) return survey::georeference(request.georeference, z_down);
-  const fs::path poses = request.source / "trajectory.tum";
-  const FittedGeoreference fit = fit_georeference(
-      io::read_trajectory(fs::exists(poses) ? poses : request.source / "keyframes.tum"),
-      io::read_trajectory(request.positions), request.georeference.epsg, z_down);
+  const FittedGeoreference fit =
+      fit_georeference(load_path(request.source), io::read_trajectory(request.positions),
+                       request.georeference.epsg, z_down);
   const Eigen::Vector3d& origin = fit.reference.T_crs_world.translation;
   log::info("georeference: --origin {:.3f},{:.3f},{:.3f} --heading {:.3f}", origin.x(), origin.y(),
             origin.z(), fit.heading_deg);
