@@ -14,6 +14,7 @@ import math
 import pathlib
 import subprocess
 
+SCENE = pathlib.Path(__file__).resolve().parents[1] / "configs/scenes/seabed_easy.yaml"
 CAMERA = ["rig.cam0.resolution=[320, 240]", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]",
           "rig.cam0.rate_hz=10", "truth.image_every=0", "truth.mesh=false"]
 FIRST = ["duration_s=90"]
@@ -160,7 +161,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("work", type=pathlib.Path)
     parser.add_argument("--apvi", default="apvi")
-    parser.add_argument("--scene", default="seabed_easy.yaml")
+    parser.add_argument("--scene", default=SCENE)
     parser.add_argument("--starts", type=int, default=25, help="of each later dive")
     parser.add_argument("--jobs", type=int, default=1)
     a = parser.parse_args()

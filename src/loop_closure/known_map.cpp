@@ -157,24 +157,29 @@ LevelView KnownMap::match_near(const Place& place, const SE3& T_world_camera,
   return view;
 }
 
+// Those with the most expected matches first.
 std::vector<std::size_t> KnownMap::visible_places(const SE3& T_map_camera) const {
   std::vector<std::pair<double, std::size_t>> visible;
   for (std::size_t k = 0; k < places_.size(); ++k) {
     const SE3 T_camera_place = T_map_camera.inverse() * map_.places[k].T_map_camera;
     if ((T_camera_place.rotation * Eigen::Vector3d::UnitZ()).z() < std::cos(kMaxTurn)) continue;
+    double matches = 0.0;
     std::size_t in_image = 0;
     for (const auto& point : places_[k].points) {
-      const auto pixel = camera_.project(T_camera_place * *point);
-      if (pixel && camera_.in_image(*pixel)) ++in_image;
+      const Eigen::Vector3d seen = T_camera_place * *point;
+      const auto pixel = camera_.project(seen);
+      if (!pixel || !camera_.in_image(*pixel)) continue;
+      ++in_image;
+      matches += match_probability(T_camera_place.rotation * *point, seen);
     }
     const double fraction =
         static_cast<double>(in_image) / static_cast<double>(places_[k].points.size());
-    if (fraction > kMinVisibleFraction) visible.emplace_back(fraction, k);
+    if (fraction > kMinVisibleFraction) visible.emplace_back(matches, k);
   }
   std::ranges::stable_sort(visible, std::greater{}, &std::pair<double, std::size_t>::first);
   visible.resize(std::min(visible.size(), kCandidates));
   std::vector<std::size_t> best;
-  for (const auto& [fraction, k] : visible) best.push_back(k);
+  for (const auto& [matches, k] : visible) best.push_back(k);
   return best;
 }
 

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "apvi/core/constants.hpp"
 #include "sensors/reduced_camera.hpp"
 
 namespace apvi::loop_closure {
@@ -21,7 +22,10 @@ constexpr double kSiftContrast =
 constexpr double kClaheClipLimit = 3.0;  // of CLAHE
 const cv::Size kClaheTiles(8, 8);
 constexpr int kMaxImageSide_px = 1280;
-constexpr float kMaxRatio = 0.8F;      // Lowe's ratio test
+constexpr float kMaxRatio = 0.8F;  // Lowe's ratio test
+// How fast the number of SIFT matches falls with the angle between two views and with their scale.
+constexpr double kViewSigma = 15.0 * kRadiansPerDegree;
+constexpr double kScaleSigma = 0.4;    // [octaves]
 constexpr double kInlierSigmas = 3.0;  // inlier threshold of a ray
 constexpr double kMinParallax = 0.02;  // of two rays to be triangulated [rad]
 constexpr int kRansacIterations = 200;
@@ -140,6 +144,13 @@ int squared_distance(const unsigned char* a, const unsigned char* b) {
 }
 
 // All squared distances as one matrix product; exact, as descriptors are integers.
+double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now) {
+  const double angle = std::atan2(then.cross(now).norm(), then.dot(now));
+  const double octaves = std::log2(now.norm() / then.norm());
+  return std::exp(-0.5 * (angle * angle / (kViewSigma * kViewSigma) +
+                          octaves * octaves / (kScaleSigma * kScaleSigma)));
+}
+
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b) {
   std::vector<std::pair<int, int>> pairs;
   if (a.descriptors.rows < 2 || b.descriptors.rows < 2) return pairs;

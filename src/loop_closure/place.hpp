@@ -41,6 +41,11 @@ inline constexpr int kDescriptorSize = 128;
 /// Squared distance of two descriptors.
 int squared_distance(const unsigned char* a, const unsigned char* b);
 
+/// How likely a feature of a point is matched when it is seen from two cameras, relative to the
+/// same view: by the angle between the two lines of sight and the ratio of the distances. Both
+/// points in the orientation of one camera.
+double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now);
+
 /// Mutual nearest neighbors that pass the ratio test.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);
 

@@ -17,10 +17,6 @@ constexpr double kMinStep_m = 0.25;
 constexpr double kMinTurn = 10.0 * kRadiansPerDegree;
 constexpr double kMinInterval_s = 0.5;
 
-// How fast the number of SIFT matches falls with the angle between two views and with their scale.
-constexpr double kViewSigma = 15.0 * kRadiansPerDegree;
-constexpr double kScaleSigma = 0.4;  // [octaves]
-
 constexpr std::size_t kMaxCandidates = 3;
 constexpr double kMinVisibleFraction = 0.3;            // of the triangulated points of a place
 constexpr double kMaxTurn = 50.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
@@ -36,14 +32,6 @@ constexpr double kKeptFraction = 0.75;  // of max_places, when places are thinne
 
 double angle_of_axes(const SE3& T_a_b) {
   return std::acos(std::clamp((T_a_b.rotation * Eigen::Vector3d::UnitZ()).z(), -1.0, 1.0));
-}
-
-// That SIFT matches a point seen from two directions at two distances, relative to the same view.
-double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now) {
-  const double angle = std::atan2(then.cross(now).norm(), then.dot(now));
-  const double octaves = std::log2(now.norm() / then.norm());
-  return std::exp(-0.5 * (angle * angle / (kViewSigma * kViewSigma) +
-                          octaves * octaves / (kScaleSigma * kScaleSigma)));
 }
 
 // A turn counts as much as a step between stored places.

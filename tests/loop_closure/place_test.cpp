@@ -84,5 +84,14 @@ TEST(Place, UniformImageHasNoFeatures) {
   EXPECT_FALSE(recognize_place(place, place, kSigma, 20).has_value());
 }
 
+TEST(Place, AMatchIsLessLikelyFromAnotherDirectionOrDistance) {
+  const Eigen::Vector3d ahead(0.0, 0.0, 2.0);
+  const Eigen::Vector3d aside(2.0 * std::sin(0.5), 0.0, 2.0 * std::cos(0.5));
+  EXPECT_DOUBLE_EQ(match_probability(ahead, ahead), 1.0);
+  EXPECT_NEAR(match_probability(ahead, aside), 0.16, 0.01);          // 29 degrees, 1.9 sigmas
+  EXPECT_NEAR(match_probability(ahead, 2.0 * ahead), 0.044, 0.001);  // 2.5 sigmas
+  EXPECT_DOUBLE_EQ(match_probability(ahead, 2.0 * aside), match_probability(2.0 * aside, ahead));
+}
+
 }  // namespace
 }  // namespace apvi::loop_closure
