@@ -13,8 +13,9 @@
 namespace apvi::loop_closure {
 namespace {
 
-constexpr std::size_t kCandidates = 8;  // places matched with an image
-constexpr std::size_t kRivals = 4;      // more of them that are elsewhere
+constexpr std::size_t kCandidates = 16;  // places matched with an image without a prior pose
+constexpr std::size_t kNear = 8;         // and with one
+constexpr std::size_t kRivals = 4;       // more of them that are elsewhere
 constexpr double kApart_m = 1.0;
 constexpr std::size_t kMinFeatures = 8;
 constexpr int kRefinements = 3;
@@ -177,7 +178,7 @@ std::vector<std::size_t> KnownMap::visible_places(const SE3& T_map_camera) const
     if (fraction > kMinVisibleFraction) visible.emplace_back(matches, k);
   }
   std::ranges::stable_sort(visible, std::greater{}, &std::pair<double, std::size_t>::first);
-  visible.resize(std::min(visible.size(), kCandidates));
+  visible.resize(std::min(visible.size(), kNear));
   std::vector<std::size_t> best;
   for (const auto& [matches, k] : visible) best.push_back(k);
   return best;
