@@ -69,7 +69,8 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
     : options_(options),
       callbacks_(std::move(callbacks)),
       undistort_(rig.cameras.front().model, options.image_scale),
-      T_body_camera_(rig.cameras.front().T_body_camera),
+      T_rig_body_camera_(rig.cameras.front().T_body_camera),
+      T_body_camera_(T_rig_body_camera_),
       mapper_(options.mapper),
       scheduler_({.realtime = options.thread == MappingThread::dropping,
                   .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
@@ -367,7 +368,7 @@ Trajectory AsyncMapper::keyframes() const {
   for (std::size_t i = 0; i < store.size(); ++i) {
     const SE3 T_camera_world = to_se3(mapper_.pose(i));
     trajectory.poses.push_back(
-        {Stamp{store[i].stamp_ns}, T_camera_world.inverse() * T_body_camera_.inverse()});
+        {Stamp{store[i].stamp_ns}, T_camera_world.inverse() * T_rig_body_camera_.inverse()});
   }
   return trajectory;
 }

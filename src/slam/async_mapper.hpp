@@ -112,7 +112,8 @@ class AsyncMapper : public localization::MapSink {
 
   /// Only while no frame is processed: in a callback, or after `finish`.
   const mapping::Mapper& mapper() const { return mapper_; }
-  /// Poses of the body at the keyframes, corrected. When `mapper` may be used.
+  /// Poses of the body at the keyframes, corrected: those at which a camera mounted as in the rig
+  /// is where the keyframe's is, whatever the self-calibration says. When `mapper` may be used.
   Trajectory keyframes() const;
   double training_s() const { return scheduler_.training_s(); }
   /// Time of the mapper's thread by activity [s].
@@ -146,7 +147,8 @@ class AsyncMapper : public localization::MapSink {
   AsyncMapperOptions options_;
   AsyncMapperCallbacks callbacks_;
   Undistorter undistort_;
-  SE3 T_body_camera_;
+  SE3 T_rig_body_camera_;
+  SE3 T_body_camera_;        // as calibrated so far
   mutable FairMutex mutex_;  // of mapper_, against snapshot and render
   mapping::Mapper mapper_;
   MappingScheduler scheduler_;

@@ -123,9 +123,13 @@ TEST_F(OnlineRunTest, KeyframesOfTheMapLieOnTheSmoothedTrajectory) {
   simulate_reef(round,
                 {"duration_s=17", "rig.cam0.rate_hz=10", "motion.path=orbit",
                  "motion.origin=[0, 0, -7]", "motion.radius_m=0.8", "motion.max_turn_deg_s=60"});
-  const std::vector<std::string> overrides = {
-      "dataset.path=" + round.string(), "smoothing.min_age_s=10", "mapping.medium=false",
-      "mapping.final_iterations=0", "mapping.online.steps_per_keyframe=1"};
+  const std::vector<std::string> overrides = {"dataset.path=" + round.string(),
+                                              "smoothing.min_age_s=10",
+                                              "mapping.medium=false",
+                                              "vio.calibration.camera_mounting.estimate=false",
+                                              "vio.calibration.camera_lever_arm.estimate=false",
+                                              "mapping.final_iterations=0",
+                                              "mapping.online.steps_per_keyframe=1"};
   run_recording(config(overrides), {.folder = folder("run")});
   const eval::Json metrics = eval::read_metrics(folder("run") / "metrics.json");
   EXPECT_GT(metrics["mapping"]["closed_loops"].get<int>(), 0);

@@ -126,6 +126,24 @@ TEST(AsyncMapper, FollowsThePoseGraphOfLocalizationAndClosesNoLoopsItself) {
   }
 }
 
+TEST(AsyncMapper, KeyframesAndTheRigGiveTheCamerasAlsoAfterSelfCalibration) {
+  const gaussians::Gaussians world = test::gaussian_wall();
+  AsyncMapper mapper(small_map(), rig_with_small_camera(), {});
+  for (int second = 0; second < 3; ++second) {
+    localization::MapFrame frame = keyframe(world, second);
+    const SE3 mounting{Eigen::Quaterniond::Identity(), {0.0, 0.01 * second, 0.0}};
+    frame.T_body_camera = mounting;
+    frame.T_world_body = frame.T_world_body * mounting.inverse();
+    mapper.push(std::move(frame));
+  }
+  mapper.finish();
+  const Trajectory keyframes = mapper.keyframes();
+  ASSERT_EQ(keyframes.size(), 3U);
+  for (const StampedPose& pose : keyframes.poses) {
+    EXPECT_NEAR(pose.T_world_body.translation.y(), 0.0, 1e-9);
+  }
+}
+
 TEST(AsyncMapper, AutoLoopClosureIsThePoseGraphUnlessALampHasNone) {
   using enum LoopClosureMethod;
   EXPECT_EQ(resolve_loop_closure_method(automatic, true, true), pose_graph);
