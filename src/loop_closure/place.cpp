@@ -143,7 +143,6 @@ int squared_distance(const unsigned char* a, const unsigned char* b) {
   return sum;
 }
 
-// All squared distances as one matrix product; exact, as descriptors are integers.
 double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now) {
   const double angle = std::atan2(then.cross(now).norm(), then.dot(now));
   const double octaves = std::log2(now.norm() / then.norm());
@@ -151,6 +150,7 @@ double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now
                           octaves * octaves / (kScaleSigma * kScaleSigma)));
 }
 
+// All squared distances as one matrix product; exact, as descriptors are integers.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b) {
   std::vector<std::pair<int, int>> pairs;
   if (a.descriptors.rows < 2 || b.descriptors.rows < 2) return pairs;

@@ -160,10 +160,7 @@ void AsyncMapper::process(const localization::MapFrame& frame) {
   torch::set_num_threads(options_.threads);  // a property of the calling thread
   optimize_outage(frame);
   if (frame.scale_change) change_scale(*frame.scale_change);
-  if (frame.T_body_camera) {
-    const std::scoped_lock lock(mutex_);
-    T_body_camera_ = *frame.T_body_camera;
-  }
+  if (frame.T_body_camera) T_body_camera_ = *frame.T_body_camera;
   const mapping::KeyframeDecision decision = add_frame(frame);
   const bool accepted = decision == mapping::KeyframeDecision::accepted;
   if (accepted) ++keyframe_count_;
