@@ -29,9 +29,11 @@ cuda::MediumPointers to_pointers(const MediumInput& in) {
 static_assert(kMaxLamps == cuda::kMaxLamps);
 
 cuda::LampBeam to_beam(const Lamp& lamp) {
+  const BeamProfile profile = beam_profile(lamp);
   cuda::LampBeam beam = {.position = {},
                          .axis = {},
-                         .sharpness = static_cast<float>(lamp_sharpness(lamp)),
+                         .linear = static_cast<float>(profile.linear),
+                         .square = static_cast<float>(profile.square),
                          .share = static_cast<float>(lamp.share)};
   for (std::size_t k = 0; k < 3; ++k) {
     beam.position[k] = static_cast<float>(lamp.position_m[k]);

@@ -96,8 +96,8 @@ __device__ void add_irradiance(const LampPointers& in, const LampBeam& lamp, con
     along += x * lamp.axis[k];
   }
   const float distance = fmaxf(sqrtf(square), in.nearest_m);
-  const float cosine = along / distance;
-  const float beam = cosine > 0.0f ? lamp.share * expf(lamp.sharpness * (cosine - 1.0f)) : 0.0f;
+  const float x = 1.0f - along / distance;
+  const float beam = x < 1.0f ? lamp.share * expf(-x * (lamp.linear + lamp.square * x)) : 0.0f;
   const float ratio = in.unit_range_m / distance;
   for (int c = 0; c < 3; ++c) {
     irradiance[c] += beam * ratio * ratio * expf(-in.beta_d[c] * (distance - in.unit_range_m));

@@ -42,11 +42,12 @@ cudaError_t launch_medium_backward(const MediumPointers& in, const float* grad_i
                                    const MediumGradientPointers& out, cudaStream_t stream);
 
 inline constexpr int kMaxLamps = 4;
-/// The beam profile is exp(sharpness (cos(angle) - 1)).
+/// The beam profile is exp(-(linear x + square x^2)) with x = 1 - cos(angle).
 struct LampBeam {
   float position[3];  ///< in the camera frame [m]
   float axis[3];
-  float sharpness;
+  float linear;
+  float square;
   float share;
 };
 

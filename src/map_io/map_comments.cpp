@@ -41,9 +41,10 @@ std::string lamp_json(const medium::LampLight& light) {
   std::vector<std::string> lamps;
   for (const medium::Lamp& lamp : light.lamps) {
     lamps.push_back(fmt::format(
-        "{{\"position_m\": [{}], \"axis\": [{}], \"half_beam_deg\": {:.9g}, \"share\": {:.9g}}}",
+        "{{\"position_m\": [{}], \"axis\": [{}], \"half_beam_deg\": {:.9g}, \"edge\": {:.9g}, "
+        "\"share\": {:.9g}}}",
         three(lamp.position_m), three(lamp.axis), lamp.half_beam_rad * 180.0 / std::acos(-1.0),
-        lamp.share));
+        lamp.edge, lamp.share));
   }
   return fmt::format(
       ",\n  \"lamp\": {{\n    \"lamps\": [\n      {}\n    ],\n"

@@ -20,23 +20,33 @@ Tensor row(const std::array<double, 3>& v, const Tensor& like) {
 }
 
 constexpr std::int64_t kCommonNumbers = 7;
-constexpr std::int64_t kNumbersPerLamp = 8;
+constexpr std::int64_t kNumbersPerLamp = 9;
+constexpr std::int64_t kNumbersWithoutEdge = 8;  // per lamp, of files from before there was one
 constexpr std::int64_t kSingleLampNumbers = 14;  // of files written for one lamp
 constexpr double kMinCosIncidence = 0.2;         // limits grazing incidence
 
-/// Terms that depend on geometry only, [...,1].
-struct Beam {
-  Tensor from;      ///< [...,3] from the lamp to the point
-  Tensor distance;  ///< between them
-  Tensor falloff;   ///< irradiance without attenuation: share beam (d_1 / d)^2
+/// Where points are as seen from a lamp, [...,1] unless said otherwise.
+struct LampPlace {
+  Tensor from;       ///< [...,3] from the lamp to the point
+  Tensor distance;   ///< between them
+  Tensor one_minus;  ///< 1 - cos(angle from the axis)
+  Tensor falloff;    ///< share (d_1 / d)^2
 };
 
-Beam beam_at(const Lamp& lamp, double unit_range_m, const Tensor& points) {
+LampPlace place_at(const Lamp& lamp, double unit_range_m, const Tensor& points) {
   const Tensor from = points - row(lamp.position_m, points);
   const Tensor d = from.norm(2, -1, true).clamp_min(kLampMinDistance_m);
   const Tensor cosine = (from * row(lamp.axis, points)).sum(-1, true) / d;
-  const Tensor beam = torch::exp(lamp_sharpness(lamp) * (cosine - 1.0)) * (cosine > 0.0);
-  return {.from = from, .distance = d, .falloff = lamp.share * beam * (unit_range_m / d).square()};
+  return {.from = from,
+          .distance = d,
+          .one_minus = 1.0 - cosine,
+          .falloff = lamp.share * (unit_range_m / d).square()};
+}
+
+/// Intensity relative to the axis, of the same shape.
+Tensor beam_at(const BeamProfile& profile, const Tensor& one_minus) {
+  const Tensor loss = one_minus * (profile.linear + profile.square * one_minus);
+  return torch::exp(-loss).mul_(one_minus < 1.0);
 }
 
 /// Steps grow with distance along a ray: step j ends at t = kLampMaxRange_m (j / kSteps)^2.
@@ -45,16 +55,29 @@ double end_of_step(std::int64_t j) {
   return kLampMaxRange_m * part * part;
 }
 
-/// Adds a term; the first one is taken.
-void add(LampTerm& sum, const Tensor& value, const Tensor& derivative) {
-  sum.value = sum.value.defined() ? sum.value + value : value;
-  sum.derivative = sum.derivative.defined() ? sum.derivative + derivative : derivative;
+/// Derivatives of the logarithm of a beam's intensity.
+struct BeamDerivatives {
+  Tensor by_half_beam;  ///< by the logarithm of the angle
+  Tensor by_edge;
+};
+
+// In units of u = x / x_half the loss is ln 2 ((1 - e) u + e u^2).
+BeamDerivatives beam_derivatives(const Lamp& lamp, const Tensor& one_minus) {
+  const double half = lamp.half_beam_rad;
+  const double x_half = 1.0 - std::cos(half);
+  const Tensor u = one_minus / x_half;
+  const double u_by_log_half = half * std::sin(half) / x_half;  // relative, negative
+  return {
+      .by_half_beam = std::log(2.0) * u_by_log_half * u * ((1.0 - lamp.edge) + 2.0 * lamp.edge * u),
+      .by_edge = std::log(2.0) * u * (1.0 - u)};
 }
 
 }  // namespace
 
-double lamp_sharpness(const Lamp& lamp) {
-  return std::log(2.0) / (1.0 - std::cos(lamp.half_beam_rad));
+BeamProfile beam_profile(const Lamp& lamp) {
+  const double x_half = 1.0 - std::cos(lamp.half_beam_rad);
+  return {.linear = std::log(2.0) * (1.0 - lamp.edge) / x_half,
+          .square = std::log(2.0) * lamp.edge / (x_half * x_half)};
 }
 
 Tensor lamp_to_tensor(const LampLight& light) {
@@ -65,16 +88,26 @@ Tensor lamp_to_tensor(const LampLight& light) {
   for (const Lamp& lamp : light.lamps) {
     parts.push_back(row(lamp.position_m, like));
     parts.push_back(row(lamp.axis, like));
-    parts.push_back(torch::tensor({lamp.half_beam_rad, lamp.share}, torch::kFloat64));
+    parts.push_back(torch::tensor({lamp.half_beam_rad, lamp.edge, lamp.share}, torch::kFloat64));
   }
   return torch::cat(parts);
 }
 
+namespace {
+
+/// Lamps that this many numbers describe with `each` per lamp; 0 if none.
+std::int64_t lamp_count(std::int64_t numbers, std::int64_t each) {
+  const std::int64_t lamps = (numbers - kCommonNumbers) / each;
+  const bool fits = lamps >= 1 && lamps <= static_cast<std::int64_t>(kMaxLamps) &&
+                    numbers == kCommonNumbers + each * lamps;
+  return fits ? lamps : 0;
+}
+
+}  // namespace
+
 bool is_lamp_tensor_size(std::int64_t count) {
-  const std::int64_t lamps = (count - kCommonNumbers) / kNumbersPerLamp;
-  return count == kSingleLampNumbers ||
-         (lamps >= 1 && lamps <= static_cast<std::int64_t>(kMaxLamps) &&
-          count == kCommonNumbers + kNumbersPerLamp * lamps);
+  return count == kSingleLampNumbers || lamp_count(count, kNumbersPerLamp) > 0 ||
+         lamp_count(count, kNumbersWithoutEdge) > 0;
 }
 
 LampLight lamp_from_tensor(const Tensor& numbers) {
@@ -94,28 +127,30 @@ LampLight lamp_from_tensor(const Tensor& numbers) {
                      .unit_range_m = x[0],
                      .daylight = flat.slice(0, 1, 4).clone(),
                      .backscatter = flat.slice(0, 4, 7).clone()};
-  for (std::int64_t i = kCommonNumbers; i < flat.size(0); i += kNumbersPerLamp) {
+  const bool has_edge = lamp_count(flat.size(0), kNumbersPerLamp) > 0;
+  const std::int64_t each = has_edge ? kNumbersPerLamp : kNumbersWithoutEdge;
+  for (std::int64_t i = kCommonNumbers; i < flat.size(0); i += each) {
     light.lamps.push_back({.position_m = {x[i], x[i + 1], x[i + 2]},
                            .axis = {x[i + 3], x[i + 4], x[i + 5]},
                            .half_beam_rad = x[i + 6],
-                           .share = x[i + 7]});
+                           .edge = has_edge ? x[i + 7] : 0.0,
+                           .share = x[i + each - 1]});
   }
   return light;
 }
 
-LampTerm lamp_irradiance(const std::vector<Lamp>& lamps, double unit_range_m, const Tensor& beta_d,
-                         const Tensor& points, const Tensor& normals) {
-  LampTerm sum;
-  for (const Lamp& lamp : lamps) {
-    const Beam beam = beam_at(lamp, unit_range_m, points);
-    const Tensor farther = beam.distance - unit_range_m;
-    Tensor value = beam.falloff * torch::exp(-beta_d * farther);
+LampSum LampSum::irradiance(const std::vector<Lamp>& lamps, double unit_range_m,
+                            const Tensor& points, const Tensor& normals) {
+  LampSum sum;
+  for (std::size_t i = 0; i < lamps.size(); ++i) {
+    const LampPlace place = place_at(lamps[i], unit_range_m, points);
+    Tensor weight = place.falloff;
     if (normals.defined()) {
-      value =
-          value *
-          ((beam.from * normals).sum(-1, true) / beam.distance).abs().clamp_min(kMinCosIncidence);
+      weight =
+          weight *
+          ((place.from * normals).sum(-1, true) / place.distance).abs().clamp_min(kMinCosIncidence);
     }
-    add(sum, value, -farther * value);
+    sum.parts_.push_back({i, weight, place.distance - unit_range_m, place.one_minus});
   }
   return sum;
 }
@@ -128,47 +163,50 @@ Tensor distance_from_lamps(const std::vector<Lamp>& lamps, const Tensor& points)
   return sum;
 }
 
-LampBackscatterIntegral::LampBackscatterIntegral(const std::vector<Lamp>& lamps,
-                                                 double unit_range_m, const Tensor& rays,
-                                                 const Tensor& ranges) {
-  for (const Lamp& lamp : lamps) {
+LampSum LampSum::backscatter(const std::vector<Lamp>& lamps, double unit_range_m,
+                             const Tensor& rays, const Tensor& ranges) {
+  LampSum sum;
+  for (std::size_t i = 0; i < lamps.size(); ++i) {
     for (std::int64_t j = 0; j < kSteps; ++j) {
       const double begin = end_of_step(j);
       const Tensor length = (ranges - begin).clamp(0.0, end_of_step(j + 1) - begin).unsqueeze(-1);
       const Tensor middle = begin + 0.5 * length;
-      const Beam beam = beam_at(lamp, unit_range_m, middle * rays);
-      path_lengths_.push_back(beam.distance - unit_range_m + middle);
-      weights_.push_back(beam.falloff * length);
+      const LampPlace place = place_at(lamps[i], unit_range_m, middle * rays);
+      sum.parts_.push_back(
+          {i, place.falloff * length, place.distance - unit_range_m + middle, place.one_minus});
     }
   }
-}
-
-// In place where possible: most of the time of a medium fit is spent here.
-LampTerm LampBackscatterIntegral::at(const Tensor& beta_d) const {
-  LampTerm sum;
-  for (std::size_t j = 0; j < path_lengths_.size(); ++j) {
-    const Tensor part = (beta_d * -path_lengths_[j]).exp_().mul_(weights_[j]);
-    if (j == 0) {
-      sum.value = part.clone();
-      sum.derivative = path_lengths_[j] * part;
-    } else {
-      sum.value.add_(part);
-      sum.derivative.addcmul_(path_lengths_[j], part);
-    }
-  }
-  sum.derivative.neg_();
   return sum;
 }
 
-LampTerm lamp_backscatter_integral(const std::vector<Lamp>& lamps, double unit_range_m,
-                                   const Tensor& beta_d, const Tensor& rays, const Tensor& ranges) {
-  return LampBackscatterIntegral(lamps, unit_range_m, rays, ranges).at(beta_d);
+// In place where possible: most of the time of a medium fit is spent here.
+LampTerm LampSum::at(const Tensor& beta_d, const std::vector<Lamp>& lamps,
+                     bool with_derivatives) const {
+  const auto zero = [&] {
+    const Tensor& path = parts_.front().path;
+    return torch::zeros_like(path * beta_d);
+  };
+  LampTerm sum = {.value = zero(), .by_beta_d = {}, .by_half_beam = {}, .by_edge = {}};
+  if (with_derivatives) sum.by_beta_d = zero(), sum.by_half_beam = zero(), sum.by_edge = zero();
+  for (const Part& part : parts_) {
+    const Lamp& lamp = lamps[part.lamp];
+    const Tensor weight = beam_at(beam_profile(lamp), part.one_minus).mul_(part.weight);
+    const Tensor light = (beta_d * -part.path).exp_().mul_(weight);
+    sum.value.add_(light);
+    if (!with_derivatives) continue;
+    const BeamDerivatives beam = beam_derivatives(lamp, part.one_minus);
+    sum.by_beta_d.addcmul_(part.path, light, -1.0);
+    sum.by_half_beam.addcmul_(beam.by_half_beam, light);
+    sum.by_edge.addcmul_(beam.by_edge, light);
+  }
+  return sum;
 }
 
 Tensor lamp_light(const LampLight& light, const Tensor& beta_d, const Tensor& points) {
   const Tensor daylight = light.daylight.to(points.options());
-  const Tensor irradiance =
-      lamp_irradiance(light.lamps, light.unit_range_m, beta_d.to(points.options()), points).value;
+  const Tensor irradiance = LampSum::irradiance(light.lamps, light.unit_range_m, points)
+                                .at(beta_d.to(points.options()), light.lamps)
+                                .value;
   return daylight + (1.0 - daylight) * irradiance;
 }
 
@@ -188,9 +226,9 @@ Tensor lamp_backscatter_table(const LampLight& light, const Tensor& beta_d,
   const Tensor lengths = ends.slice(0, 1) - ends.slice(0, 0, -1);
   Tensor part = torch::zeros({kNodes, kNodes, kSteps, 3}, options);
   for (const Lamp& lamp : light.lamps) {
-    const Beam beam = beam_at(lamp, light.unit_range_m, middles * unit.unsqueeze(2));
-    part += beam.falloff * lengths *
-            torch::exp(-beta_d * (beam.distance - light.unit_range_m + middles));
+    const LampPlace place = place_at(lamp, light.unit_range_m, middles * unit.unsqueeze(2));
+    part += place.falloff * beam_at(beam_profile(lamp), place.one_minus) * lengths *
+            torch::exp(-beta_d * (place.distance - light.unit_range_m + middles));
   }
   part *= light.backscatter.to(options);
   const Tensor sums = torch::constant_pad_nd(part.cumsum(2), {0, 0, 1, 0});

@@ -36,52 +36,63 @@ struct LampLight {
 };
 
 inline constexpr double kLampMinDistance_m = 0.05;  ///< closer, the point-source model is invalid
-/// Sharpness of the beam profile exp(sharpness (cos(angle) - 1)).
-double lamp_sharpness(const Lamp& lamp);
 
-/// As a tensor [7 + 8 n] float64 on the CPU: unit range, daylight, backscatter; then of each of the
-/// n lamps position, axis, half beam angle [rad] and share.
+/// Intensity of a beam relative to its axis: exp(-(linear x + square x^2)) with x = 1 - cos(angle),
+/// 0 behind the lamp. Without `square` it is the bell of a von Mises-Fisher density; `square`
+/// flattens the middle and makes the edge steeper, as reflectors and lenses do.
+struct BeamProfile {
+  double linear = 0.0;
+  double square = 0.0;
+};
+BeamProfile beam_profile(const Lamp& lamp);
+
+/// As a tensor [7 + 9 n] float64 on the CPU: unit range, daylight, backscatter; then of each of the
+/// n lamps position, axis, half beam angle [rad], edge and share.
 torch::Tensor lamp_to_tensor(const LampLight& light);
 /// Whether `lamp_from_tensor` takes this many numbers.
 bool is_lamp_tensor_size(std::int64_t count);
-/// Inverse of `lamp_to_tensor`. Also takes the 14 numbers of a single lamp as files had them before
-/// there could be several: position, axis, half beam angle, unit range, daylight, backscatter.
-/// Throws c10::Error for other shapes.
+/// Inverse of `lamp_to_tensor`. Also takes the 7 + 8 n numbers of files from before there was an
+/// edge, and the 14 of a single lamp from before there could be several: position, axis, half beam
+/// angle, unit range, daylight, backscatter. Throws c10::Error for other shapes.
 LampLight lamp_from_tensor(const torch::Tensor& numbers);
 
-/// A quantity by channel, with its derivative with respect to that channel's beta_d.
+/// A quantity by channel [...,3], with its derivatives if they were asked for.
 struct LampTerm {
-  torch::Tensor value;       ///< [...,3]
-  torch::Tensor derivative;  ///< [...,3]
+  torch::Tensor value;
+  torch::Tensor by_beta_d;     ///< of the same channel
+  torch::Tensor by_half_beam;  ///< by the logarithm of all lamps' half beam angles
+  torch::Tensor by_edge;       ///< by all lamps' edges
 };
-/// E above at `points` [...,3] in the camera frame. With unit surface `normals` [...,3], of either
-/// sign, each lamp's part is times the cosine of its angle of incidence, at least 0.2.
-LampTerm lamp_irradiance(const std::vector<Lamp>& lamps, double unit_range_m,
-                         const torch::Tensor& beta_d, const torch::Tensor& points,
-                         const torch::Tensor& normals = {});
-/// Mean distance of `points` [...,3] from the lamps, weighted by their shares: [...].
-torch::Tensor distance_from_lamps(const std::vector<Lamp>& lamps, const torch::Tensor& points);
 
-/// The backscatter integral above as a function of attenuation; the geometry is evaluated once.
-class LampBackscatterIntegral {
+/// Light of lamps as a function of attenuation and of the shape of their beams; other geometry is
+/// evaluated once.
+class LampSum {
  public:
-  /// Along unit vectors `rays` [...,3] up to the surfaces at `ranges` [...]; ranges are limited to
-  /// kLampMaxRange_m.
-  LampBackscatterIntegral(const std::vector<Lamp>& lamps, double unit_range_m,
-                          const torch::Tensor& rays, const torch::Tensor& ranges);
-  LampTerm at(const torch::Tensor& beta_d) const;
+  /// E above at `points` [...,3] in the camera frame. With unit surface `normals` [...,3], of
+  /// either sign, each lamp's part is times the cosine of its angle of incidence, at least 0.2.
+  static LampSum irradiance(const std::vector<Lamp>& lamps, double unit_range_m,
+                            const torch::Tensor& points, const torch::Tensor& normals = {});
+  /// The backscatter integral above along unit vectors `rays` [...,3], up to the surfaces at
+  /// `ranges` [...], which are limited to kLampMaxRange_m.
+  static LampSum backscatter(const std::vector<Lamp>& lamps, double unit_range_m,
+                             const torch::Tensor& rays, const torch::Tensor& ranges);
+
+  /// With the beams of these lamps, which are otherwise those of the geometry.
+  LampTerm at(const torch::Tensor& beta_d, const std::vector<Lamp>& lamps,
+              bool with_derivatives = false) const;
 
  private:
-  std::vector<torch::Tensor>
-      path_lengths_;  ///< [...,1] by lamp and step: path length of the light, minus d_1 [m]
-  std::vector<torch::Tensor> weights_;  ///< [...,1] likewise: irradiance times step length
+  struct Part {
+    std::size_t lamp;
+    torch::Tensor weight;     ///< [...,1] everything but beam and attenuation
+    torch::Tensor path;       ///< [...,1] length of the light's way, minus d_1 [m]
+    torch::Tensor one_minus;  ///< [...,1] 1 - cos(angle from the axis)
+  };
+  std::vector<Part> parts_;
 };
 
-/// The backscatter integral above along unit vectors `rays` [...,3], up to the surfaces at `ranges`
-/// [...]; ranges are limited to kLampMaxRange_m.
-LampTerm lamp_backscatter_integral(const std::vector<Lamp>& lamps, double unit_range_m,
-                                   const torch::Tensor& beta_d, const torch::Tensor& rays,
-                                   const torch::Tensor& ranges);
+/// Mean distance of `points` [...,3] from the lamps, weighted by their shares: [...].
+torch::Tensor distance_from_lamps(const std::vector<Lamp>& lamps, const torch::Tensor& points);
 
 /// L at `points` [...,3] in the camera frame: [...,3].
 torch::Tensor lamp_light(const LampLight& light, const torch::Tensor& beta_d,

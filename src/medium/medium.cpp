@@ -126,10 +126,11 @@ MediumTransfer medium_transfer(const Tensor& points, const Medium& medium) {
   seen.gain = seen.gain * lamp_light(light, beta_d, points);
   const Tensor rays = points / range.clamp_min(1e-9);
   seen.veiling_light =
-      seen.veiling_light +
-      like(light.backscatter) *
-          lamp_backscatter_integral(light.lamps, light.unit_range_m, beta_d, rays, range.squeeze(1))
-              .value;
+      seen.veiling_light + like(light.backscatter) * LampSum::backscatter(light.lamps,
+                                                                          light.unit_range_m, rays,
+                                                                          range.squeeze(1))
+                                                         .at(beta_d, light.lamps)
+                                                         .value;
   return seen;
 }
 

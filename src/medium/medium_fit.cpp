@@ -18,9 +18,17 @@ namespace {
 using torch::Tensor;
 
 constexpr std::int64_t kMinObservations = 300;
-constexpr int kIterations = 30;
+constexpr int kIterations = 60;
 constexpr double kStepTolerance = 1e-3;  // of logarithms; far below the bias of a fit
-constexpr double kMaxStep = 0.3;
+constexpr double kMaxStep = 1.0;
+// Levenberg-Marquardt damping, relative to the diagonal.
+constexpr double kInitialDamping = 1e-2;
+constexpr double kDampingFactor = 5.0;
+constexpr int kTrials = 6;
+// Minimum noise at first, and its factor per iteration: outliers are told from a wrong start only
+// when the fit is close (graduated non-convexity: Yang et al., RA-L 5 (2), 2020).
+constexpr double kInitialNoise = 0.05;
+constexpr double kNoiseFactor = 0.75;
 constexpr double kMeanGainPrecision = 1e4;  // fixes the gauge freedom of the gains
 constexpr double kFixedSigma = 1e-3;        // of parameters that are fixed to the fused value
 // Of a channel: the medium's parameters first, then those of the lamp.
@@ -31,57 +39,51 @@ constexpr double kLampVeilingLight = 0.03;
 constexpr double kLampVeilingLightSigma = 2.0;  // of its logarithm: 0.004 to 0.2
 const auto kF64 = torch::dtype(torch::kFloat64);
 
-/// Parameters: those of the medium by channel, those of the vignetting, the logarithms of the
-/// views' gains.
+/// Minimizes the robust cost of the observations plus that of the prior.
 class Solver {
  public:
   Solver(const Observations& observations, const MediumPrior& prior)
       : s_(sorted_by_point(observations)),
         model_(s_, prior),
-        own_(model_.parameters()),
-        equations_(s_, own_),
-        vignetting_(3 * own_),
-        gains_(vignetting_ + kVignettingParameters) {
-    const auto n = gains_ + s_.view_count;
-    mean_ = torch::zeros({n}, kF64);
-    sigma_ = torch::full({n}, prior.gain_sigma, kF64);
-    for (std::int64_t c = 0; c < 3; ++c) {
-      mean_.slice(0, own_ * c, own_ * (c + 1)).copy_(model_.mean(c));
-      sigma_.slice(0, own_ * c, own_ * (c + 1)).copy_(model_.sigma());
-    }
-    sigma_.slice(0, vignetting_, gains_).fill_(prior.vignetting_sigma);
-    theta_ = mean_.clone();
-    prior_information_ =
-        torch::diag(model_.sigma().slice(0, 0, kMediumParameters).square().reciprocal());
+        layout_(model_.layout()),
+        equations_(s_, layout_),
+        mean_(model_.mean()),
+        sigma_(model_.sigma()),
+        theta_(mean_.clone()) {
+    const Tensor own = sigma_.slice(0, 0, kMediumParameters);
+    prior_information_ = torch::diag(own.square().reciprocal());
   }
 
   void solve() {
+    double min_noise = kInitialNoise;
+    double damping = kInitialDamping;
     for (int i = 0; i < kIterations; ++i) {
-      const auto [A, b] = normal_equations();
-      const Tensor step = -std::get<0>(torch::linalg_solve_ex(A, b.unsqueeze(1)))
-                               .squeeze(1)
-                               .clamp(-kMaxStep, kMaxStep);
-      theta_ += step;
-      Tensor water = medium_parameters();
-      model_.confine(water);
-      confine_vignetting();
-      information_ = A;
-      if (step.abs().max().item<double>() < kStepTolerance) return;
+      const auto models = model_.evaluate(theta_, /*with_derivatives=*/true);
+      equations_.reweight(models, min_noise);
+      const double step = improve(models, damping);
+      const bool is_final = min_noise <= smallest_noise();
+      min_noise *= kNoiseFactor;
+      if (is_final && step < kStepTolerance) break;
     }
+    const auto models = model_.evaluate(theta_, /*with_derivatives=*/true);
+    equations_.reweight(models, 0.0);
+    information_ = normal_equations(models).first;
   }
 
   /// Adds the attenuation information of these observations, without the prior.
   void add_to(MediumPosterior& posterior) const {
     const Tensor prior =
         prior_information_.slice(0, 0, kAttenuationParameters).slice(1, 0, kAttenuationParameters);
-    const Tensor found = medium_parameters().slice(1, 0, kAttenuationParameters);
+    const Tensor found = theta_.slice(0, 0, layout_.first_shared())
+                             .view({3, layout_.own})
+                             .slice(1, 0, kAttenuationParameters);
     const Tensor covariance = torch::inverse(information_);
     Tensor information = torch::empty({3, kAttenuationParameters, kAttenuationParameters}, kF64);
     Tensor weighted = torch::empty({3, kAttenuationParameters}, kF64);
     for (std::int64_t c = 0; c < 3; ++c) {
-      const Tensor all = torch::inverse(own(covariance, c, kAttenuationParameters));
+      const Tensor all = torch::inverse(of_channel(covariance, c, kAttenuationParameters));
       information[c].copy_(all - prior);
-      weighted[c].copy_(all.mv(found[c]) - prior.mv(own(mean_, c, kAttenuationParameters)));
+      weighted[c].copy_(all.mv(found[c]) - prior.mv(of_channel(mean_, c, kAttenuationParameters)));
     }
     posterior.add(information, weighted, found);
   }
@@ -89,8 +91,9 @@ class Solver {
   /// Of each channel's medium parameters [3,3,3].
   Tensor covariances() const {
     const Tensor all = torch::inverse(information_);
-    return torch::stack({own(all, 0, kMediumParameters), own(all, 1, kMediumParameters),
-                         own(all, 2, kMediumParameters)});
+    return torch::stack({of_channel(all, 0, kMediumParameters),
+                         of_channel(all, 1, kMediumParameters),
+                         of_channel(all, 2, kMediumParameters)});
   }
 
   /// Fixes attenuation to the fused posterior and updates `covariances` [3,3,3] accordingly.
@@ -99,11 +102,11 @@ class Solver {
         prior_information_.slice(0, 0, kAttenuationParameters).slice(1, 0, kAttenuationParameters);
     for (std::int64_t c = 0; c < 3; ++c) {
       const Tensor shared = torch::inverse(prior + posterior.information()[c]);
-      const Tensor mean = shared.mv(prior.mv(own(mean_, c, kAttenuationParameters)) +
+      const Tensor mean = shared.mv(prior.mv(of_channel(mean_, c, kAttenuationParameters)) +
                                     posterior.information_mean()[c]);
-      own(mean_, c, kAttenuationParameters).copy_(mean);
-      own(sigma_, c, kAttenuationParameters).fill_(kFixedSigma);
-      own(theta_, c, kAttenuationParameters).copy_(mean);
+      of_channel(mean_, c, kAttenuationParameters).copy_(mean);
+      of_channel(sigma_, c, kAttenuationParameters).fill_(kFixedSigma);
+      of_channel(theta_, c, kAttenuationParameters).copy_(mean);
       // b_inf keeps its correlation with attenuation (conditioning of a normal distribution).
       Tensor all = covariances[c];
       const Tensor before =
@@ -121,9 +124,9 @@ class Solver {
 
   MediumFit result(const Tensor& covariances) const {
     MediumFit fit;
-    fit.medium = model_.medium(medium_parameters());
-    fit.vignetting = vignetting();
-    fit.log_gains = theta_.slice(0, gains_).clone();
+    fit.medium = model_.medium(theta_);
+    fit.vignetting = model_.vignetting(theta_);
+    fit.log_gains = theta_.slice(0, layout_.first_gain()).clone();
     fit.resolution = torch::empty({3, 3, 3}, kF64);
     fit.sigmas = torch::empty({3, 3}, kF64);
     // From (log beta_d, log ratio, log b_inf) to (log beta_d, log beta_b, log b_inf).
@@ -142,47 +145,63 @@ class Solver {
   }
 
  private:
-  Tensor medium_parameters() const { return theta_.slice(0, 0, 3 * own_).view({3, own_}); }
   /// Segment or diagonal block of channel c in a vector or matrix of all parameters: its first
   /// `count` parameters.
-  Tensor own(const Tensor& all, std::int64_t c, std::int64_t count) const {
-    Tensor part = all.slice(0, own_ * c, own_ * c + count);
-    return all.dim() == 1 ? part : part.slice(1, own_ * c, own_ * c + count);
+  Tensor of_channel(const Tensor& all, std::int64_t c, std::int64_t count) const {
+    const std::int64_t first = layout_.own * c;
+    Tensor part = all.slice(0, first, first + count);
+    return all.dim() == 1 ? part : part.slice(1, first, first + count);
   }
-  Vignetting vignetting() const {
-    return {.square = theta_[vignetting_].item<double>(),
-            .fourth = theta_[vignetting_ + 1].item<double>()};
-  }
-  void confine_vignetting() {
-    const Vignetting valid = vignetting().confined();
-    theta_[vignetting_] = valid.square;
-    theta_[vignetting_ + 1] = valid.fourth;
-  }
-  Tensor responses() const {
-    return theta_.slice(0, gains_).exp().index_select(0, s_.views) *
-           vignetting().factor(s_.corners2);
+
+  double smallest_noise() const {
+    return *std::min_element(equations_.noise().begin(), equations_.noise().end());
   }
 
   /// Information matrix and gradient, with the points' colors eliminated.
-  std::pair<Tensor, Tensor> normal_equations() {
+  std::pair<Tensor, Tensor> normal_equations(const std::vector<ChannelModel>& models) const {
     const Tensor precision = sigma_.square().reciprocal();
     Tensor A = torch::diag(precision);
     Tensor b = precision * (theta_ - mean_);
-    const std::vector<ChannelModel> models = model_.evaluate(medium_parameters(), responses());
-    for (std::int64_t c = 0; c < 3; ++c) {
-      equations_.add(c, models[static_cast<std::size_t>(c)], A, b);
-    }
-    const auto views = static_cast<double>(s_.view_count);
-    A.slice(0, gains_).slice(1, gains_).add_(kMeanGainPrecision / (views * views));
-    b.slice(0, gains_).add_(kMeanGainPrecision / views * theta_.slice(0, gains_).mean());
+    equations_.add(models, A, b);
+    const auto views = static_cast<double>(layout_.views);
+    const std::int64_t gains = layout_.first_gain();
+    A.slice(0, gains).slice(1, gains).add_(kMeanGainPrecision / (views * views));
+    b.slice(0, gains).add_(kMeanGainPrecision / views * theta_.slice(0, gains).mean());
     return {A, b};
+  }
+
+  double cost(const Tensor& theta, const std::vector<ChannelModel>& models) const {
+    const double mean_gain = theta.slice(0, layout_.first_gain()).mean().item<double>();
+    return equations_.cost(models) + ((theta - mean_) / sigma_).square().sum().item<double>() +
+           kMeanGainPrecision * mean_gain * mean_gain;
+  }
+
+  /// One step that lowers the cost, if there is one; the largest change of a parameter, 0 if not.
+  double improve(const std::vector<ChannelModel>& models, double& damping) {
+    const double before = cost(theta_, models);
+    const auto [A, b] = normal_equations(models);
+    for (int i = 0; i < kTrials; ++i) {
+      const Tensor damped = A + damping * torch::diag(A.diagonal());
+      Tensor step = -std::get<0>(torch::linalg_solve_ex(damped, b.unsqueeze(1))).squeeze(1);
+      const double largest = step.abs().max().item<double>();
+      step *= std::min(1.0, kMaxStep / largest);
+      Tensor next = theta_ + step;
+      model_.confine(next);
+      if (cost(next, model_.evaluate(next, /*with_derivatives=*/false)) < before) {
+        const double change = (next - theta_).abs().max().item<double>();
+        theta_ = next;
+        damping /= kDampingFactor;
+        return change;
+      }
+      damping *= kDampingFactor;
+    }
+    return 0.0;
   }
 
   const Observations s_;  ///< sorted by point
   MediumObservationModel model_;
-  std::int64_t own_;  ///< parameters per channel
+  MediumFitLayout layout_;
   MediumNormalEquations equations_;
-  std::int64_t vignetting_, gains_;
   Tensor mean_, sigma_, theta_, information_;
   Tensor prior_information_;  ///< [3,3] of a channel's medium parameters
 };

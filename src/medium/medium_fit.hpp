@@ -44,10 +44,12 @@ struct MediumPrior {
   double gain_sigma = 0.5;        ///< of the logarithm of a view's exposure gain
   double vignetting_sigma = 0.7;  ///< of both coefficients of Vignetting
   /// Lamps on the vehicle; without them, all light is daylight. Their intensity at one meter is a
-  /// free parameter.
+  /// free parameter, and so is the shape of their beams, common to all.
   std::vector<Lamp> lamps = {};
-  double daylight = 0.1;  ///< daylight relative to the total light at unit range
-  double daylight_sigma = 0.1;
+  double half_beam_sigma = 0.15;  ///< of the logarithm of the lamps' half beam angles
+  double edge_sigma = 0.3;        ///< of the lamps' edges
+  double daylight = 0.02;         ///< daylight relative to the total light at unit range
+  double daylight_sigma = 0.05;
   double lamp_backscatter = 0.02;       ///< [1/m] relative to the light at unit range
   double lamp_backscatter_sigma = 1.5;  ///< of its logarithm
   MediumPosterior posterior = {};       ///< what was found before

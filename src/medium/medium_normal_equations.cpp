@@ -52,8 +52,7 @@ Observations sorted_by_point(const Observations& s) {
 struct MediumNormalEquations::Channel {
   Index first_column;
   Tensor colors;  ///< minus the backscatter
-  const double *seen, *direct, *backscatter, *corners2;
-  double* weights;
+  const double *seen, *direct, *backscatter, *weights;
   std::vector<const double*> direct_derivatives,
       backscatter_derivatives;  ///< by parameter; null: zero
 
@@ -63,11 +62,18 @@ struct MediumNormalEquations::Channel {
         seen(data_of(colors)),
         direct(data_of(model.direct)),
         backscatter(data_of(model.backscatter)),
-        corners2(data_of(s.corners2)),
         weights(w.data_ptr<double>()) {
     for (const Tensor& part : model.direct_derivatives) direct_derivatives.push_back(data_of(part));
     for (const Tensor& part : model.backscatter_derivatives)
       backscatter_derivatives.push_back(data_of(part));
+  }
+
+  /// Of observation i by parameter k of the channel's own and the shared ones, for color J.
+  double derivative(std::size_t k, Index i, double J) const {
+    const double* const direct_by = direct_derivatives[k];
+    const double* const backscatter_by = backscatter_derivatives[k];
+    return (direct_by != nullptr ? J * direct_by[i] : 0.0) +
+           (backscatter_by != nullptr ? backscatter_by[i] : 0.0);
   }
 
   /// Sum of w a^2 over the observations of a point, and the point's weighted least-squares color; 0
@@ -112,12 +118,18 @@ struct MediumNormalEquations::Sums {
   }
 };
 
-MediumNormalEquations::MediumNormalEquations(const Observations& observations, Index own)
-    : s_(observations), own_(own) {
+MediumNormalEquations::MediumNormalEquations(const Observations& observations,
+                                             const MediumFitLayout& layout)
+    : s_(observations), layout_(layout) {
   const Tensor ends = torch::bincount(s_.points, {}, s_.point_count).cumsum(0);
   first_.assign(ends.data_ptr<Index>(), ends.data_ptr<Index>() + ends.numel());
   first_.insert(first_.begin(), 0);
-  for (Tensor& weights : weights_) weights = torch::ones_like(s_.ranges);
+  for (std::size_t c = 0; c < 3; ++c) {
+    weights_[c] = torch::ones_like(s_.ranges);
+    slopes_[c] = s_.slopes.defined()
+                     ? s_.slopes.select(1, static_cast<std::int64_t>(c)).contiguous()
+                     : torch::ones_like(s_.ranges);
+  }
 }
 
 /// Sum over i of w_i P_i P_i^T, where P_i = D_i - a_i g / s are the derivatives with the color
@@ -125,13 +137,15 @@ MediumNormalEquations::MediumNormalEquations(const Observations& observations, I
 /// minus g g^T / s. A color of 0 is at its limit: it is a constant, and nothing is eliminated.
 void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index end,
                                       Sums& sums) const {
-  const auto own = static_cast<std::size_t>(own_);
-  const auto shared = static_cast<std::size_t>(own_ + kVignettingParameters);
+  const auto own = static_cast<std::size_t>(layout_.own);
+  const auto shared = static_cast<std::size_t>(layout_.own + layout_.shared);
   const auto [s, J] = channel.color(begin, end);
   const Index* views = s_.views.data_ptr<Index>();
   std::vector<Index> columns(shared + 1);
   for (std::size_t k = 0; k < own; ++k) columns[k] = channel.first_column + static_cast<Index>(k);
-  for (std::size_t k = own; k < shared; ++k) columns[k] = 2 * own_ + static_cast<Index>(k);
+  for (std::size_t k = own; k < shared; ++k) {
+    columns[k] = layout_.first_shared() + static_cast<Index>(k - own);
+  }
   std::vector<double> D(shared + 1);
   std::vector<Index> all_columns(columns.begin(), columns.end() - 1);
   std::vector<double> g(shared, 0.0);
@@ -139,16 +153,9 @@ void MediumNormalEquations::add_point(const Channel& channel, Index begin, Index
     const double w = kInformationScale * channel.weights[i];
     const double a = channel.direct[i];
     const double predicted = a * J + channel.backscatter[i];
-    for (std::size_t k = 0; k < own; ++k) {
-      D[k] =
-          (channel.direct_derivatives[k] != nullptr ? J * channel.direct_derivatives[k][i] : 0.0) +
-          (channel.backscatter_derivatives[k] != nullptr ? channel.backscatter_derivatives[k][i]
-                                                         : 0.0);
-    }
-    D[own] = -predicted * channel.corners2[i];
-    D[own + 1] = D[own] * channel.corners2[i];
+    for (std::size_t k = 0; k < shared; ++k) D[k] = channel.derivative(k, i, J);
     D[shared] = predicted;  // by the logarithm of the view's gain
-    columns[shared] = 3 * own_ + kVignettingParameters + views[i];
+    columns[shared] = layout_.first_gain() + views[i];
     sums.add(w, columns, D);
     // The residual is orthogonal to a (or the color constant), so g does not contribute.
     sums.add_gradient(-w * (channel.seen[i] - a * J), columns, D);
@@ -168,37 +175,62 @@ void MediumNormalEquations::add_points(const Channel& channel, Index part, Sums&
   }
 }
 
-void MediumNormalEquations::add(Index c, const ChannelModel& model, Tensor& A, Tensor& b) {
-  const auto number = static_cast<std::size_t>(c);
-  Tensor& weights = weights_[number];
-  const Channel channel(s_, own_ * c, c, model, weights);
+Tensor MediumNormalEquations::residuals(std::size_t c, const ChannelModel& model) const {
+  const Channel channel(s_, 0, static_cast<Index>(c), model, weights_[c]);
   Tensor residual = channel.colors.clone();
+  double* const x = residual.data_ptr<double>();
   for (std::size_t p = 0; p + 1 < first_.size(); ++p) {
     const double J = channel.color(first_[p], first_[p + 1]).second;
-    for (Index i = first_[p]; i < first_[p + 1]; ++i) {
-      residual.data_ptr<double>()[i] -= channel.direct[i] * J;
-    }
+    for (Index i = first_[p]; i < first_[p + 1]; ++i) x[i] -= channel.direct[i] * J;
   }
-  const Tensor slope = s_.slopes.defined() ? s_.slopes.select(1, c) : torch::ones_like(residual);
-  residual *= slope;
-  const double sigma = std::max(kMinNoise, kMadToSigma * residual.abs().median().item<double>());
-  noise_[number] = sigma;
-  // Geman-McClure weights.
-  const Tensor variance = sigma * sigma + (kTextureNoiseScale * s_.texture).square();
-  const Tensor square = residual.square() / variance;
-  weights.copy_((1.0 + square / 4.0).square().reciprocal() * slope.square() / variance);
-  deviance_[number] =
-      kInformationScale * (square / (1.0 + square / 4.0) + variance.log()).sum().item<double>();
-  // A fixed number of parts, so the sum does not depend on the number of threads.
-  std::vector<Sums> parts;
-  for (Index k = 0; k < kPartCount; ++k) parts.emplace_back(b.size(0));
-  at::parallel_for(0, kPartCount, 1, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k) add_points(channel, k, parts[static_cast<std::size_t>(k)]);
-  });
+  return residual.mul_(slopes_[c]);
+}
+
+Tensor MediumNormalEquations::variance(std::size_t c) const {
+  return noise_[c] * noise_[c] + (kTextureNoiseScale * s_.texture).square();
+}
+
+// Geman-McClure.
+void MediumNormalEquations::reweight(const std::vector<ChannelModel>& models, double min_noise) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Tensor residual = residuals(c, models[c]);
+    noise_[c] =
+        std::max({kMinNoise, min_noise, kMadToSigma * residual.abs().median().item<double>()});
+    const Tensor spread = variance(c);
+    const Tensor square = residual.square() / spread;
+    weights_[c] = (1.0 + square / 4.0).square().reciprocal() * slopes_[c].square() / spread;
+    deviance_[c] =
+        kInformationScale * (square / (1.0 + square / 4.0) + spread.log()).sum().item<double>();
+  }
+}
+
+double MediumNormalEquations::cost(const std::vector<ChannelModel>& models) const {
+  double sum = 0.0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Tensor square = residuals(c, models[c]).square() / variance(c);
+    sum += kInformationScale * (square / (1.0 + square / 4.0)).sum().item<double>();
+  }
+  return sum;
+}
+
+void MediumNormalEquations::add(const std::vector<ChannelModel>& models, Tensor& A,
+                                Tensor& b) const {
   Tensor upper = torch::zeros_like(A);
-  for (const Sums& part : parts) {
-    upper += part.A;
-    b += part.b;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto number = static_cast<Index>(c);
+    const Channel channel(s_, layout_.own * number, number, models[c], weights_[c]);
+    // A fixed number of parts, so the sum does not depend on the number of threads.
+    std::vector<Sums> parts;
+    for (Index k = 0; k < kPartCount; ++k) parts.emplace_back(b.size(0));
+    at::parallel_for(0, kPartCount, 1, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) {
+        add_points(channel, k, parts[static_cast<std::size_t>(k)]);
+      }
+    });
+    for (const Sums& part : parts) {
+      upper += part.A;
+      b += part.b;
+    }
   }
   A += upper + upper.triu(1).t();
 }

@@ -36,6 +36,7 @@ Lamp lamp_at_the_left() {
   return {.position_m = {-0.4, 0.1, 0.0},
           .axis = {0.28, 0.0, 0.96},
           .half_beam_rad = 0.7,
+          .edge = 0.4,
           .share = 0.4};
 }
 
@@ -56,7 +57,7 @@ Medium lit_water() {
 TEST(LampIrradiance, FollowsInverseSquareLawAndAttenuationOnAxis) {
   const Lamp lamp = {.position_m = {0.0, 0.0, -1.0}};
   const Tensor points = torch::tensor({{0.0, 0.0, 1.0}, {0.0, 0.0, 3.0}}, torch::kFloat64);
-  const Tensor irradiance = lamp_irradiance({lamp}, 2.0, betas(), points).value;
+  const Tensor irradiance = LampSum::irradiance({lamp}, 2.0, points).at(betas(), {lamp}).value;
   EXPECT_TRUE(tensors_near(irradiance[0], torch::ones({3}, kF64), 1e-12));
   EXPECT_TRUE(tensors_near(irradiance[1], 0.25 * torch::exp(-2.0 * betas()), 1e-12));
 }
@@ -65,7 +66,7 @@ TEST(LampIrradiance, IsHalvedAtHalfBeamAngleAndZeroBehind) {
   const Lamp lamp = {.half_beam_rad = 0.7};
   const Tensor points = torch::tensor(
       {{2.0 * std::sin(0.7), 0.0, 2.0 * std::cos(0.7)}, {0.0, 0.1, -2.0}}, torch::kFloat64);
-  const Tensor irradiance = lamp_irradiance({lamp}, 2.0, betas(), points).value;
+  const Tensor irradiance = LampSum::irradiance({lamp}, 2.0, points).at(betas(), {lamp}).value;
   EXPECT_TRUE(tensors_near(irradiance[0], torch::full({3}, 0.5, kF64), 1e-12));
   EXPECT_EQ(irradiance[1].abs().max().item<double>(), 0.0);
 }
@@ -86,20 +87,20 @@ double backscatter_by_sums(const Lamp& lamp, double unit_m, double beta,
     }
     const double d = std::sqrt(square);
     if (along <= 0.0) continue;
-    const double beam =
-        std::exp(-std::log(2.0) * (1.0 - along / d) / (1.0 - std::cos(lamp.half_beam_rad)));
+    const double u = (1.0 - along / d) / (1.0 - std::cos(lamp.half_beam_rad));
+    const double beam = std::exp(-std::log(2.0) * ((1.0 - lamp.edge) * u + lamp.edge * u * u));
     sum += beam * unit_m * unit_m / square * std::exp(-beta * (d - unit_m + t)) * range / kSteps;
   }
   return sum;
 }
 
-TEST(LampBackscatterIntegral, MatchesNumericalIntegration) {
+TEST(LampSum, BackscatterMatchesNumericalIntegration) {
   const std::vector<Lamp> lamps = {lamp_at_the_right(), lamp_at_the_left()};
   const std::array<double, 3> ray = {0.36, -0.48, 0.8};
   const Tensor rays = torch::tensor({ray[0], ray[1], ray[2]}, torch::kFloat64).expand({4, 3});
   const Tensor ranges = torch::tensor({0.3, 1.0, 2.5, 5.9}, torch::kFloat64);
   const Tensor lamp_backscatter =
-      lamp_backscatter_integral(lamps, 1.5, betas(), rays, ranges).value;
+      LampSum::backscatter(lamps, 1.5, rays, ranges).at(betas(), lamps).value;
   for (std::int64_t i = 0; i < 4; ++i) {
     for (std::int64_t c = 0; c < 3; ++c) {
       double expected = 0.0;
@@ -112,25 +113,48 @@ TEST(LampBackscatterIntegral, MatchesNumericalIntegration) {
   }
 }
 
-TEST(LampTerms, DerivativesMatchFiniteDifferences) {
+/// Central difference of `value(step)` at 0.
+template <typename Function>
+Tensor slope_of(const Function& value) {
+  constexpr double kStep = 1e-6;
+  return (value(kStep) - value(-kStep)) / (2.0 * kStep);
+}
+
+void expect_derivatives_of(const LampSum& sum, const std::vector<Lamp>& lamps) {
+  const LampTerm found = sum.at(betas(), lamps, /*with_derivatives=*/true);
+  const auto with = [&](const auto& change) {
+    std::vector<Lamp> changed = lamps;
+    for (Lamp& lamp : changed) change(lamp);
+    return sum.at(betas(), changed).value;
+  };
+  EXPECT_TRUE(tensors_near(
+      found.by_beta_d, slope_of([&](double h) { return sum.at(betas() + h, lamps).value; }), 1e-7));
+  EXPECT_TRUE(tensors_near(found.by_half_beam, slope_of([&](double h) {
+                             return with([h](Lamp& l) { l.half_beam_rad *= std::exp(h); });
+                           }),
+                           1e-7));
+  EXPECT_TRUE(tensors_near(found.by_edge,
+                           slope_of([&](double h) { return with([h](Lamp& l) { l.edge += h; }); }),
+                           1e-7));
+}
+
+TEST(LampSum, DerivativesMatchFiniteDifferences) {
   torch::manual_seed(5);
   const std::vector<Lamp> lamps = {lamp_at_the_right(), lamp_at_the_left()};
   const Tensor points = torch::rand({20, 3}, kF64) * 2.0 + torch::tensor({-1.0, -1.0, 0.5}, kF64);
   const Tensor ranges = points.norm(2, 1);
-  const Tensor rays = points / ranges.unsqueeze(1);
-  constexpr double kStep = 1e-6;
-  const Tensor more = betas() + kStep;
-  const Tensor less = betas() - kStep;
-  const auto irradiance = [&](const Tensor& b) { return lamp_irradiance(lamps, 1.5, b, points); };
-  const auto lamp_backscatter = [&](const Tensor& b) {
-    return lamp_backscatter_integral(lamps, 1.5, b, rays, ranges);
-  };
-  EXPECT_TRUE(tensors_near(irradiance(betas()).derivative,
-                           (irradiance(more).value - irradiance(less).value) / (2.0 * kStep),
-                           1e-7));
-  EXPECT_TRUE(tensors_near(
-      lamp_backscatter(betas()).derivative,
-      (lamp_backscatter(more).value - lamp_backscatter(less).value) / (2.0 * kStep), 1e-7));
+  expect_derivatives_of(LampSum::irradiance(lamps, 1.5, points), lamps);
+  expect_derivatives_of(LampSum::backscatter(lamps, 1.5, points / ranges.unsqueeze(1), ranges),
+                        lamps);
+}
+
+TEST(BeamProfile, IsHalvedAtTheHalfBeamAngleWithAnyEdge) {
+  for (const double edge : {0.0, 0.4, 1.0}) {
+    const Lamp lamp = {.half_beam_rad = 0.7, .edge = edge};
+    const double x = 1.0 - std::cos(0.7);
+    const BeamProfile beam = beam_profile(lamp);
+    EXPECT_NEAR(std::exp(-x * (beam.linear + beam.square * x)), 0.5, 1e-12) << edge;
+  }
 }
 
 /// Points [H,W,3] in the camera frame of a depth [H,W].
@@ -248,6 +272,7 @@ TEST(LampLight, TensorRoundTrip) {
     EXPECT_EQ(back.lamps[i].position_m, light.lamps[i].position_m);
     EXPECT_EQ(back.lamps[i].axis, light.lamps[i].axis);
     EXPECT_EQ(back.lamps[i].half_beam_rad, light.lamps[i].half_beam_rad);
+    EXPECT_EQ(back.lamps[i].edge, light.lamps[i].edge);
     EXPECT_EQ(back.lamps[i].share, light.lamps[i].share);
   }
   EXPECT_EQ(back.unit_range_m, light.unit_range_m);
@@ -255,7 +280,7 @@ TEST(LampLight, TensorRoundTrip) {
   EXPECT_TRUE(torch::equal(back.backscatter, light.backscatter));
   EXPECT_THROW(lamp_from_tensor(torch::zeros({13}, kF64)), c10::Error);
   EXPECT_THROW(lamp_from_tensor(torch::zeros({7}, kF64)), c10::Error);
-  EXPECT_THROW(lamp_from_tensor(torch::zeros({7 + 8 * 5}, kF64)), c10::Error);
+  EXPECT_THROW(lamp_from_tensor(torch::zeros({7 + 9 * 5}, kF64)), c10::Error);
 }
 
 TEST(LampLight, ReadsTheNumbersOfASingleLamp) {
@@ -270,15 +295,25 @@ TEST(LampLight, ReadsTheNumbersOfASingleLamp) {
   EXPECT_EQ(light.backscatter[0].item<double>(), 11.0);
 }
 
+TEST(LampLight, ReadsLampsWithoutAnEdge) {
+  const LampLight light = lamp_from_tensor(torch::arange(7 + 8 * 2, kF64));
+  ASSERT_EQ(light.lamps.size(), 2U);
+  EXPECT_EQ(light.lamps[1].position_m, (std::array<double, 3>{15.0, 16.0, 17.0}));
+  EXPECT_EQ(light.lamps[1].half_beam_rad, 21.0);
+  EXPECT_EQ(light.lamps[1].edge, 0.0);
+  EXPECT_EQ(light.lamps[1].share, 22.0);
+}
+
 TEST(LampIrradiance, AddsTheLampsByTheirShares) {
   torch::manual_seed(9);
   const Tensor points = torch::rand({20, 3}, kF64) * 2.0 + torch::tensor({-1.0, -1.0, 0.5}, kF64);
   Lamp right = lamp_at_the_right();
   Lamp left = lamp_at_the_left();
-  const Tensor both = lamp_irradiance({right, left}, 1.5, betas(), points).value;
+  const Tensor both =
+      LampSum::irradiance({right, left}, 1.5, points).at(betas(), {right, left}).value;
   right.share = left.share = 1.0;
-  const Tensor sum = 0.6 * lamp_irradiance({right}, 1.5, betas(), points).value +
-                     0.4 * lamp_irradiance({left}, 1.5, betas(), points).value;
+  const Tensor sum = 0.6 * LampSum::irradiance({right}, 1.5, points).at(betas(), {right}).value +
+                     0.4 * LampSum::irradiance({left}, 1.5, points).at(betas(), {left}).value;
   EXPECT_TRUE(tensors_near(both, sum, 1e-12));
 }
 
@@ -288,7 +323,7 @@ TEST(LampIrradiance, IncludesEachLampsAngleOfIncidence) {
                                    {.position_m = {0.0, 0.0, 0.0}, .axis = {0.0, 0.0, 1.0}}};
   const Tensor point = torch::tensor({{0.0, 0.0, 1.0}}, kF64);
   const Tensor normal = torch::tensor({{-1.0, 0.0, 0.0}}, kF64);
-  const Tensor light = lamp_irradiance(lamps, 1.0, betas(), point, normal).value;
+  const Tensor light = LampSum::irradiance(lamps, 1.0, point, normal).at(betas(), lamps).value;
   EXPECT_TRUE(tensors_near(light, torch::full({1, 3}, 1.0 + 0.2, kF64), 1e-12));
 }
 

@@ -95,9 +95,9 @@ inline Tensor lamplight(const medium::Lamp& lamp, const gaussians::View& view,
                    2);
   const Tensor rays = point - camera_center(T);
   const Tensor cosine = (rays * up).sum(2).abs() / (rays.norm(2, 2) * up.norm(2, 2));
-  const Tensor irradiance =
-      medium::lamp_irradiance({lamp}, 2.0, true_water().beta_d.to(torch::kFloat64), in_camera)
-          .value;
+  const Tensor irradiance = medium::LampSum::irradiance({lamp}, 2.0, in_camera)
+                                .at(true_water().beta_d.to(torch::kFloat64), {lamp})
+                                .value;
   return 0.1 + 0.9 * irradiance * cosine.unsqueeze(2);
 }
 
