@@ -20,6 +20,7 @@
 #include "mapping/medium/range_bias.hpp"
 #include "mapping/surface_depth.hpp"
 #include "runs/image_files.hpp"
+#include "runs/off_path_report.hpp"
 #include "runs/simulated_truth.hpp"
 #include "runs/truth_errors.hpp"
 
@@ -140,6 +141,7 @@ eval::Json report_held_out(const mapping::Map& map, const mapping::KeyframeStore
   if (of_truth) json["restored_factors"] = of_truth->gains();
   if (const auto bias = mapping::range_bias(map, keyframes, keyframes.held_out()))
     json["range_bias"] = to_json(*bias);
+  if (truth != nullptr) add_off_path_views(map, keyframes, *truth, folder, json);
   const auto perceptual = gaussians::Lpips::load(gaussians::LpipsNet::alex);
   if (perceptual) {
     json["lpips_net"] = gaussians::net_name(perceptual->net());

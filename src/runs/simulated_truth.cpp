@@ -23,7 +23,7 @@ cv::Mat read_image(const fs::path& file, int how) {
   return fs::exists(file) ? cv::imread(file.string(), how) : cv::Mat();
 }
 
-torch::Tensor channels(const nlohmann::json& json, const char* key) {
+torch::Tensor numbers(const nlohmann::json& json, const char* key) {
   return torch::tensor(json.at(key).get<std::vector<double>>(), torch::kFloat64);
 }
 
@@ -60,6 +60,25 @@ std::optional<torch::Tensor> SimulatedTruth::moving(const std::string& stamp) co
   return torch::from_blob(mask.data, {mask.rows, mask.cols}, torch::kUInt8).clone();
 }
 
+std::optional<OffPathView> SimulatedTruth::off_path(const std::string& stamp) const {
+  const fs::path file = folder_ / "off_path" / (stamp + ".json");
+  std::ifstream in(file);
+  if (!in) return std::nullopt;
+  cv::Mat image;
+  for (const char* extension : {".jpg", ".png"}) {
+    if (image.empty())
+      image = read_image(fs::path(file).replace_extension(extension), cv::IMREAD_COLOR);
+  }
+  if (image.empty()) return std::nullopt;
+  try {
+    const torch::Tensor T = numbers(nlohmann::json::parse(in), "T_camera_view");
+    return OffPathView{.image = slam::to_tensor(undistort_(image)),
+                       .T_camera_view = T.view({4, 4})};
+  } catch (const std::exception& e) {
+    fail_input("{}: {}", file.string(), e.what());
+  }
+}
+
 bool SimulatedTruth::has_own_exposure() const {
   return fs::exists(folder_ / "camera.json");  // spectral physics
 }
@@ -70,9 +89,9 @@ std::optional<medium::Medium> SimulatedTruth::medium() const {
   if (!in) return std::nullopt;
   try {
     const auto json = nlohmann::json::parse(in);
-    return medium::Medium{.beta_d = channels(json, "beta_d"),
-                          .beta_b = channels(json, "beta_b"),
-                          .b_inf = channels(json, "b_inf")};
+    return medium::Medium{.beta_d = numbers(json, "beta_d"),
+                          .beta_b = numbers(json, "beta_b"),
+                          .b_inf = numbers(json, "b_inf")};
   } catch (const nlohmann::json::exception& e) {
     fail_input("{}: {}", file.string(), e.what());
   }

@@ -12,6 +12,12 @@
 
 namespace apvi::runs {
 
+/// An image from beside the path.
+struct OffPathView {
+  torch::Tensor image;          ///< [H,W,3] uint8, with the medium, in the camera's exposure
+  torch::Tensor T_camera_view;  ///< [4,4] float64, from the camera at that stamp
+};
+
 /// Ground truth of a simulated recording (its folder `truth`), undistorted to the map's camera.
 class SimulatedTruth {
  public:
@@ -28,6 +34,7 @@ class SimulatedTruth {
   /// Where something moves [H,W] uint8: 255 a body, 128 its shadow or a pixel that is interpolated
   /// from some that show either, 0 nothing.
   std::optional<torch::Tensor> moving(const std::string& stamp) const;
+  std::optional<OffPathView> off_path(const std::string& stamp) const;
   std::optional<medium::Medium> medium() const;
   bool has_own_exposure() const;
 

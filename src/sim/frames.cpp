@@ -22,6 +22,7 @@
 #include "sim/fish.hpp"
 #include "sim/formats.hpp"
 #include "sim/moving_scene.hpp"
+#include "sim/off_path.hpp"
 #include "sim/renderer.hpp"
 #include "sim/shading.hpp"
 #include "sim/spectral/exposure_track.hpp"
@@ -127,7 +128,10 @@ class FrameRenderer {
       request.clear_development = track.clear();
     }
     const RenderedFrame rendered = renderers_[job.camera].render(request);
-    if (wants_truth(job)) write_frame_truth(job, rendered, request.disturbance);
+    if (wants_truth(job)) {
+      write_frame_truth(job, rendered, request.disturbance);
+      write_off_path(job, request, rendered.gain);
+    }
     if (job.camera == 0 && !rendered.moving.empty()) {
       write_atomically(truth_file(job, "moving", ".png"), png_bytes(rendered.moving));
     }
@@ -195,8 +199,27 @@ class FrameRenderer {
     write_atomically(truth_file(job, "medium", ".json"),
                      medium_json(rendered, scene_.config.physics));
   }
-  fs::path truth_file(const Job& job, const char* kind, const char* extension) const {
-    return root_ / "truth" / kind / (std::to_string(job.frame.stamp.ns) + extension);
+  // In the exposure of the frame itself.
+  void write_off_path(const Job& job, ImageRequest request, double gain) const {
+    constexpr int kOffPathBit = 48;
+    const auto every = static_cast<std::uint64_t>(scene_.config.truth.image_every);
+    const auto view =
+        off_path_view(request.T_world_camera(request.stamp), scene_.config.truth.off_path,
+                      job.frame.index / every % 2 == 1, world_);
+    if (!view) return;
+    request.T_world_camera = [along = request.T_world_camera, view = *view](Stamp at) {
+      return along(at) * view;
+    };
+    request.frame += std::uint64_t{1} << kOffPathBit;
+    request.truth = false;
+    request.gain = gain;
+    const RenderedFrame rendered = renderers_[job.camera].render(request);
+    write_atomically(truth_file(job, "off_path", image_extension(scene_.config)),
+                     image_bytes(rendered.image));
+    write_atomically(truth_file(job, "off_path", ".json"), off_path_json(*view));
+  }
+  fs::path truth_file(const Job& job, const char* kind, std::string_view extension) const {
+    return root_ / "truth" / kind / fmt::format("{}{}", job.frame.stamp.ns, extension);
   }
 
   const fs::path& root_;

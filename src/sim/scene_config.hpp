@@ -17,6 +17,7 @@
 #include "sim/imu_sim.hpp"
 #include "sim/light.hpp"
 #include "sim/motion.hpp"
+#include "sim/off_path.hpp"
 #include "sim/pressure_sim.hpp"
 #include "sim/spectral/spectral_config.hpp"
 #include "sim/water.hpp"
@@ -42,12 +43,14 @@ struct CameraSimConfig {
 /// Which ground truth is stored in addition to the sensor data.
 struct TruthConfig {
   int image_every = 16;
+  OffPathConfig off_path;
   bool mesh = true;
 
   template <typename V>
   void visit(V& v) {
     v("image_every", image_every, config::Range{0, 1000000},
       "write the depth map and water-free image of every N-th frame of cam0; 0: none");
+    v("off_path", off_path, "images from beside the path, at the same frames");
     v("mesh", mesh, "write the scene as mesh.ply");
   }
 };

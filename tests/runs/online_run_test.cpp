@@ -88,6 +88,9 @@ TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
   EXPECT_GT(map["heldout_views"].get<int>(), 3);
   EXPECT_LT(map["depth_abs_rel"].get<double>(), 0.1);
   EXPECT_GT(map["restored_psnr_db"].get<double>(), 12.0);
+  EXPECT_GT(map["off_path_views"].get<int>(), 3);
+  EXPECT_GT(map["off_path_psnr_db"].get<double>(), 12.0);
+  EXPECT_LT(map["off_path_psnr_db"].get<double>(), map["psnr_db"].get<double>());
   EXPECT_LE(map["gaussians"].get<int>(), 6000);
   EXPECT_TRUE(metrics["medium"].contains("error_percent"));
   EXPECT_TRUE(metrics["trajectory"].contains("ate_rmse_m"));

@@ -186,6 +186,21 @@ TEST(Dataset, WritesGroundTruth) {
   EXPECT_GT(fs::file_size(truth / "mesh.ply"), 10000U);
 }
 
+TEST(Dataset, WritesImagesFromBesideThePathInTheExposureOfTheFrame) {
+  const test::TmpDir dir;
+  const fs::path out = dir.path() / "set";
+  simulate(scene({"truth.off_path.aside_m=0.001", "truth.off_path.turn_deg=0"}), out, {});
+  const std::string stamp = "1700000001500000000";
+  const fs::path beside = out / "truth" / "off_path";
+  const auto json = nlohmann::json::parse(read_bytes(beside / (stamp + ".json")));
+  EXPECT_NEAR(std::abs(json["T_camera_view"][3].get<double>()), 0.001, 1e-12);
+  cv::Mat there = cv::imread((beside / (stamp + ".png")).string());
+  cv::Mat here = cv::imread((out / "mav0/cam0/data" / (stamp + ".png")).string());
+  ASSERT_EQ(there.size(), here.size());
+  EXPECT_LT(cv::norm(there, here, cv::NORM_L1) / (3.0 * static_cast<double>(here.total())), 4.0);
+  EXPECT_GT(cv::norm(there, here, cv::NORM_INF), 0.0) << "the noise is the same";
+}
+
 std::uintmax_t image_bytes(const fs::path& data, const char* extension) {
   std::uintmax_t sum = 0;
   for (const auto& entry : fs::directory_iterator(data)) {
