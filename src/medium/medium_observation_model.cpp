@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 namespace apvi::medium {
@@ -15,8 +14,8 @@ namespace {
 using torch::Tensor;
 
 constexpr double kMaxDaylight = 0.98;
-constexpr double kMinHalfBeam_rad = 1.0 / 180.0 * std::numbers::pi;
-constexpr double kMaxHalfBeam_rad = 88.0 / 180.0 * std::numbers::pi;
+constexpr double kMinHalfBeam_rad = 0.02;
+constexpr double kMaxHalfBeam_rad = 1.54;  // 88 degrees
 const auto kF64 = torch::dtype(torch::kFloat64);
 
 enum Own : std::int64_t { kAttenuation, kRatio, kVeilingLight, kDaylight, kLampBackscatter };
