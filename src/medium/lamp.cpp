@@ -187,7 +187,10 @@ LampTerm LampSum::at(const Tensor& beta_d, const std::vector<Lamp>& lamps,
     return torch::zeros_like(path * beta_d);
   };
   LampTerm sum = {.value = zero(), .by_beta_d = {}, .by_half_beam = {}, .by_edge = {}};
-  if (with_derivatives) sum.by_beta_d = zero(), sum.by_half_beam = zero(), sum.by_edge = zero();
+  if (with_derivatives) {
+    for (Tensor* derivative : {&sum.by_beta_d, &sum.by_half_beam, &sum.by_edge})
+      *derivative = zero();
+  }
   for (const Part& part : parts_) {
     const Lamp& lamp = lamps[part.lamp];
     const Tensor weight = beam_at(beam_profile(lamp), part.one_minus).mul_(part.weight);

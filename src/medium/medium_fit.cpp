@@ -74,9 +74,7 @@ class Solver {
   void add_to(MediumPosterior& posterior) const {
     const Tensor prior =
         prior_information_.slice(0, 0, kAttenuationParameters).slice(1, 0, kAttenuationParameters);
-    const Tensor found = theta_.slice(0, 0, layout_.first_shared())
-                             .view({3, layout_.own})
-                             .slice(1, 0, kAttenuationParameters);
+    const Tensor found = layout_.by_channel(theta_).slice(1, 0, kAttenuationParameters);
     const Tensor covariance = torch::inverse(information_);
     Tensor information = torch::empty({3, kAttenuationParameters, kAttenuationParameters}, kF64);
     Tensor weighted = torch::empty({3, kAttenuationParameters}, kF64);

@@ -27,6 +27,11 @@ const double* data_of(const Tensor& values) {
   return values.data_ptr<double>();
 }
 
+/// Geman-McClure's function of squared residuals in sigmas.
+Tensor robust(const Tensor& square) {
+  return square / (1.0 + square / 4.0);
+}
+
 }  // namespace
 
 Observations sorted_by_point(const Observations& s) {
@@ -190,7 +195,6 @@ Tensor MediumNormalEquations::variance(std::size_t c) const {
   return noise_[c] * noise_[c] + (kTextureNoiseScale * s_.texture).square();
 }
 
-// Geman-McClure.
 void MediumNormalEquations::reweight(const std::vector<ChannelModel>& models, double min_noise) {
   for (std::size_t c = 0; c < 3; ++c) {
     const Tensor residual = residuals(c, models[c]);
@@ -199,8 +203,7 @@ void MediumNormalEquations::reweight(const std::vector<ChannelModel>& models, do
     const Tensor spread = variance(c);
     const Tensor square = residual.square() / spread;
     weights_[c] = (1.0 + square / 4.0).square().reciprocal() * slopes_[c].square() / spread;
-    deviance_[c] =
-        kInformationScale * (square / (1.0 + square / 4.0) + spread.log()).sum().item<double>();
+    deviance_[c] = kInformationScale * (robust(square) + spread.log()).sum().item<double>();
   }
 }
 
@@ -208,7 +211,7 @@ double MediumNormalEquations::cost(const std::vector<ChannelModel>& models) cons
   double sum = 0.0;
   for (std::size_t c = 0; c < 3; ++c) {
     const Tensor square = residuals(c, models[c]).square() / variance(c);
-    sum += kInformationScale * (square / (1.0 + square / 4.0)).sum().item<double>();
+    sum += kInformationScale * robust(square).sum().item<double>();
   }
   return sum;
 }

@@ -38,13 +38,9 @@ MediumObservationModel::MediumObservationModel(const Observations& observations,
                            places / places.norm(2, 1, true).clamp_min(1e-9), observations.ranges);
 }
 
-Tensor MediumObservationModel::by_channel(const Tensor& parameters) const {
-  return parameters.slice(0, 0, layout_.first_shared()).view({3, layout_.own});
-}
-
 Tensor MediumObservationModel::mean() const {
   Tensor mean = torch::zeros({layout_.size()}, kF64);
-  Tensor own = by_channel(mean);
+  Tensor own = layout_.by_channel(mean);
   own.select(1, kAttenuation) = prior_.medium.beta_d.to(kF64).log();
   own.select(1, kRatio) = prior_.log_ratio;
   own.select(1, kVeilingLight) = prior_.medium.b_inf.to(kF64).log();
@@ -57,10 +53,11 @@ Tensor MediumObservationModel::mean() const {
 
 Tensor MediumObservationModel::sigma() const {
   Tensor sigma = torch::full({layout_.size()}, prior_.gain_sigma, kF64);
-  by_channel(sigma).copy_(torch::tensor({prior_.beta_sigma, prior_.ratio_sigma, prior_.b_inf_sigma,
-                                         prior_.daylight_sigma, prior_.lamp_backscatter_sigma},
-                                        kF64)
-                              .slice(0, 0, layout_.own));
+  layout_.by_channel(sigma).copy_(
+      torch::tensor({prior_.beta_sigma, prior_.ratio_sigma, prior_.b_inf_sigma,
+                     prior_.daylight_sigma, prior_.lamp_backscatter_sigma},
+                    kF64)
+          .slice(0, 0, layout_.own));
   sigma.slice(0, layout_.first_shared(), layout_.first_gain())
       .copy_(torch::tensor({prior_.vignetting_sigma, prior_.vignetting_sigma,
                             prior_.half_beam_sigma, prior_.edge_sigma},
@@ -75,7 +72,7 @@ void MediumObservationModel::confine(Tensor& parameters) const {
   parameters[shared + kSquare] = valid.square;
   parameters[shared + kFourth] = valid.fourth;
   if (prior_.lamps.empty()) return;
-  by_channel(parameters).select(1, kDaylight).clamp_(0.0, kMaxDaylight);
+  layout_.by_channel(parameters).select(1, kDaylight).clamp_(0.0, kMaxDaylight);
   parameters[shared + kEdge].clamp_(0.0, 1.0);
 }
 
@@ -105,7 +102,7 @@ Tensor MediumObservationModel::responses(const Tensor& parameters) const {
 std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& parameters,
                                                            bool with_derivatives) const {
   const Tensor response = responses(parameters);
-  const Tensor own = by_channel(parameters);
+  const Tensor own = layout_.by_channel(parameters);
   const Tensor& z = observations_.ranges;
   std::vector<ChannelModel> models;
   for (std::int64_t c = 0; c < 3; ++c) {
@@ -123,7 +120,7 @@ std::vector<ChannelModel> MediumObservationModel::evaluate(const Tensor& paramet
     }
     models.push_back(std::move(m));
   }
-  if (!prior_.lamps.empty()) add_lamps(parameters, with_derivatives, models);
+  if (!prior_.lamps.empty()) add_lamps(parameters, response, with_derivatives, models);
   if (with_derivatives) {
     for (ChannelModel& m : models) add_vignetting_derivatives(m);
   }
@@ -180,11 +177,11 @@ void add_lamp_derivatives(const LampChannel& lamp, const Tensor& daylight, const
 
 }  // namespace
 
-void MediumObservationModel::add_lamps(const Tensor& parameters, bool with_derivatives,
+void MediumObservationModel::add_lamps(const Tensor& parameters, const Tensor& response,
+                                       bool with_derivatives,
                                        std::vector<ChannelModel>& models) const {
-  const Tensor own = by_channel(parameters);
+  const Tensor own = layout_.by_channel(parameters);
   const Tensor betas = own.select(1, kAttenuation).exp();
-  const Tensor response = responses(parameters);
   const std::vector<Lamp> now = lamps(parameters);
   const LampTerm irradiance = irradiance_->at(betas, now, with_derivatives);
   const LampTerm integral = lamp_backscatter_->at(betas, now, with_derivatives);
@@ -201,7 +198,7 @@ void MediumObservationModel::add_lamps(const Tensor& parameters, bool with_deriv
 }
 
 Medium MediumObservationModel::medium(const Tensor& parameters) const {
-  const Tensor own = by_channel(parameters);
+  const Tensor own = layout_.by_channel(parameters);
   Medium water = {.beta_d = own.select(1, kAttenuation).exp(),
                   .beta_b = (own.select(1, kAttenuation) + own.select(1, kRatio)).exp(),
                   .b_inf = own.select(1, kVeilingLight).exp().clamp(1e-3, 0.98)};

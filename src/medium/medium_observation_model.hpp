@@ -21,6 +21,10 @@ struct MediumFitLayout {
   std::int64_t first_shared() const { return 3 * own; }
   std::int64_t first_gain() const { return first_shared() + shared; }
   std::int64_t size() const { return first_gain() + views; }
+  /// A view [3,own] of the channels' parameters.
+  torch::Tensor by_channel(const torch::Tensor& parameters) const {
+    return parameters.slice(0, 0, first_shared()).view({3, own});
+  }
 };
 
 /// Predicted observations of one channel, direct * color + backscatter; all [n].
@@ -56,13 +60,11 @@ class MediumObservationModel {
   Vignetting vignetting(const torch::Tensor& parameters) const;
 
  private:
-  /// [3,own] of all parameters.
-  torch::Tensor by_channel(const torch::Tensor& parameters) const;
   std::vector<Lamp> lamps(const torch::Tensor& parameters) const;
   torch::Tensor responses(const torch::Tensor& parameters) const;
   void add_vignetting_derivatives(ChannelModel& model) const;
-  void add_lamps(const torch::Tensor& parameters, bool with_derivatives,
-                 std::vector<ChannelModel>& models) const;
+  void add_lamps(const torch::Tensor& parameters, const torch::Tensor& response,
+                 bool with_derivatives, std::vector<ChannelModel>& models) const;
 
   const Observations& observations_;
   MediumPrior prior_;

@@ -39,7 +39,7 @@ void add_off_path_views(const mapping::Map& map, const mapping::KeyframeStore& k
     const auto seen = truth.off_path(keyframes[i].name);
     if (!seen) continue;
     const Tensor image = render_beside(map, keyframes, i, seen->T_camera_view);
-    const Tensor expected = seen->image.to(image.options()) / 255.0;
+    const Tensor expected = mapping::to_float_image(seen->image.to(image.device()), 1);
     psnr_db += gaussians::psnr(image, expected);
     ssim += gaussians::ssim(image, expected).value_or(0.0);
     ++count;

@@ -41,11 +41,8 @@ std::optional<SE3> off_path_view(const SE3& T_world_camera, const OffPathConfig&
 }
 
 std::string off_path_json(const SE3& T_camera_view) {
-  const Eigen::Matrix4d T = T_camera_view.matrix();
-  std::vector<double> rows;
-  for (int r = 0; r < 4; ++r) {
-    for (int c = 0; c < 4; ++c) rows.push_back(T(r, c));
-  }
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> T = T_camera_view.matrix();
+  const std::vector<double> rows(T.data(), T.data() + T.size());
   return nlohmann::ordered_json{{"T_camera_view", rows}}.dump(2) + "\n";
 }
 

@@ -160,7 +160,7 @@ double Renderer::Impl::camera_gain(const Canvas& canvas, double exposure) const 
 RenderedFrame Renderer::Impl::make_frame(const ImageRequest& request, const LightState& light,
                                          const Canvas& canvas) const {
   RenderedFrame frame;
-  frame.gain = request.gain.value_or(camera_gain(canvas, request.disturbance.exposure));
+  frame.gain = request.gain ? *request.gain : camera_gain(canvas, request.disturbance.exposure);
   frame.medium = light.medium;
   Vector3f factor;
   for (int c = 0; c < 3; ++c) {

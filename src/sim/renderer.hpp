@@ -29,8 +29,8 @@ struct ImageRequest {
   std::uint64_t frame = 0;  ///< seeds the noise; frames may be rendered in any order
   std::function<SE3(Stamp)> T_world_camera;  ///< camera: x right, y down, z forward
   Disturbance disturbance;
-  std::optional<double>
-      gain{};  ///< of the camera; null: as this frame asks for. Paper's physics only
+  /// Of the camera; null: as this frame asks for. Paper's physics only.
+  std::optional<double> gain{};
   /// Exposure and white balance that the camera chose; null: as this frame asks for. Spectral only.
   std::optional<Development> development{};
   std::optional<Development> clear_development{};  ///< of `clear`; null: as of the image
