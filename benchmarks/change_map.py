@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measures change maps on simulated dives: benchmarks/change_map.py WORK [--apvi FILE]
+"""Measures change maps on simulated dives: benchmarks/change_map.py WORK [--apvi FILE] [--set KEY=VALUE]
 
 Simulates two dives over a reef, between which objects appear, vanish, move and change color, maps
 both, and compares the maps. Prints which of the planted changes were found, those that no planted
@@ -95,6 +95,7 @@ def main():
     parser.add_argument("work", type=pathlib.Path)
     parser.add_argument("--apvi", default="apvi")
     parser.add_argument("--min-size", type=float, default=0.1, help="of apvi diff [m]")
+    parser.add_argument("--set", action="append", default=[], help="a setting of both runs")
     a = parser.parse_args()
     dives = {name: a.work / name for name in DIVES}
     runs = {name: a.work / "runs" / name for name in DIVES}
@@ -104,7 +105,7 @@ def main():
         if not (runs[name] / "map.ply").exists():
             known = [] if name == "first" else ["--map", runs["first"]]
             call(a.apvi, "run", dives[name], *known, "-o", runs[name], "--no-report", "--overwrite",
-                 *settings(RUN))
+                 *settings(RUN + a.set))
     out = a.work / "changes"
     call(a.apvi, "diff", runs["first"], runs["later"], "-o", out, "--overwrite", "--min-size", a.min_size)
     truths = {name: read_tum(dives[name] / "truth/trajectory.tum") for name in DIVES}

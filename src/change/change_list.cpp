@@ -17,9 +17,14 @@ using torch::Tensor;
 
 constexpr double kColorDistance = 4.0;   // standard deviations
 constexpr double kColorFactor = 0.1823;  // logarithm of 1.2
-constexpr double kMinArea = 0.25;        // of the square of the smallest size
-constexpr double kSimilarSize = 1.5;     // largest ratio of moved things
-constexpr double kSimilarColor = 0.3;    // largest difference of logarithms
+constexpr double kMinArea = 0.785;       // of the square of the smallest size: a disc
+constexpr double kCertainRelief = 0.25;  // the same, of cells that are certain
+constexpr double kCertainLook = 0.785;   // more of them, because colors are averaged over some
+constexpr double kSameThing = 0.5;       // correlation of what is seen of it
+constexpr double kShade = 0.2231;        // logarithm of 1.25: channels that are as bright or dark
+constexpr double kReliefSigmas = 2.0;
+constexpr double kSimilarSize = 1.5;   // largest ratio of moved things
+constexpr double kSimilarColor = 0.3;  // largest difference of logarithms
 
 std::array<double, 3> array(const Tensor& values) {
   return {values[0].item<double>(), values[1].item<double>(), values[2].item<double>()};
@@ -59,16 +64,18 @@ gaussians::View best_view(const std::vector<SurfaceView>& views, const Tensor& p
   return out;
 }
 
-/// What all kinds have in common; nothing when it is too small.
-std::optional<Change> change_at(const Surface& surface, const Tensor& rows, double strong,
-                                double min_size_m) {
+/// What all kinds have in common; nothing when it is too small, or less than `certain` squares of
+/// the smallest size are `strong`.
+std::optional<Change> change_at(const Surface& surface, const Tensor& rows, const Tensor& strong,
+                                double certain, double min_size_m) {
   Change c;
   c.points = surface.moved.index_select(0, rows);
   const double cell = surface.cells.cell_m;
   const Extent extent = extent_of(c.points, cell);
-  if (extent.length_m < min_size_m || strong * cell * cell < kMinArea * min_size_m * min_size_m) {
-    return std::nullopt;
-  }
+  const double square_m2 = min_size_m * min_size_m;
+  const double strong_m2 = cell * cell * strong.sum().item<double>();
+  const bool large = extent.length_m >= min_size_m && extent.area_m2 >= kMinArea * square_m2;
+  if (!large || strong_m2 < certain * square_m2) return std::nullopt;
   c.length_m = extent.length_m;
   c.width_m = extent.width_m;
   c.area_m2 = extent.area_m2;
@@ -81,8 +88,11 @@ std::optional<Change> change_at(const Surface& surface, const Tensor& rows, doub
   return c;
 }
 
-double count(const Tensor& mask, const Tensor& rows) {
-  return mask.index_select(0, rows).sum().item<double>();
+/// Whether the cells are in front of the surface of the other session.
+bool stands_out(const Surface& surface, const Tensor& cells) {
+  const Tensor relief = surface.votes.relief.index_select(0, cells);
+  const Tensor noise = surface.votes.noise.index_select(0, cells).clamp_min(1e-6);
+  return (relief / noise).median().item<double>() > kReliefSigmas;
 }
 
 bool touches(const Change& a, const Change& b, double margin) {
@@ -122,8 +132,9 @@ std::vector<Change> relief_changes(const Surface& surface, Kind kind, double min
   std::vector<Change> out;
   for (const auto& members : clusters(surface.cells.keys, strong, weak)) {
     const Tensor rows = as_tensor(members, surface.moved);
-    auto change = change_at(surface, rows, count(strong, rows), min_size_m);
-    if (!change) continue;
+    auto change =
+        change_at(surface, rows, strong.index_select(0, rows), kCertainRelief, min_size_m);
+    if (!change || correlation(surface.looks, rows) > kSameThing) continue;
     const Tensor inner = rows.index({strong.index_select(0, rows)});
     const Votes& v = surface.votes;
     const Tensor through = v.through.index_select(0, inner);
@@ -138,26 +149,37 @@ std::vector<Change> relief_changes(const Surface& surface, Kind kind, double min
   return out;
 }
 
-std::vector<Change> color_changes(const Surface& before, const Surface& after, const Tensor& rows,
-                                  const ColorResiduals& colors, double min_size_m) {
-  const Tensor large = std::get<0>(colors.residual.abs().max(1)) > kColorFactor;
-  const Tensor strong = (colors.distance > kColorDistance) & large;
-  const Tensor weak = (colors.distance > kColorDistance) &
-                      (std::get<0>(colors.residual.abs().max(1)) > 0.5 * kColorFactor);
+std::vector<Change> look_changes(const Surface& surface, double other_black, Kind standing_out,
+                                 const Tensor& rows, const ColorResiduals& colors,
+                                 double min_size_m) {
+  const Tensor largest = std::get<0>(colors.residual.abs().max(1));
+  const Tensor far = colors.distance > kColorDistance;
+  const Tensor strong = far & (largest > kColorFactor);
+  const Tensor weak = far & (largest > 0.5 * kColorFactor);
+  const bool later = standing_out == Kind::appeared;
   std::vector<Change> out;
-  for (const auto& members : clusters(after.cells.keys.index_select(0, rows), strong, weak)) {
+  for (const auto& members : clusters(surface.cells.keys.index_select(0, rows), strong, weak)) {
     const Tensor some = as_tensor(members, rows);
     const Tensor cells = rows.index_select(0, some);
-    auto change = change_at(after, cells, count(strong, some), min_size_m);
+    auto change = change_at(surface, cells, strong.index_select(0, some), kCertainLook, min_size_m);
     if (!change) continue;
-    change->kind = Kind::color;
-    const double far = colors.distance.index_select(0, some).mean().item<double>();
-    change->confidence = std::max(0.0, 1.0 - 4.0 / (far * far));
-    change->before = mean_light(after.votes.color.index_select(0, cells), before.black);
-    change->after = mean_light(after.cells.color.index_select(0, cells), after.black);
     const Tensor inner = some.index({strong.index_select(0, some)});
-    const Tensor residual = colors.residual.index_select(0, inner);
-    change->factors = array(std::get<0>(residual.median(0)).exp());
+    const Tensor logarithms = std::get<0>(colors.residual.index_select(0, inner).median(0));
+    const bool same_thing = correlation(surface.looks, cells) > kSameThing;
+    if (same_thing && (logarithms.max() - logarithms.min()).item<double>() < kShade) continue;
+    const double distance = colors.distance.index_select(0, some).mean().item<double>();
+    change->confidence = std::max(0.0, 1.0 - 4.0 / (distance * distance));
+    const auto own = mean_light(surface.looks.own.index_select(0, cells), surface.black);
+    const auto other = mean_light(surface.looks.other.index_select(0, cells), other_black);
+    change->kind = !same_thing && stands_out(surface, cells) ? standing_out : Kind::color;
+    if (change->kind == Kind::color) {
+      change->before = later ? other : own;
+      change->after = later ? own : other;
+      change->factors = array(logarithms.exp());
+    } else {
+      (later ? change->after : change->before) = own;
+      change->relief_m = surface.votes.relief.index_select(0, cells).mean().item<double>();
+    }
     out.push_back(std::move(*change));
   }
   return out;
@@ -167,14 +189,21 @@ void append(std::vector<Change>& changes, std::vector<Change> more) {
   std::move(more.begin(), more.end(), std::back_inserter(changes));
 }
 
-void finish(std::vector<Change>& changes, double min_size_m) {
-  const std::vector<Change> all = changes;
-  const auto at_rim = [&](const Change& c) {
-    return c.kind == Kind::color && std::any_of(all.begin(), all.end(), [&](const Change& other) {
-             return other.kind != Kind::color && touches(c, other, min_size_m);
-           });
+void append_looks(std::vector<Change>& changes, std::vector<Change> looks, double min_size_m) {
+  const auto is_at_one = [&](const Change& look) {
+    return std::any_of(changes.begin(), changes.end(), [&](const Change& other) {
+      return other.kind != Kind::color && touches(look, other, min_size_m);
+    });
   };
-  changes.erase(std::remove_if(changes.begin(), changes.end(), at_rim), changes.end());
+  // Those that stand out first: the others can be their rims.
+  std::stable_partition(looks.begin(), looks.end(),
+                        [](const Change& c) { return c.kind != Kind::color; });
+  for (Change& look : looks) {
+    if (!is_at_one(look)) changes.push_back(std::move(look));
+  }
+}
+
+void finish(std::vector<Change>& changes) {
   std::stable_sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) {
     return a.kind != b.kind ? a.kind < b.kind : a.area_m2 > b.area_m2;
   });

@@ -9,6 +9,7 @@
 #include "apvi/core/error.hpp"
 #include "change/change_list.hpp"
 #include "change/color_residuals.hpp"
+#include "change/looks.hpp"
 #include "change/surface_cells.hpp"
 #include "change/view_selection.hpp"
 #include "change/votes.hpp"
@@ -91,22 +92,52 @@ std::array<double, 3> array(const Tensor& values) {
   return {values[0].item<double>(), values[1].item<double>(), values[2].item<double>()};
 }
 
-/// Compares the colors of the cells that are in both sessions.
-std::vector<Change> changed_colors(ChangeMap& map, const Surface& before, const Surface& after,
-                                   double min_size_m) {
-  const Tensor rows = after.votes.same().nonzero().squeeze(1);
-  if (rows.numel() == 0) return {};
+/// The views of each session vote on the cells of the other one.
+void let_vote(Surface& first, Surface& second, const Registration& registration, double least_m,
+              const Progress& progress) {
+  progress(0.0, "comparing");
+  second.votes = vote(second.cells, second.moved, first.views, least_m);
+  progress(0.5, "comparing");
+  first.votes = vote(first.cells, registration.to_after(first.cells.points), second.views, least_m);
+}
+
+/// Cells of a surface that enough views of both sessions have decided about.
+struct Compared {
+  Tensor rows;
+  ColorResiduals colors;
+};
+Compared compared(const Surface& surface, double cell_m, double radius_m) {
+  const Tensor support =
+      torch::minimum(surface.looks.views, surface.votes.through + surface.votes.near);
+  const Tensor rows =
+      (surface.votes.decided() & (support >= surface.votes.enough)).nonzero().squeeze(1);
+  if (rows.numel() == 0) return {rows, {}};
   const auto kept = [&rows](const Tensor& t) { return t.index_select(0, rows); };
-  const ColorPairs pairs{
-      .keys = kept(after.cells.keys),
-      .points = kept(after.moved),
-      .before = kept(after.votes.color),
-      .after = kept(after.cells.color),
-      .support = kept(torch::minimum(after.votes.near, after.cells.views.to(torch::kFloat32)))};
-  const ColorResiduals colors = color_residuals(pairs, map.cell_m, 0.5 * min_size_m);
-  map.color_slope = array(colors.slope);
-  map.color_offset = array(colors.offset);
-  return color_changes(before, after, rows, colors, min_size_m);
+  return {rows, color_residuals({.keys = kept(surface.cells.keys),
+                                 .points = kept(surface.moved),
+                                 .before = kept(surface.looks.other),
+                                 .after = kept(surface.looks.own),
+                                 .support = kept(support)},
+                                cell_m, radius_m)};
+}
+
+/// What looks different: on the later surface all of it, on the earlier one what has vanished.
+std::vector<Change> changed_looks(ChangeMap& map, const Surface& before, const Surface& after,
+                                  double min_size_m) {
+  std::vector<Change> out;
+  const Compared later = compared(after, map.cell_m, 0.5 * min_size_m);
+  if (later.rows.numel() > 0) {
+    map.color_slope = array(later.colors.slope);
+    map.color_offset = array(later.colors.offset);
+    out = look_changes(after, before.black, Kind::appeared, later.rows, later.colors, min_size_m);
+  }
+  const Compared earlier = compared(before, map.cell_m, 0.5 * min_size_m);
+  if (earlier.rows.numel() == 0) return out;
+  for (Change& change : look_changes(before, after.black, Kind::vanished, earlier.rows,
+                                     earlier.colors, min_size_m)) {
+    if (change.kind == Kind::vanished) out.push_back(std::move(change));
+  }
+  return out;
 }
 
 }  // namespace
@@ -137,28 +168,35 @@ ChangeMap find_changes(const Session& before, const Session& after, const Option
   const torch::NoGradGuard no_grad;
   ChangeMap map;
   map.cell_m = options.cell_m > 0.0 ? options.cell_m : options.min_size_m / kCellsPerSize;
-  Surface first = surface_of(before, map.cell_m, "earlier", part_of(progress, 0.0, 0.3));
-  Surface second = surface_of(after, map.cell_m, "later", part_of(progress, 0.3, 0.6));
+  Surface first = surface_of(before, map.cell_m, "earlier", part_of(progress, 0.0, 0.25));
+  Surface second = surface_of(after, map.cell_m, "later", part_of(progress, 0.25, 0.5));
   map.black = {first.black, second.black};
   map.registration =
-      align(second.cells, first.views, first.cells.detail, part_of(progress, 0.6, 0.85));
+      align(second.cells, first.views, first.cells.detail, part_of(progress, 0.5, 0.65));
   if (map.registration.cells == 0) {
     fail_input("the two maps have no surface in common: are they in the same frame?");
   }
   first.moved = first.cells.points;
   second.moved = map.registration.to_before(second.cells.points);
-  const double least_m = kRelief * options.min_size_m;
-  progress(0.85, "comparing");
-  second.votes = vote(second.cells, second.moved, first.views, least_m);
-  progress(0.9, "comparing");
-  first.votes =
-      vote(first.cells, map.registration.to_after(first.cells.points), second.views, least_m);
-  progress(0.95, "comparing");
+  let_vote(first, second, map.registration, kRelief * options.min_size_m,
+           part_of(progress, 0.65, 0.7));
+  const auto forth = [&map](const Eigen::Vector3d& near) {
+    return map.registration.motion_at(near);
+  };
+  const auto back = [&forth](const Eigen::Vector3d& near) {
+    return mapping::rigid_inverse(forth(near));
+  };
+  second.looks = looks_of(second.cells, second.views, {before.map, first.black, forth},
+                          [&](double done) { progress(0.7 + 0.15 * done, "comparing"); });
+  first.looks = looks_of(first.cells, first.views, {after.map, second.black, back},
+                         [&](double done) { progress(0.85 + 0.15 * done, "comparing"); });
+  map.enough_views = {first.votes.enough, second.votes.enough};
   add_coverage(map, first, second);
   map.changes = relief_changes(second, Kind::appeared, options.min_size_m);
   append(map.changes, relief_changes(first, Kind::vanished, options.min_size_m));
-  append(map.changes, changed_colors(map, first, second, options.min_size_m));
-  finish(map.changes, options.min_size_m);
+  append_looks(map.changes, changed_looks(map, first, second, options.min_size_m),
+               options.min_size_m);
+  finish(map.changes);
   return map;
 }
 

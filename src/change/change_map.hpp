@@ -52,7 +52,8 @@ struct ChangeMap {
   std::vector<Change> changes;  ///< by kind, the larger ones first
   Registration registration;
   std::array<double, 3> color_slope{}, color_offset{};  ///< see ColorResiduals; zero: unknown
-  std::array<double, 2> black{};  ///< light added before logarithms, earlier and later
+  std::array<double, 2> black{};         ///< light added before logarithms, earlier and later
+  std::array<double, 2> enough_views{};  ///< that decide about a cell, earlier and later
   double cell_m = 0.0;
   torch::Tensor points;  ///< [n,3] cells of both surfaces in the frame of the earlier session [m]
   torch::Tensor seen;    ///< [n] uint8: Seen
@@ -69,8 +70,9 @@ struct ChangeMap {
 /// cells of a sparse grid, and the residual motion between the sessions is taken out. The views of
 /// the other session then vote on each cell: those that see through it to a surface behind, and
 /// those that show the same surface. A cell of the later surface that the earlier views have seen
-/// through has appeared, the mirror image has vanished. Where the surfaces are the same, colors are
-/// compared after a robust transfer. Cells that fewer than three views decide about are not known
+/// through has appeared, the mirror image has vanished. Both maps are then drawn in the same views,
+/// and how the cells look is compared after a robust transfer of colors; that also tells surfaces
+/// that are wrong from those that have changed. Cells that too few views decide about are not known
 /// in both sessions. Neighboring cells form a change. Throws InputError when a session shows no
 /// surface, or the two have none in common.
 ChangeMap find_changes(const Session& before, const Session& after, const Options& options,

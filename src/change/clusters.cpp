@@ -78,7 +78,7 @@ Extent extent_of(const Tensor& points, double cell_m) {
   const Tensor extent = std::get<0>(flat.max(0)) - std::get<0>(flat.min(0)) + cell_m;
   const Tensor columns = torch::cat({flat, torch::zeros_like(flat.slice(1, 0, 1))}, 1);
   const auto used = std::get<0>(torch::_unique2(cell_keys(columns, cell_m))).size(0);
-  return {extent[1].item<double>(), extent[0].item<double>(),
+  return {extent.max().item<double>(), extent.min().item<double>(),
           static_cast<double>(used) * cell_m * cell_m};
 }
 

@@ -17,8 +17,8 @@ std::vector<std::vector<std::int64_t>> clusters(const torch::Tensor& keys,
 
 /// Extent of points [n,3] of a cluster.
 struct Extent {
-  double length_m = 0.0;  ///< along the longest principal axis, with a cell
-  double width_m = 0.0;   ///< along the second one
+  double length_m = 0.0;  ///< the larger one along the first two principal axes, with a cell
+  double width_m = 0.0;   ///< the smaller one
   double area_m2 = 0.0;   ///< of the cells, seen along the shortest one
 };
 Extent extent_of(const torch::Tensor& points, double cell_m);

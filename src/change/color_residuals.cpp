@@ -33,23 +33,6 @@ Tensor deviations(const Tensor& values) {
   return (kMad * medians((values - medians(values)).abs())).clamp_min(kMinNoise);
 }
 
-/// Means over the neighbors in a cube of cells.
-Tensor averaged(const Tensor& keys, const Tensor& values, std::int64_t reach) {
-  Tensor sum = torch::zeros_like(values);
-  Tensor count = torch::zeros_like(values.slice(1, 0, 1));
-  for (std::int64_t x = -reach; x <= reach; ++x) {
-    for (std::int64_t y = -reach; y <= reach; ++y) {
-      for (std::int64_t z = -reach; z <= reach; ++z) {
-        const Tensor rows = rows_of(keys, keys + key_step(x, y, z));
-        const Tensor known = (rows >= 0).to(values.scalar_type()).unsqueeze(1);
-        sum += known * values.index_select(0, rows.clamp_min(0));
-        count += known;
-      }
-    }
-  }
-  return sum / count.clamp_min(1.0);
-}
-
 Tensor squared_distances(const Tensor& residual, const Tensor& covariance) {
   return (residual.mm(torch::linalg_inv(covariance)) * residual).sum(1);
 }
@@ -80,7 +63,7 @@ ColorResiduals color_residuals(const ColorPairs& pairs, double cell_m, double ra
   const Neighborhoods neighborhoods(pairs.points, kBlock_m);
   const Tensor flat = line - neighborhoods.quantiles(line, 0.5);
   const auto reach = std::max<std::int64_t>(1, std::lround(radius_m / cell_m));
-  const Tensor residual = averaged(pairs.keys, flat, reach);
+  const Tensor residual = averaged_over_cells(pairs.keys, flat, reach);
   const Tensor around = neighborhoods.quantiles(residual.abs(), kUnchanged) / kUnchangedSigmas;
   const Tensor noise =
       torch::maximum(around, deviations_by_support(residual, pairs.support)).clamp_min(kMinNoise);

@@ -155,6 +155,22 @@ Tensor rows_of(const Tensor& keys, const Tensor& wanted) {
   return torch::where(keys.index_select(0, at) == wanted, at, torch::full_like(at, -1));
 }
 
+Tensor averaged_over_cells(const Tensor& keys, const Tensor& values, std::int64_t reach) {
+  Tensor sum = torch::zeros_like(values);
+  Tensor count = torch::zeros_like(values.slice(1, 0, 1));
+  for (std::int64_t x = -reach; x <= reach; ++x) {
+    for (std::int64_t y = -reach; y <= reach; ++y) {
+      for (std::int64_t z = -reach; z <= reach; ++z) {
+        const Tensor rows = rows_of(keys, keys + key_step(x, y, z));
+        const Tensor known = (rows >= 0).to(values.scalar_type()).unsqueeze(1);
+        sum += known * values.index_select(0, rows.clamp_min(0));
+        count += known;
+      }
+    }
+  }
+  return sum / count.clamp_min(1.0);
+}
+
 SurfaceCells surface_cells(std::vector<SurfaceView>& views, double cell_m) {
   const torch::NoGradGuard no_grad;
   const SurfaceCells cells = gathered(views, cell_m);

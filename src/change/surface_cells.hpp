@@ -30,6 +30,11 @@ std::int64_t key_step(std::int64_t x, std::int64_t y, std::int64_t z);
 /// Rows [n] int64 of `wanted` in the ascending `keys`; -1 where there is none.
 torch::Tensor rows_of(const torch::Tensor& keys, const torch::Tensor& wanted);
 
+/// Means [n,k] of values [n,k] over the cells with these keys [n] in the cube of cells that reaches
+/// `reach` cells to every side.
+torch::Tensor averaged_over_cells(const torch::Tensor& keys, const torch::Tensor& values,
+                                  std::int64_t reach);
+
 /// Gathers the surface of all views in cells, keeps those on which at least three views agree (or
 /// all, if there are fewer), and more than twice as many as see through them, and moves the points
 /// to the mean surface. Views agree with a cell within three robust standard deviations of all

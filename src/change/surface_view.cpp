@@ -100,11 +100,28 @@ Tensor reliable(const Tensor& depth, const Tensor& alpha, double focal) {
   return solid & (depth < farthest) & ~edges(depth, focal);
 }
 
+/// Logarithm [H,W,3] of the light.
+Tensor logarithm_of(const mapping::MapRendering& drawn, double black) {
+  const Tensor light = drawn.restored / drawn.alpha.clamp_min(kOpaque).unsqueeze(2);
+  return (light.clamp_min(0.0) + black).log();
+}
+
+mapping::Map without_water(const mapping::Map& map) {
+  return {.gaussians = map.gaussians, .medium = {}, .antialiased = map.antialiased};
+}
+
 }  // namespace
+
+ViewLight view_light(const mapping::Map& map, const gaussians::View& view, double black) {
+  const torch::NoGradGuard no_grad;
+  const mapping::MapRendering drawn = mapping::render_map(without_water(map), view);
+  const Tensor color = blurred_channels(logarithm_of(drawn, black), kColorPx);
+  return {color.reshape({-1, 3}).contiguous(), (drawn.alpha >= kOpaque).flatten()};
+}
 
 SurfaceView surface_view(const mapping::Map& map, const gaussians::View& view, double black) {
   const torch::NoGradGuard no_grad;
-  const mapping::Map bare{.gaussians = map.gaussians, .medium = {}, .antialiased = map.antialiased};
+  const mapping::Map bare = without_water(map);
   const mapping::MapRendering drawn = mapping::render_map(bare, view);
   const gaussians::Intrinsics& k = view.intrinsics;
   const Tensor depth = mapping::surface_depth(bare, view, drawn.depth, drawn.alpha);
@@ -112,8 +129,7 @@ SurfaceView surface_view(const mapping::Map& map, const gaussians::View& view, d
   const Tensor planes = planes_of(depth, k) * good.unsqueeze(2);
   const Tensor facing = (depth * planes.norm(2, 2)).clamp_min(1.0).reciprocal();
   const Tensor spread = facing * depth_spread(bare, view, depth, drawn.alpha);
-  const Tensor light = drawn.restored / drawn.alpha.clamp_min(kOpaque).unsqueeze(2);
-  const Tensor logarithm = (light.clamp_min(0.0) + black).log();
+  const Tensor logarithm = logarithm_of(drawn, black);
   const Tensor brightness = logarithm.mean(2, true);
   const std::int64_t n = depth.numel();
   const auto flat = [n](const Tensor& image) { return image.reshape({n, -1}).contiguous(); };

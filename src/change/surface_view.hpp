@@ -19,6 +19,14 @@ struct SurfaceView {
   torch::Tensor sigma{};  ///< [n] standard deviation of the surface along its normal [m]
 };
 
+/// The light that a map shows in a view, without water; n = H W.
+struct ViewLight {
+  torch::Tensor color;  ///< [n,3] logarithm of the light, averaged over some pixels
+  torch::Tensor solid;  ///< [n] bool: alpha is at least 0.8
+};
+/// `black` is added to the light before the logarithm.
+ViewLight view_light(const mapping::Map& map, const gaussians::View& view, double black);
+
 /// Draws a surface view. The surface can be relied on where alpha is at least 0.8, the depth is
 /// below three times the median, and the surface is seen at less than 76 degrees from its normal:
 /// steeper ones are depth edges. The slopes of the planes are those

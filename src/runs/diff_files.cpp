@@ -94,6 +94,7 @@ Json summary_json(const DiffHeader& h, const change::ChangeMap& map) {
            {{"appeared", number_of(map, change::Kind::appeared)},
             {"vanished", number_of(map, change::Kind::vanished)},
             {"color", number_of(map, change::Kind::color)}}},
+          {"enough_views", {rounded(map.enough_views[0]), rounded(map.enough_views[1])}},
           {"compared_m2", rounded(map.compared_m2)},
           {"only_before_m2", rounded(map.only_before_m2)},
           {"only_after_m2", rounded(map.only_after_m2)},

@@ -84,6 +84,12 @@ TEST(FindChanges, AStainedDiscHasChangedItsColor) {
   EXPECT_NEAR((*change.factors)[1], 1.0, 0.05);
 }
 
+TEST(FindChanges, ShadeIsNoChange) {
+  Session after = bare_floor();
+  test::shade(after.map.gaussians, -0.4, 0.3, 0.3, 0.5);
+  EXPECT_TRUE(changes(bare_floor(), after).changes.empty());
+}
+
 TEST(FindChanges, OtherLightIsNoChange) {
   Session after = bare_floor();
   const torch::Tensor color = gaussians::sh_dc_to_color(after.map.gaussians.sh_dc);

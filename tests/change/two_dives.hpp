@@ -87,6 +87,14 @@ inline void stain(gaussians::Gaussians& g, double x, double y, double radius_m, 
   g.sh_dc.select(1, 0).copy_(gaussians::color_to_sh_dc(torch::where(inside, factor * red, red)));
 }
 
+/// Multiplies all colors by `factor` within `radius_m` of (x, y).
+inline void shade(gaussians::Gaussians& g, double x, double y, double radius_m, double factor) {
+  const torch::Tensor inside =
+      torch::hypot(g.means.select(1, 0) - x, g.means.select(1, 1) - y) < radius_m;
+  const torch::Tensor color = gaussians::sh_dc_to_color(g.sh_dc);
+  g.sh_dc = gaussians::color_to_sh_dc(torch::where(inside.unsqueeze(1), factor * color, color));
+}
+
 /// Cameras 2 m above z = -2 between two x; they look down, in turn turned to the east and to the
 /// west by `turn` [rad].
 inline std::vector<gaussians::View> views_over(double from, double to, double turn = 0.35) {
