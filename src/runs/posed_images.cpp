@@ -71,6 +71,7 @@ class Loader {
   Loader(const RunConfig& config, io::SequenceReader& reader, const PosedImageOptions& options)
       : config_(config),
         camera_(first_camera(config, reader)),
+        cache_(options.cache),
         only_posed_(options.poses_of_images.has_value()),
         poses_(only_posed_ ? *options.poses_of_images : given_poses(config, reader)),
         undistort_(camera_.model, config.mapping.image_scale) {
@@ -95,9 +96,9 @@ class Loader {
       ++images_.missing_pose;
       return;
     }
-    const auto decoded = decode(frame);
+    const auto decoded = load(frame);
     if (!decoded) return;
-    if (mapping::is_black(decoded->image)) {
+    if (mapping::is_black(decoded->pixels)) {
       if (images_.black++ == 0) log::warning("image {}: black; skipped", frame.stamp.ns);
       return;
     }
@@ -111,7 +112,7 @@ class Loader {
     keyframe.name = std::to_string(frame.stamp.ns);
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = slam::to_tensor((*T_world_body * camera_.T_body_camera).inverse());
-    keyframe.image = decoded->image;
+    keyframe.image = decoded->pixels;
     keyframe.held_out = is_held_out(config_, index);
     images_.store.add(std::move(keyframe));
   }
@@ -120,22 +121,25 @@ class Loader {
   PosedImages result() { return std::move(images_); }
 
  private:
-  struct DecodedImage {
-    torch::Tensor image;  ///< undistorted
-    bool low_visibility = false;
-  };
-
   std::optional<SE3> pose_of(Stamp taken) const {
     if (!only_posed_) return poses_.at(taken, Duration::from_seconds(kMaxPoseGap_s));
     const StampedPose* const found = find_pose(poses_, taken);
     return found != nullptr ? std::optional(found->T_world_body) : std::nullopt;
   }
 
-  std::optional<DecodedImage> decode(const ImageFrame& frame) {
+  std::optional<ImageCache::Image> load(const ImageFrame& frame) {
+    if (cache_ == nullptr) return decode(frame);
+    if (const ImageCache::Image* const known = cache_->find(frame.stamp)) return *known;
+    auto image = decode(frame);
+    if (image) cache_->keep(frame.stamp, *image);
+    return image;
+  }
+
+  std::optional<ImageCache::Image> decode(const ImageFrame& frame) {
     try {
       const cv::Mat raw = frame.decode();
-      return DecodedImage{slam::to_tensor(undistort_(raw)),
-                          mapping::has_low_visibility(slam::to_tensor(raw))};
+      return ImageCache::Image{slam::to_tensor(undistort_(raw)),
+                               mapping::has_low_visibility(slam::to_tensor(raw))};
     } catch (const RunError& e) {
       if (images_.damaged++ == 0) log::warning("image {}: {}; skipped", frame.stamp.ns, e.what());
       return std::nullopt;
@@ -144,6 +148,7 @@ class Loader {
 
   const RunConfig& config_;
   CameraCalibration camera_;
+  ImageCache* cache_;
   bool only_posed_;
   Trajectory poses_;
   slam::Undistorter undistort_;
@@ -176,6 +181,16 @@ void report(const PosedImages& images, std::size_t count, const std::string& pat
 }
 
 }  // namespace
+
+const ImageCache::Image* ImageCache::find(Stamp stamp) const {
+  const auto found = images_.find(stamp.ns);
+  return found == images_.end() ? nullptr : &found->second;
+}
+
+void ImageCache::keep(Stamp stamp, const Image& image) {
+  if (bytes_ + image.pixels.nbytes() > max_bytes_) return;
+  if (images_.emplace(stamp.ns, image).second) bytes_ += image.pixels.nbytes();
+}
 
 PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -30,11 +32,32 @@ struct PosedImages {
   std::size_t low_visibility = 0;  ///< images that show only water, silt or glare
 };
 
+/// Images of a recording as a map uses them. Loading the same ones again does not decode them
+/// again, as far as they fit in `max_bytes`.
+class ImageCache {
+ public:
+  struct Image {
+    torch::Tensor pixels;  ///< [H,W,3] uint8 RGB on the CPU, undistorted and downscaled
+    bool low_visibility = false;
+  };
+
+  explicit ImageCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+  /// Null if it is not there.
+  const Image* find(Stamp stamp) const;
+  void keep(Stamp stamp, const Image& image);
+
+ private:
+  std::size_t max_bytes_;
+  std::size_t bytes_ = 0;
+  std::map<std::int64_t, Image> images_;  ///< by stamp
+};
+
 struct PosedImageOptions {
   /// That poses become relative to; nothing: the local origin of the given poses.
   std::optional<map_io::Origin> origin = std::nullopt;
   /// Body poses at the only images that are loaded, instead of the given poses of a recording.
   std::optional<Trajectory> poses_of_images = std::nullopt;
+  ImageCache* cache = nullptr;  ///< of this recording and configuration
 };
 
 /// Loads the images of camera 0 with given poses, undistorted and downscaled; every

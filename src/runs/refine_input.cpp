@@ -101,15 +101,16 @@ void limit_image_memory(RefineInput& input) {
 }  // namespace
 
 RefineInput load_refine_input(const fs::path& folder, const RefinePlan& plan,
-                              const RefineTask& task) {
+                              const RefineTask& task, ImageCache& images) {
   const torch::NoGradGuard no_grad;
   RefineInput input;
   input.config = load_recorded_run_config(plan.run / "resolved.yaml");
   input.medium = map_io::read_ply_medium(initial_map_file(folder));
   input.response.vignetting = plan.vignetting;
-  input.images = load_posed_images(
-      input.config,
-      {.origin = plan.origin, .poses_of_images = given_poses(plan, block_of(plan, task))});
+  input.images =
+      load_posed_images(input.config, {.origin = plan.origin,
+                                       .poses_of_images = given_poses(plan, block_of(plan, task)),
+                                       .cache = &images});
   limit_image_memory(input);
   gaussians::Gaussians all;
   if (task.round == 0) {

@@ -27,6 +27,6 @@ struct RefineInput {
 
 /// Reads the images and the results of the previous round. Throws InputError.
 RefineInput load_refine_input(const std::filesystem::path& folder, const RefinePlan& plan,
-                              const RefineTask& task);
+                              const RefineTask& task, ImageCache& images);
 
 }  // namespace apvi::runs

@@ -62,11 +62,12 @@ std::vector<std::int64_t> owned_images(const RefinePlan& plan, const RefineTask&
 /// The training of a block.
 class BlockTraining {
  public:
-  BlockTraining(const fs::path& folder, const RefinePlan& plan, const RefineTask& task)
+  BlockTraining(const fs::path& folder, const RefinePlan& plan, const RefineTask& task,
+                ImageCache& images)
       : folder_(folder),
         plan_(plan),
         task_(task),
-        input_(load_refine_input(folder, plan, task)),
+        input_(load_refine_input(folder, plan, task, images)),
         trainer_({{.keyframes = &input_.images.store,
                    .options = options_of(input_, plan, task),
                    .medium = input_.medium,
@@ -140,8 +141,8 @@ class BlockTraining {
 }  // namespace
 
 bool run_task(const fs::path& folder, const RefinePlan& plan, const RefineTask& task,
-              const RefineTaskHooks& hooks) {
-  BlockTraining training(folder, plan, task);
+              ImageCache& images, const RefineTaskHooks& hooks) {
+  BlockTraining training(folder, plan, task, images);
   if (!training.run(hooks)) return false;
   training.write();
   return true;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "runs/posed_images.hpp"
 #include "runs/refine_plan.hpp"
 
 namespace apvi::runs {
@@ -19,12 +20,12 @@ struct RefineTaskHooks {
 /// Blocks are the overlapping domains of a restricted additive Schwarz method (Cai and Sarkis, SIAM
 /// J. Sci. Comput. 21 (2), 1999): each is optimized together with its surroundings as they were
 /// after the previous round, and of the result only the block itself is kept, so that overlaps need
-/// no averaging.
+/// no averaging. `images` keeps what this process has decoded, for its next tasks.
 ///
 /// Saves a checkpoint every minute and when interrupted, from which it continues. Returns false
 /// when interrupted. Throws InputError when files of the previous round cannot be read, RunError
 /// when something cannot be written, c10::Error when the device is out of memory.
 bool run_task(const std::filesystem::path& folder, const RefinePlan& plan, const RefineTask& task,
-              const RefineTaskHooks& hooks = {});
+              ImageCache& images, const RefineTaskHooks& hooks);
 
 }  // namespace apvi::runs

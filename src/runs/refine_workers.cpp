@@ -33,6 +33,7 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kPollInterval{200};
 constexpr double kReportInterval_s = 0.5;
 constexpr int kMaxFailures = 3;
+constexpr std::size_t kCachedBytes = std::size_t{2} << 30;  // of images, of each process
 constexpr double kStopTimeout_s = 120.0;  // a checkpoint of a large block takes a while
 
 fs::path claim_file(const fs::path& folder, const RefineTask& task) {
@@ -180,6 +181,7 @@ double refine_progress(const fs::path& folder, const RefinePlan& plan) {
 bool work(const fs::path& folder, const RefinePlan& plan, const Interrupted& interrupted) {
   DeadClaims dead;
   StatusLine status("refining");
+  ImageCache images(kCachedBytes);
   for (;;) {
     if (interrupted()) return false;
     const std::vector<RefineTask> open = open_tasks(folder, plan);
@@ -199,7 +201,7 @@ bool work(const fs::path& folder, const RefinePlan& plan, const Interrupted& int
       status.update(refine_progress(folder, plan), "");
       since_report.reset();
     };
-    if (!run_task(folder, plan, task, {.interrupted = interrupted, .progress = report})) {
+    if (!run_task(folder, plan, task, images, {.interrupted = interrupted, .progress = report})) {
       return false;
     }
   }

@@ -126,6 +126,20 @@ TEST_F(PosedImagesTest, LoadsOnlyTheImagesWithAPoseOfTheirOwn) {
   EXPECT_EQ(images.missing_pose, 0U);
 }
 
+TEST_F(PosedImagesTest, ACacheHasWhatWasLoadedAsFarAsItFits) {
+  write_images(4);
+  write_poses(0, 4);
+  ImageCache cache(3 * 16 * 12 * 3);
+  const PosedImages first = load_posed_images(config(), {.cache = &cache});
+  for (int i = 0; i < 4; ++i) write_image(i, cv::Scalar(200));
+  const PosedImages again = load_posed_images(config(), {.cache = &cache});
+  ASSERT_EQ(again.store.size(), 4U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_TRUE(torch::equal(again.store[i].image, first.store[i].image)) << i;
+  }
+  EXPECT_EQ(again.store[3].image.max().item<int>(), 200);  // did not fit, is read again
+}
+
 TEST_F(PosedImagesTest, PosesFarFromZeroAreRelativeToRoundedCentroid) {
   write_images(3);
   RunConfig far = config();
