@@ -32,10 +32,12 @@ torch::Tensor value_of(const torch::Tensor& values, const KeyframeStore& keyfram
   };
   const std::vector<std::size_t>& training = keyframes.training();
   if (!keyframes[i].held_out || training.empty()) return at(i);
-  const auto after = std::lower_bound(training.begin(), training.end(), i);
+  const auto stamp = [&](std::size_t view) { return keyframes[view].stamp_ns; };
+  const auto after =
+      std::lower_bound(training.begin(), training.end(), stamp(i),
+                       [&](std::size_t view, std::int64_t taken) { return stamp(view) < taken; });
   if (after == training.begin()) return at(training.front());
   if (after == training.end()) return at(training.back());
-  const auto stamp = [&](std::size_t view) { return keyframes[view].stamp_ns; };
   const std::size_t before = *(after - 1);
   const double fraction =
       static_cast<double>(stamp(i) - stamp(before)) /

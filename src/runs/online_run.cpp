@@ -10,6 +10,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/sequence.hpp"
 #include "core/stopwatch.hpp"
+#include "runs/all_images_report.hpp"
 #include "runs/held_out_report.hpp"
 #include "runs/map_files.hpp"
 #include "runs/moving_report.hpp"
@@ -119,6 +120,8 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   const mapping::Map made = mapper.map();
   eval::Json figures =
       report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
+  if (options.live == nullptr)
+    add_all_images(made, mapper.keyframes(), config, options.folder, figures);
   if (const mapping::RobustWeights* weights = mapper.optimizer().robust_weights()) {
     figures["moving"] = report_moving(*weights, mapper.keyframes(), options.folder / "moving",
                                       truth ? &*truth : nullptr);

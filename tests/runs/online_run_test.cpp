@@ -91,6 +91,10 @@ TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
   EXPECT_GT(map["off_path_views"].get<int>(), 3);
   EXPECT_GT(map["off_path_psnr_db"].get<double>(), 12.0);
   EXPECT_LT(map["off_path_psnr_db"].get<double>(), map["psnr_db"].get<double>());
+  // Every eighth of 106 images; the first ones have no pose yet.
+  EXPECT_EQ(map["all_images"]["images"], 14);
+  EXPECT_LE(map["all_images"]["without_pose"].get<int>(), 2);
+  EXPECT_NEAR(map["all_images"]["psnr_db"].get<double>(), map["psnr_db"].get<double>(), 2.0);
   EXPECT_LE(map["gaussians"].get<int>(), 6000);
   EXPECT_TRUE(metrics["medium"].contains("error_percent"));
   EXPECT_TRUE(metrics["trajectory"].contains("ate_rmse_m"));
