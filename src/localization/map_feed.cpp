@@ -12,16 +12,6 @@ namespace {
 
 constexpr std::size_t kMaxRangePoints = 256;  // points between two frames passed on
 
-// Whether VIO tracks and the failure detection accepts it.
-bool is_stable(const FrameOutput& output) {
-  const auto state = output.fusion.state;
-  const bool trusted =
-      state == fusion::FusionState::fused || state == fusion::FusionState::vio_only;
-  const bool sees =
-      output.vio.status == vio::Status::tracking || output.vio.status == vio::Status::started;
-  return !output.dropped && trusted && sees && output.vio.landmarks > 0;
-}
-
 // The pose when the image was taken: its stamp may be late.
 SE3 pose_of_image(Stamp stamp, const vio::Window& window, const FrameOutput& output) {
   if (window.frames.empty() || window.newest().image_stamp != stamp) {
@@ -51,6 +41,15 @@ double ray_sigma_of(const vio::Config& vio, const Rig& rig) {
 }
 
 }  // namespace
+
+bool is_stable(const FrameOutput& output) {
+  const auto state = output.fusion.state;
+  const bool trusted =
+      state == fusion::FusionState::fused || state == fusion::FusionState::vio_only;
+  const bool sees =
+      output.vio.status == vio::Status::tracking || output.vio.status == vio::Status::started;
+  return !output.dropped && trusted && sees && output.vio.landmarks > 0;
+}
 
 MapFeed::MapFeed(const Options& options, const Rig& rig)
     : heldout_every_(static_cast<std::size_t>(options.heldout_every)),

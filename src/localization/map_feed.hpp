@@ -13,6 +13,9 @@
 
 namespace apvi::localization {
 
+/// Whether VIO tracks and the failure detection accepts it.
+bool is_stable(const FrameOutput& output);
+
 /// Selects what is passed to the map: keyframes while vision is stable, every
 /// `eval.heldout_every`-th image for evaluation, and updated poses of the window's keyframes.
 class MapFeed {

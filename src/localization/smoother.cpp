@@ -6,12 +6,16 @@
 #include <string>
 #include <utility>
 
+#include "localization/map_feed.hpp"
 #include "vio/state_prior.hpp"
 
 namespace apvi::localization {
 namespace {
 
 constexpr double kPoseStep_s = 1.0;  // between keyframes without an image
+// At first, the known map is searched for in more images than the keyframes.
+constexpr double kSearch_s = 20.0;
+constexpr double kSearchStep_s = 0.19;  // that stamps may be inexact
 
 loop_closure::LoopThread thread_of(RunMode mode) {
   switch (mode) {
@@ -45,11 +49,13 @@ Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& 
       height_is_measured_(sensors.dvl && options.sensors.includes("pressure") &&
                           (rig.pressure || rig.depth)),
       drift_factor_(options.smoothing.drift_factor),
+      has_known_map_(!options.smoothing.known_map.empty()),
       closer_(closer_options(options, rig.cameras.front().model, for_map),
               rig.cameras.front().model, thread_of(options.run.mode)) {}
 
 // Poses up to scale are no odometry in meters.
-void Smoother::add(const FrameOutput& output, const std::optional<MapFrame>& news) {
+void Smoother::add(const FrameOutput& output, const cv::Mat& image,
+                   const std::optional<MapFrame>& news) {
   if (!output.fusion.pose || output.vio.up_to_scale) return;
   if (!stamps_.empty() && output.stamp <= stamps_.back()) return;
   drift_.add(output);
@@ -58,8 +64,16 @@ void Smoother::add(const FrameOutput& output, const std::optional<MapFrame>& new
   const bool continues = !in_window_.empty();
   if (has_image && !continues) place_window(output);
   if (has_image && !news->held_out) return add_image(output, *news, continues);
+  if (!image.empty() && is_search_due(output)) return add_pose(output, image);
   const bool due = !stamps_.empty() && seconds_between(stamps_.back(), output.stamp) >= kPoseStep_s;
-  if (due) add_pose(output);
+  if (due) add_pose(output, {});
+}
+
+// By time alone, so that threads do not change the result.
+bool Smoother::is_search_due(const FrameOutput& output) const {
+  return has_known_map_ && last_image_ && is_stable(output) &&
+         seconds_between(stamps_.front(), output.stamp) < kSearch_s &&
+         seconds_between(*last_image_, output.stamp) >= kSearchStep_s;
 }
 
 // Keyframes of the window with their present poses; in_window_ becomes those still in it.
@@ -97,19 +111,20 @@ void Smoother::add_image(const FrameOutput& output, const MapFrame& news, bool c
        news.stamp, news.image, continues);
 }
 
-void Smoother::add_pose(const FrameOutput& output) {
+void Smoother::add_pose(const FrameOutput& output, const cv::Mat& image) {
   const SE3& T_odom_body = output.fusion.pose->T_world_body;
   push({.T_odom_body = T_odom_body,
         .T_graph_image = predicted(T_odom_body),
         .T_image_body = SE3::identity(),
-        .T_body_camera = T_body_camera_},
-       output.stamp, {}, true);
+        .T_body_camera = keyframes_.empty() ? T_body_camera_ : keyframes_.back().T_body_camera},
+       output.stamp, image, true);
 }
 
 void Smoother::push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image,
                     bool vio_continues) {
   keyframes_.push_back(keyframe);
   stamps_.push_back(stamp);
+  if (!image.empty()) last_image_ = stamp;
   {
     const std::scoped_lock lock(mutex_);
     T_graph_odom_ = keyframe.T_graph_body() * keyframe.T_odom_body.inverse();

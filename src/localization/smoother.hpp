@@ -25,8 +25,9 @@ class Smoother {
   /// `for_map`: whether a map follows the corrections of the graph.
   Smoother(const Options& options, const Rig& rig, const ActiveSensors& sensors, bool for_map);
 
-  /// Every frame, in order of time, with what it tells the map, if anything.
-  void add(const FrameOutput& output, const std::optional<MapFrame>& news);
+  /// Every frame, in order of time, with its image as recorded (may be empty) and what it tells the
+  /// map, if anything.
+  void add(const FrameOutput& output, const cv::Mat& image, const std::optional<MapFrame>& news);
   /// After `add`: moves it from the frame of the VIO window, which begins anew after a loss of
   /// vision, to that of the graph's odometry, and adds the corrections of the graph.
   void connect(MapFrame& news) const;
@@ -58,7 +59,8 @@ class Smoother {
   void move_window(const MapFrame& news);
   void place_window(const FrameOutput& output);
   void add_image(const FrameOutput& output, const MapFrame& news, bool continues);
-  void add_pose(const FrameOutput& output);
+  void add_pose(const FrameOutput& output, const cv::Mat& image);
+  bool is_search_due(const FrameOutput& output) const;
   SE3 predicted(const SE3& T_odom_body) const;
   void push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image, bool vio_continues);
   SE3 correction(const StampedPose& pose, std::size_t keyframe) const;
@@ -66,9 +68,11 @@ class Smoother {
   SE3 T_body_camera_;
   bool height_is_measured_;
   double drift_factor_;
+  bool has_known_map_;
   OdometryDrift drift_;
   std::vector<Keyframe> keyframes_;
   std::vector<Stamp> stamps_;                 // of the keyframes
+  std::optional<Stamp> last_image_;           // of a keyframe
   std::map<Stamp, std::size_t> in_window_;    // keyframes of the present window
   SE3 T_graph_window_;                        // of the present window
   std::vector<std::pair<Stamp, SE3>> moved_;  // camera poses that the graph has not heard of

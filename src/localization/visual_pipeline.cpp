@@ -109,7 +109,7 @@ void VisualPipeline::fuse(const Tracked& tracked) {
   if (!map_feed_) return;
   auto map_frame = map_feed_->process(tracked.job, tracked.image, output, fusion_stage_.window());
   if (smoother_) {
-    smoother_->add(output, map_frame);
+    smoother_->add(output, tracked.image, map_frame);
     if (map_to_odometry_) map_to_odometry_(smoother_->T_map_odom());
   }
   if (map_ == nullptr || !map_frame) return;

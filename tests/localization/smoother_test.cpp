@@ -136,7 +136,7 @@ Result dive(const Options& options, int from = 0, int to = 0, bool restarts = fa
     std::optional<MapFrame> news;
     if (!dark) news = map_frame_of(frame, rig);
     if (restarts && frame == to) news->window.clear();
-    smoother.add(output, news);
+    smoother.add(output, {}, news);
     if (!news) continue;
     smoother.connect(*news);
     result.map.add(*news);
@@ -215,7 +215,7 @@ TEST(Smoother, APathWithoutOdometryInBetweenIsFoundAgain) {
     }
     odometry.poses.push_back(*output.fused());
     expected.poses.push_back({output.stamp, truth(frame)});
-    smoother.add(output, news);
+    smoother.add(output, {}, news);
   }
   smoother.finish();
   EXPECT_EQ(smoother.closer().breaks(), 1U);
@@ -294,6 +294,27 @@ TEST(Smoother, AKnownMapGivesTheSameBitsOnAThread) {
   }
 }
 
+TEST(Smoother, AtFirstTheKnownMapIsSearchedForBetweenKeyframes) {
+  static const loop_closure::PlaceMap places = dive({}).places;
+  const test::TmpDir run;
+  save(places, run.path() / loop_closure::kPlacesFile);
+  Options options;
+  options.smoothing.known_map = run.path().string();
+  const Rig rig = floor_rig();
+  Smoother smoother(options, rig, {.cameras = 1}, false);
+  constexpr int kStep = 10;  // of keyframes
+  const int frames = static_cast<int>(19.0 / kPeriod_s);
+  for (int frame = 0; frame < frames; ++frame) {
+    FrameOutput output = output_of(frame);
+    output.vio.landmarks = 50;
+    const MapFrame seen = map_frame_of(frame, rig);
+    smoother.add(output, seen.image, frame % kStep == 0 ? std::optional(seen) : std::nullopt);
+  }
+  smoother.finish();
+  EXPECT_NEAR(static_cast<double>(smoother.keyframe_seconds().size()),
+              19.0 / std::max(0.2, kPeriod_s), 3.0);
+}
+
 TEST(Smoother, BridgesASpanWithoutImages) {
   for (const bool restarts : {false, true}) {
     const Result result = dive({}, 60, 90, restarts);
@@ -309,7 +330,7 @@ TEST(Smoother, PosesUpToScaleAreNoOdometry) {
   for (int frame = 0; frame < 5; ++frame) {
     FrameOutput output = output_of(frame);
     output.vio.up_to_scale = true;
-    smoother.add(output, map_frame_of(frame, rig));
+    smoother.add(output, {}, map_frame_of(frame, rig));
   }
   smoother.finish();
   EXPECT_EQ(smoother.closer().graph().size(), 0U);
