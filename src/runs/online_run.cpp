@@ -120,7 +120,8 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   const mapping::Map made = mapper.map();
   eval::Json figures =
       report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
-  if (options.live == nullptr)
+  // Reads the recording once more: not after Ctrl-C.
+  if (options.live == nullptr && !interrupted)
     add_all_images(made, mapper.keyframes(), config, options.folder, figures);
   if (const mapping::RobustWeights* weights = mapper.optimizer().robust_weights()) {
     figures["moving"] = report_moving(*weights, mapper.keyframes(), options.folder / "moving",
