@@ -14,24 +14,13 @@ import json
 import math
 import pathlib
 import random
-import subprocess
+
+from relocalization import NO_TRUE_IMAGES, SMALL, call, settings
 
 SCENES = pathlib.Path(__file__).resolve().parents[1] / "configs/scenes"
 NAMES = ["seabed_easy", "ship_easy", "dam_easy"]
-SMALL = ["rig.cam0.resolution=[320, 240]", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]",
-         "rig.cam0.rate_hz=10"]
 CAMERA_LATENCY_S = 0.05
 ROTATION_DEG, LEVER_ARM_M, FOCAL, SOUND_SPEED = 1.0, 0.03, 0.01, 0.01
-
-
-def settings(values):
-    return [word for value in values for word in ("--set", value)]
-
-
-def call(*command):
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(map(str, command))}\n{done.stderr[-2000:]}")
 
 
 def value_of(rig, section, key):
@@ -154,7 +143,7 @@ def main():
     a = parser.parse_args()
     for name in a.scenes:
         call(a.apvi, "sim", SCENES / f"{name}.yaml", "-o", a.work / name,
-             *settings([*(SMALL if a.small else []), "truth.image_every=0", "truth.mesh=false",
+             *settings([*(SMALL if a.small else []), *NO_TRUE_IMAGES,
                         f"rig.cam0.time_offset_s={CAMERA_LATENCY_S}"]))
     with concurrent.futures.ThreadPoolExecutor(a.jobs) as pool:
         runs = {name: [pool.submit(measure, a.apvi, a.work, name, seed, a.set, a.again)

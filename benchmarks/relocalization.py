@@ -15,8 +15,10 @@ import pathlib
 import subprocess
 
 SCENE = pathlib.Path(__file__).resolve().parents[1] / "configs/scenes/seabed_easy.yaml"
-CAMERA = ["rig.cam0.resolution=[320, 240]", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]",
-          "rig.cam0.rate_hz=10", "truth.image_every=0", "truth.mesh=false"]
+SMALL = ["rig.cam0.resolution=[320, 240]", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]",
+         "rig.cam0.rate_hz=10"]
+NO_TRUE_IMAGES = ["truth.image_every=0", "truth.mesh=false"]
+CAMERA = SMALL + NO_TRUE_IMAGES
 FIRST = ["duration_s=90"]
 LATER = {
     "turbid_day": ["duration_s=24", "sensor_seed=77", "water.type=3C", "water.attenuation_length_m=4",
@@ -33,8 +35,9 @@ LIMITS = {"time_s": 5.0, "position_m": 0.03, "rotation_deg": 0.5, "wrong_m": 0.3
 
 
 def call(*command):
-    subprocess.run([str(c) for c in command], check=True, stdout=subprocess.DEVNULL,
-                   stderr=subprocess.DEVNULL)
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(map(str, command))}\n{done.stderr[-2000:]}")
 
 
 def settings(values):

@@ -113,6 +113,7 @@ Compared compared(const Surface& surface, double cell_m, double radius_m) {
       (surface.votes.decided() & (support >= surface.votes.enough)).nonzero().squeeze(1);
   if (rows.numel() == 0) return {rows, {}};
   const auto kept = [&rows](const Tensor& t) { return t.index_select(0, rows); };
+  // Of the surface's own session after those of the other one.
   return {rows, color_residuals({.keys = kept(surface.cells.keys),
                                  .points = kept(surface.moved),
                                  .before = kept(surface.looks.other),

@@ -14,6 +14,7 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/sensors/rig.hpp"
 #include "mapping/evaluation.hpp"
+#include "runs/recorded_images.hpp"
 #include "runs/stored_map.hpp"
 #include "slam/camera_conversion.hpp"
 
@@ -130,10 +131,7 @@ void add_all_images(const mapping::Map& map, const mapping::KeyframeStore& keyfr
   try {
     const auto reader = io::open_sequence(config.dataset, {"camera"});
     Comparison comparison(map, keyframes, config, resolve_rig(config, reader->rig()), run);
-    while (const auto event = reader->next()) {
-      const auto* const frame = std::get_if<ImageFrame>(&*event);
-      if (frame != nullptr && frame->camera == 0) comparison.add(*frame);
-    }
+    for_each_image(*reader, [&comparison](const ImageFrame& frame) { comparison.add(frame); });
     json["all_images"] = comparison.result();
   } catch (const Error& error) {
     log::warning("the map is not compared with images all along the run: {}", error.what());

@@ -16,6 +16,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
 #include "runs/local_origin.hpp"
+#include "runs/recorded_images.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::runs {
@@ -56,14 +57,6 @@ const StampedPose* find_pose(const Trajectory& poses, Stamp taken) {
 bool is_held_out(const RunConfig& config, std::size_t number) {
   const int every = config.eval.heldout_every;
   return every > 0 && number % static_cast<std::size_t>(every) == 0;
-}
-
-template <typename Use>
-void for_each_image(io::SequenceReader& reader, const Use& use) {
-  while (const auto event = reader.next()) {
-    const auto* const frame = std::get_if<ImageFrame>(&*event);
-    if (frame != nullptr && frame->camera == 0) use(*frame);
-  }
 }
 
 class Loader {

@@ -55,7 +55,7 @@ TEST(Looks, OfOneMapAreAlike) {
 }
 
 TEST(Looks, OfASurfaceAtAnotherDepthStayThere) {
-  // Two centimeters are an eighth of a pixel here, but almost a cell.
+  // Two centimeters move nothing by a pixel here, but are almost a cell.
   const Seen own = seen(test::session(test::floor_at(-2.0)));
   const Looks l = looks(own, test::session(test::floor_at(-2.02)));
   EXPECT_LT((l.own - l.other).abs().median().item<double>(), 0.02);
