@@ -39,7 +39,7 @@ gaussians::Gaussians speckled(std::uint64_t seed) {
   gaussians::Gaussians g = test::floor_at(-2.0);
   const torch::Tensor patch = (g.means / 0.08).floor().to(torch::kInt64) + 50;
   torch::manual_seed(seed);
-  const torch::Tensor values = 0.3 + 0.3 * torch::rand({100 * 100, 1});
+  const torch::Tensor values = 0.3 + 0.3 * torch::rand({10000, 1});
   const torch::Tensor gray =
       values.index_select(0, patch.select(1, 0) * 100 + patch.select(1, 1)).expand({-1, 3});
   g.sh_dc = gaussians::color_to_sh_dc(gray);
