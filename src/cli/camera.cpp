@@ -17,6 +17,7 @@
 #include "apvi/sensors/central_fit.hpp"
 #include "apvi/sensors/lens.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "cli/camera_mask.hpp"
 #include "cli/commands.hpp"
 #include "cli/configurations.hpp"
 #include "sensors/central_rig.hpp"
@@ -108,6 +109,7 @@ void add_camera(CLI::App& app) {
   CLI::App* command = app.add_subcommand("camera", "tools for camera calibrations");
   command->require_subcommand(1);
   add_fit(*command);
+  add_camera_mask(*command);
 }
 
 }  // namespace apvi::cli

@@ -57,6 +57,12 @@ void add_calibration(CLI::App& command, importer::ImportOptions& options) {
       ->check(CLI::PositiveNumber)
       ->type_name("METERS")
       ->group(kGroup);
+  command
+      .add_option("--masks", options.mask_folder,
+                  "photographs, COLMAP: folder of masks named as the images, black where they do "
+                  "not show the scene")
+      ->type_name("FOLDER")
+      ->group(kGroup);
   command.add_option("--images", options.image_folder, "COLMAP: folder of its images")
       ->type_name("FOLDER")
       ->group(kGroup);

@@ -36,6 +36,22 @@ void check_principal_point(const CameraModel::Parameters& p, const std::string& 
               {{"cx_px", p.cx}, {"cy_px", p.cy}}});
 }
 
+void check_static_parts(double share, const std::string& name, Report& report) {
+  constexpr double kMinShare = 0.002;
+  constexpr double kMaxShare = 0.6;  // more: the vehicle hardly moves
+  if (share < kMinShare || share > kMaxShare) return;
+  report.add({Severity::warning,
+              name,
+              "static parts",
+              fmt::format("{:.1f} % of the image is always the same: a part of the vehicle, or an "
+                          "overlay",
+                          100.0 * share),
+              fmt::format("hide it from localization and map: `apvi camera mask`, and {}.mask in "
+                          "the rig",
+                          name),
+              {{"share", share}}});
+}
+
 }  // namespace
 
 void check_cameras(const CheckInput& c, Report& report) {
@@ -54,6 +70,7 @@ void check_cameras(const CheckInput& c, Report& report) {
     const CameraModel::Parameters& p = c.rig.cameras[i].model.parameters();
     check_principal_point(p, name, report);
     if (observed.size) check_size(observed, name, p, report);
+    if (i < c.static_shares.size()) check_static_parts(c.static_shares[i], name, report);
   }
 }
 

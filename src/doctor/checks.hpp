@@ -13,6 +13,8 @@ struct CheckInput {
   Rig rig;
   bool has_rig = false;                             ///< false: checks against the rig are skipped
   std::vector<std::vector<ImagePair>> image_pairs;  ///< of each camera of the rig
+  std::vector<double>
+      static_shares;  ///< of the images of each camera, which the rig has no mask for
 };
 
 /// Missing sensors, rates, gaps, jitter, dropped and repeated samples, time overlap.
@@ -25,7 +27,7 @@ void check_dvl(const CheckInput& c, Report& report);
 void check_beams(const CheckInput& c, Report& report);
 /// Units, sign, resolution and spikes of pressure and depth.
 void check_depth(const CheckInput& c, Report& report);
-/// Size of the first image against the intrinsics.
+/// Size of the first image against the intrinsics; parts of the images that never change.
 void check_cameras(const CheckInput& c, Report& report);
 /// Consistency between sensors: gyro, accelerometer, DVL, depth, reference.
 void check_motion(const CheckInput& c, Report& report);

@@ -10,6 +10,7 @@
 
 #include "apvi/core/error.hpp"
 #include "doctor/checks.hpp"
+#include "doctor/static_parts.hpp"
 
 namespace apvi::doctor {
 namespace {
@@ -146,6 +147,23 @@ void match_images_of(const io::DatasetConfig& config, const Options& options, Ch
   }
 }
 
+// Only of cameras without a mask.
+void find_static_parts_of(const io::DatasetConfig& config, const Options& options, CheckInput& c,
+                          Report& report) {
+  for (std::size_t i = 0; i < c.rig.cameras.size(); ++i) {
+    c.static_shares.push_back(0.0);
+    if (!c.rig.cameras[i].mask.empty() || c.observed.cameras.at(i).timing.count == 0) continue;
+    try {
+      const auto parts = find_static_parts(
+          config, {.camera = static_cast<int>(i), .interrupted = options.interrupted});
+      if (parts) c.static_shares.back() = parts->share();
+    } catch (const std::exception& e) {
+      add_problem(report, fmt::format("cam{}", i), "images",
+                  fmt::format("cannot be read again: {}", e.what()));
+    }
+  }
+}
+
 // Groups findings by sensor, in a fixed order.
 void sort_by_sensor(Report& report) {
   const std::vector<std::string> order = {"rig",    "recording", "imu0", "dvl0",  "pressure0",
@@ -176,6 +194,7 @@ Report examine(const io::DatasetConfig& config, const Options& options) {
   check_dvl(c, report);
   check_beams(c, report);
   check_depth(c, report);
+  find_static_parts_of(config, options, c, report);
   check_cameras(c, report);
   check_motion(c, report);
   match_images_of(config, options, c, report);

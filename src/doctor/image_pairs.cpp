@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "apvi/sensors/rig.hpp"
+#include "sensors/camera_mask.hpp"
 #include "vio/frontend/corner_grid.hpp"
 #include "vio/frontend/optical_flow.hpp"
 
@@ -42,8 +43,11 @@ struct Frame {
 // Follows corners through the images of a span.
 class SpanTracker {
  public:
-  explicit SpanTracker(cv::Size size)
-      : size_(size), preparer_(true), grid_(size, kCorners, kMinDistance_px) {}
+  SpanTracker(cv::Size size, const cv::Mat& mask)
+      : size_(size),
+        mask_(reduced_mask(mask, 1, vio::kFlowWindow / 2)),
+        preparer_(true),
+        grid_(size, kCorners, kMinDistance_px, mask_) {}
 
   void clear() { frames_.clear(); }
   const std::vector<Frame>& frames() const { return frames_; }
@@ -73,7 +77,7 @@ class SpanTracker {
         vio::compute_flow(last_, current_, from, guess, from, kMaxForwardBackward_px);
     std::vector<Corner> corners;
     for (std::size_t i = 0; i < flow.to.size(); ++i) {
-      if (flow.found[i] == 0) continue;
+      if (flow.found[i] == 0 || is_hidden(mask_, flow.to[i])) continue;
       corners.push_back({before.corners[i].id, flow.to[i], (flow.to[i] - from[i]) / dt});
     }
     return corners;
@@ -88,6 +92,7 @@ class SpanTracker {
   }
 
   cv::Size size_;
+  cv::Mat mask_;
   vio::FramePreparer preparer_;
   vio::CornerGrid grid_;
   vio::FrameImage last_;
@@ -135,7 +140,8 @@ void add_pairs(const std::vector<Frame>& frames, std::vector<ImagePair>& pairs) 
 // Takes the images of one camera in order of time and keeps the pairs.
 class PairCollector {
  public:
-  PairCollector(const std::vector<TimeSpan>& spans, cv::Size size) : spans_(spans), tracker_(size) {
+  PairCollector(const std::vector<TimeSpan>& spans, cv::Size size, const cv::Mat& mask)
+      : spans_(spans), tracker_(size, mask) {
     double total = 0.0;
     for (const TimeSpan& span : spans) total += seconds_between(span.from, span.to);
     step_ = std::clamp(total / kMaxImages, kShortestStep, kLongestStep);
@@ -200,7 +206,7 @@ std::vector<std::vector<ImagePair>> match_images(const io::DatasetConfig& config
   std::vector<PairCollector> collectors;
   for (const CameraCalibration& camera : rig.cameras) {
     const CameraModel::Parameters& p = camera.model.parameters();
-    collectors.emplace_back(spans, cv::Size(p.width, p.height));
+    collectors.emplace_back(spans, cv::Size(p.width, p.height), camera.mask);
   }
   while (const auto event = reader->next()) {
     const auto* image = std::get_if<ImageFrame>(&*event);

@@ -100,6 +100,7 @@ std::optional<Trajectory> add_images(const fs::path& folder, const std::vector<C
   Trajectory poses;
   const std::vector<Stamp> stamps = stamps_of(images);
   std::size_t missing = 0;
+  std::size_t masks = 0;
   StatusLine status("reading images");
   for (std::size_t i = 0; i < images.size(); ++i) {
     if (options.interrupted()) return std::nullopt;
@@ -110,11 +111,14 @@ std::optional<Trajectory> add_images(const fs::path& folder, const std::vector<C
       continue;
     }
     add_photo(folder / images[i].name, stamps[i], options.images, dive);
+    masks += add_mask(options.mask_folder, images[i].name, options.images, dive) ? 1 : 0;
     SE3 T_world_camera = images[i].T_camera_world.inverse();
     T_world_camera.translation *= scale;
     poses.poses.push_back({stamps[i], T_world_camera});
   }
+  status.finish();
   if (missing > 0) log::warning("{} of {} images have no file", missing, images.size());
+  report_masks(options.mask_folder, masks, poses.poses.size());
   return poses;
 }
 

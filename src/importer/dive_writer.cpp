@@ -29,6 +29,14 @@ void make_folder(const fs::path& folder) {
 }
 
 // Replaces only what an import has made: --overwrite must not delete a home folder.
+void write_bytes(const fs::path& path, Bytes bytes) {
+  std::ofstream out(path, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(bytes.data()),
+            static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  if (!out) fail_run("{}: cannot be written; is the disk full?", path.string());
+}
+
 void check_free(const fs::path& folder, bool overwrite) {
   if (!fs::exists(folder) || (fs::is_directory(folder) && fs::is_empty(folder))) return;
   if (!overwrite) {
@@ -77,14 +85,16 @@ DiveWriter::~DiveWriter() {
 void DiveWriter::add_image(Stamp stamp, const std::string& extension, Bytes encoded) {
   const std::string name = std::to_string(stamp.ns) + extension;
   const fs::path path = partial_ / kImages / "data" / name;
-  std::ofstream out(path, std::ios::binary);
-  out.write(reinterpret_cast<const char*>(encoded.data()),
-            static_cast<std::streamsize>(encoded.size()));
-  out.close();
-  if (!out) fail_run("{}: cannot be written; is the disk full?", path.string());
+  write_bytes(path, encoded);
   images_csv_ += fmt::format("{},{}\n", stamp.ns, name);
   stamps_.push_back(stamp);
   image_files_.push_back(path);
+}
+
+void DiveWriter::add_mask(Bytes encoded) {
+  const fs::path folder = partial_ / kImages / "masks";
+  make_folder(folder);
+  write_bytes(folder / (std::to_string(stamps_.back().ns) + ".png"), encoded);
 }
 
 double DiveWriter::image_rate_hz() const {

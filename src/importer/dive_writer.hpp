@@ -40,6 +40,8 @@ class DiveWriter {
   /// Adds an encoded image of cam0; `extension` is that of its format, with the dot. Throws
   /// RunError when it cannot be written completely. So do the others.
   void add_image(Stamp stamp, const std::string& extension, Bytes encoded);
+  /// Adds the mask of the newest image, a PNG.
+  void add_mask(Bytes encoded);
   std::size_t images() const { return stamps_.size(); }
   const std::vector<Stamp>& stamps() const { return stamps_; }
   /// The images so far, until `finish`.

@@ -94,6 +94,9 @@ void check_kind(SourceKind kind, const ImportOptions& o) {
   if (kind != SourceKind::video && selects) {
     fail_input("--every, --fps, --from, --length: only for a video");
   }
+  if (kind == SourceKind::video && !o.mask_folder.empty()) {
+    fail_input("--masks: not for a video, whose images have no names");
+  }
   if (kind != SourceKind::colmap && (o.meters_per_unit > 0.0 || !o.image_folder.empty())) {
     fail_input("--meters-per-unit, --images: only for a COLMAP model");
   }

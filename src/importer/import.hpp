@@ -25,6 +25,7 @@ struct ImportOptions {
   std::filesystem::path rig;      ///< calibration to use instead of an assumed one
   double meters_per_unit = 0.0;   ///< COLMAP: scale of its model; 0: unknown
   std::filesystem::path image_folder;  ///< COLMAP: where its images are; empty: looked for
+  std::filesystem::path mask_folder;   ///< photographs, COLMAP: masks of images; see find_mask
   bool overwrite = false;
   std::function<bool()> interrupted = [] { return false; };
 };

@@ -5,10 +5,14 @@
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_file.hpp"
+#include "sensors/camera_mask.hpp"
 
 namespace apvi::importer {
 namespace {
@@ -87,6 +91,26 @@ void add_photo(const std::filesystem::path& file, Stamp stamp, const ImageOption
     return dive.add_image(stamp, text::to_lower(file.extension().string()), bytes);
   }
   dive.add_image(stamp, options.extension(), encode(decode(bytes, file), options));
+}
+
+bool add_mask(const std::filesystem::path& masks, const std::filesystem::path& image,
+              const ImageOptions& options, DiveWriter& dive) {
+  const auto file = masks.empty() ? std::nullopt : find_mask(masks, image);
+  if (!file) return false;
+  const cv::Mat mask = read_mask(*file);
+  const ImageSize size = scaled(ImageSize{mask.cols, mask.rows}, options.scale);
+  cv::Mat small;
+  cv::resize(mask, small, {size.width, size.height}, 0.0, 0.0, cv::INTER_AREA);
+  dive.add_mask(encode(small == 255, {.png = true}));
+  return true;
+}
+
+void report_masks(const std::filesystem::path& masks, std::size_t found, std::size_t images) {
+  if (masks.empty()) return;
+  if (found == 0) {
+    fail_input("{}: no mask of any image; they are named as the images, as .png", masks.string());
+  }
+  log::info("masks of {} of {} images", found, images);
 }
 
 }  // namespace apvi::importer

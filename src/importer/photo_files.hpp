@@ -25,4 +25,12 @@ std::vector<Stamp> stamps_a_second_apart(std::size_t count);
 void add_photo(const std::filesystem::path& file, Stamp stamp, const ImageOptions& options,
                DiveWriter& dive);
 
+/// Adds the mask of the newest image if `masks` has one for the image of that relative path, in the
+/// images' size. True if it has. Throws RunError when it cannot be read.
+bool add_mask(const std::filesystem::path& masks, const std::filesystem::path& image,
+              const ImageOptions& options, DiveWriter& dive);
+
+/// Logs how many of the images have a mask. Throws InputError if none has.
+void report_masks(const std::filesystem::path& masks, std::size_t found, std::size_t images);
+
 }  // namespace apvi::importer

@@ -97,6 +97,7 @@ ImportResult import_photos(const fs::path& folder, const ImportOptions& options,
   if (photos.empty()) fail_input("{}: no JPEG or PNG image in this folder", folder.string());
   const std::vector<Stamp> stamps = stamps_of(photos);
   StatusLine status("reading images");
+  std::size_t masks = 0;
   for (std::size_t i = 0; i < photos.size(); ++i) {
     if (options.interrupted()) {
       result.interrupted = true;
@@ -105,7 +106,10 @@ ImportResult import_photos(const fs::path& folder, const ImportOptions& options,
     status.update(static_cast<double>(i) / static_cast<double>(photos.size()),
                   fmt::format("{} of {} images", i, photos.size()));
     add_photo(photos[i].path, stamps[i], options.images, dive);
+    masks += add_mask(options.mask_folder, photos[i].path.filename(), options.images, dive) ? 1 : 0;
   }
+  status.finish();
+  report_masks(options.mask_folder, masks, photos.size());
   const PhotoHeader& first = photos.front().header;
   const CameraRig rig = make_camera_rig(options, field_of_view(first),
                                         scaled(first.size, options.images.scale), dive);

@@ -83,6 +83,7 @@ std::optional<MapFrame> MapFeed::process(const FrameJob& job, const cv::Mat& ima
   if (!needed) return frame;
   frame.image_stamp = job.images.front().stamp;
   frame.image = image;
+  frame.mask = job.images.front().mask;
   frame.held_out = held_out;
   if (held_out) frame.heldout_index = static_cast<std::int64_t>((images_ - 1) / heldout_every_);
   frame.T_world_body = pose_of_image(job.stamp, window, output);

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
@@ -30,6 +31,7 @@ struct MapFrame {
   Stamp stamp;                       ///< of the frame, on the IMU clock
   Stamp image_stamp;                 ///< as recorded
   cv::Mat image;                     ///< raw image of camera 0; empty: no image for the map
+  std::function<cv::Mat()> mask;     ///< see ImageFrame
   bool held_out = false;             ///< for evaluation, never used for mapping
   std::int64_t heldout_index = 0;    ///< index among the recording's held-out images
   SE3 T_world_body;                  ///< when the image was taken

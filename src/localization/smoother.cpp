@@ -29,14 +29,15 @@ loop_closure::LoopThread thread_of(RunMode mode) {
   return loop_closure::LoopThread::none;
 }
 
-loop_closure::CloserOptions closer_options(const Options& options, const CameraModel& camera,
+loop_closure::CloserOptions closer_options(const Options& options, const CameraCalibration& camera,
                                            bool for_map) {
   loop_closure::CloserOptions closer = loop_closure::closer_options(options.smoothing);
   closer.lists_corrections = for_map;
+  closer.mask = camera.mask;
   const std::string& run = options.smoothing.known_map;
   if (run.empty()) return closer;
   closer.known_map = std::make_shared<loop_closure::KnownMap>(
-      loop_closure::load_place_map(loop_closure::find_place_map(run)), camera,
+      loop_closure::load_place_map(loop_closure::find_place_map(run)), camera.model,
       options.smoothing.pixel_sigma);
   return closer;
 }
@@ -50,8 +51,8 @@ Smoother::Smoother(const Options& options, const Rig& rig, const ActiveSensors& 
                           (rig.pressure || rig.depth)),
       drift_factor_(options.smoothing.drift_factor),
       has_known_map_(!options.smoothing.known_map.empty()),
-      closer_(closer_options(options, rig.cameras.front().model, for_map),
-              rig.cameras.front().model, thread_of(options.run.mode)) {}
+      closer_(closer_options(options, rig.cameras.front(), for_map), rig.cameras.front().model,
+              thread_of(options.run.mode)) {}
 
 // Poses up to scale are no odometry in meters.
 void Smoother::add(const FrameOutput& output, const cv::Mat& image,

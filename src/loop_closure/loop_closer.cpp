@@ -57,7 +57,10 @@ CloserOptions closer_options(const SmoothingOptions& options) {
 }
 
 LoopCloser::LoopCloser(const CloserOptions& options, const CameraModel& camera)
-    : options_(options), graph_(options.graph), places_(options.places, camera), camera_(camera) {
+    : options_(options),
+      graph_(options.graph),
+      places_(options.places, camera, options.mask),
+      camera_(camera) {
   if (options.known_map) anchors_.emplace(options.known_map, options.gate);
 }
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <limits>
 #include <memory>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct CloserOptions {
   std::optional<DriftVariance> drift_per_s = std::nullopt;
   /// The map of an earlier dive to be found in, if any.
   std::shared_ptr<const KnownMap> known_map = nullptr;
+  /// Of the images, see CameraCalibration.
+  cv::Mat mask = {};
 };
 
 /// For the map: corrections are rare, as each one changes the map.

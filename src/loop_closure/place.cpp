@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "apvi/core/constants.hpp"
+#include "sensors/camera_mask.hpp"
 #include "sensors/reduced_camera.hpp"
 
 namespace apvi::loop_closure {
@@ -22,6 +23,7 @@ constexpr double kSiftContrast =
 constexpr double kClaheClipLimit = 3.0;  // of CLAHE
 const cv::Size kClaheTiles(8, 8);
 constexpr int kMaxImageSide_px = 1280;
+constexpr int kMaskMargin_px = 8;  // of features, which are described by what is around them
 constexpr float kMaxRatio = 0.8F;  // Lowe's ratio test
 // How fast the number of SIFT matches falls with the angle between two views and with their scale.
 constexpr double kViewSigma = 15.0 * kRadiansPerDegree;
@@ -112,15 +114,16 @@ CameraModel feature_camera(const CameraModel& camera) {
   return reduced(camera, reduction_of(camera, kMaxImageSide_px));
 }
 
-Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features) {
+Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features,
+                     const cv::Mat& mask) {
   const CameraModel camera = feature_camera(recorded);
+  const int by = reduction_of(recorded, kMaxImageSide_px);
   cv::Mat equalized;
-  cv::createCLAHE(kClaheClipLimit, kClaheTiles)
-      ->apply(reduced(gray, reduction_of(recorded, kMaxImageSide_px)), equalized);
+  cv::createCLAHE(kClaheClipLimit, kClaheTiles)->apply(reduced(gray, by), equalized);
   std::vector<cv::KeyPoint> found;
   cv::Mat descriptors;
   cv::SIFT::create(max_features, 3, kSiftContrast)
-      ->detectAndCompute(equalized, cv::noArray(), found, descriptors);
+      ->detectAndCompute(equalized, reduced_mask(mask, by, kMaskMargin_px), found, descriptors);
   Place place;
   cv::Mat kept;
   for (std::size_t i = 0; i < found.size(); ++i) {

@@ -34,8 +34,9 @@ CameraModel feature_camera(const CameraModel& camera);
 
 /// Extracts at most `max_features` SIFT features (Lowe, 2004) from an 8-bit gray image after
 /// contrast equalization, as contrast decreases with distance under water. The lens need not be a
-/// pinhole: rays are undistorted.
-Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features);
+/// pinhole: rays are undistorted. `mask`: see CameraCalibration.
+Place describe_place(const cv::Mat& gray, const CameraModel& recorded, int max_features,
+                     const cv::Mat& mask = {});
 
 inline constexpr int kDescriptorSize = 128;
 /// Squared distance of two descriptors.

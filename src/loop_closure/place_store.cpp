@@ -42,9 +42,10 @@ bool is_same_view(const SE3& T_a_b, double spacing_m) {
 
 }  // namespace
 
-PlaceStore::PlaceStore(const PlaceOptions& options, const CameraModel& camera)
+PlaceStore::PlaceStore(const PlaceOptions& options, const CameraModel& camera, const cv::Mat& mask)
     : options_(options),
       camera_(camera),
+      mask_(mask),
       ray_sigma_(options.pixel_sigma / feature_camera(camera).parameters().fx) {}
 
 bool PlaceStore::is_new_place(const KeyframeGraph& graph) const {
@@ -58,7 +59,7 @@ bool PlaceStore::is_new_place(const KeyframeGraph& graph) const {
 }
 
 Place PlaceStore::features(const cv::Mat& gray) const {
-  return describe_place(gray, camera_, options_.max_features);
+  return describe_place(gray, camera_, options_.max_features, mask_);
 }
 
 Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {

@@ -27,7 +27,8 @@ class PlaceStore {
     double reach_m = 0.0;          ///< distance of the farthest one
   };
 
-  PlaceStore(const PlaceOptions& options, const CameraModel& camera);
+  /// `mask`: see CameraCalibration.
+  PlaceStore(const PlaceOptions& options, const CameraModel& camera, const cv::Mat& mask = {});
 
   /// Whether the newest keyframe is far enough from the last place that features have parallax.
   bool is_new_place(const KeyframeGraph& graph) const;
@@ -69,6 +70,7 @@ class PlaceStore {
 
   PlaceOptions options_;
   CameraModel camera_;
+  cv::Mat mask_;
   double ray_sigma_;
   std::vector<Stored> places_;
   std::deque<Stored> recent_;  ///< not yet in places_: their points still improve

@@ -58,7 +58,8 @@ std::optional<double> mean_psnr(const Map& map, const KeyframeStore& keyframes,
   Mean mean;
   for (const std::size_t i : which) {
     const Tensor image = render_keyframe(map, keyframes, i);
-    mean.add(gaussians::psnr(image, keyframes.image_values(i, 1, image.device())));
+    mean.add(gaussians::psnr(image, keyframes.image_values(i, 1, image.device()),
+                             keyframes.scene(i, 1, image.device())));
   }
   return mean.value();
 }
@@ -72,16 +73,18 @@ std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& k
   for (const std::size_t i : which) {
     const Tensor image = render_keyframe(map, keyframes, i);
     const Tensor truth = keyframes.image_values(i, 1, image.device());
+    const Tensor scene = keyframes.scene(i, 1, image.device());
+    const Tensor shown = scene.defined() ? torch::where(scene.unsqueeze(2), image, truth) : image;
     const bool large_enough = std::min(truth.size(0), truth.size(1)) >= kMinLpipsSide_px;
     images.push_back(
-        {.psnr_db = gaussians::psnr(image, truth),
-         .ssim = gaussians::ssim(image, truth),
-         .ms_ssim = gaussians::ms_ssim(image, truth),
+        {.psnr_db = gaussians::psnr(image, truth, scene),
+         .ssim = gaussians::ssim(image, truth, scene),
+         .ms_ssim = gaussians::ms_ssim(shown, truth),
          .lpips =
-             perceptual && large_enough ? std::optional((*perceptual)(image, truth)) : std::nullopt,
-         .psnr_median_image_db =
-             median.defined() ? std::optional(gaussians::psnr(median.to(truth.device()), truth))
-                              : std::nullopt});
+             perceptual && large_enough ? std::optional((*perceptual)(shown, truth)) : std::nullopt,
+         .psnr_median_image_db = median.defined() ? std::optional(gaussians::psnr(
+                                                        median.to(truth.device()), truth, scene))
+                                                  : std::nullopt});
   }
   return images;
 }

@@ -21,8 +21,9 @@ struct ImageMetrics {
   std::optional<double> psnr_median_image_db;
 };
 
-/// Compares keyframes with renderings from their given poses, one by one; LPIPS only with
-/// `perceptual`.
+/// Compares keyframes with renderings from their given poses, one by one, where they show the
+/// scene; LPIPS only with `perceptual`. MS-SSIM and LPIPS, which do not take pixels alone, see the
+/// image itself where it shows something else.
 std::vector<ImageMetrics> evaluate_images(const Map& map, const KeyframeStore& keyframes,
                                           const std::vector<std::size_t>& which,
                                           const std::optional<gaussians::Lpips>& perceptual);

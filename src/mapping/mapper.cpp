@@ -7,6 +7,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "core/stopwatch.hpp"
+#include "gaussians/device.hpp"
 #include "gaussians/model/archive.hpp"
 #include "mapping/training/retry_on_oom.hpp"
 
@@ -185,7 +186,8 @@ void Mapper::insert_from_depth(std::size_t view) {
     depth::DepthEstimate estimate;
     {
       const auto entry = times_.scope("depth");
-      estimate = depth_seeder_.estimate(request);
+      estimate =
+          depth_seeder_.estimate(request, keyframes_.scene(view, 1, gaussians::active_device()));
     }
     if (estimate.status != depth::DepthStatus::estimated) return;
     const auto entry = times_.scope("depth_insertion");

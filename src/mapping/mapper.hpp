@@ -61,6 +61,9 @@ class Mapper {
  public:
   explicit Mapper(const MapperOptions& options);
 
+  /// See KeyframeStore::set_mask. Before the first keyframe.
+  void set_mask(const torch::Tensor& scene) { keyframes_.set_mask(scene); }
+
   /// Does not throw for an invalid keyframe; the result tells what is wrong.
   KeyframeDecision add(const MapperInput& input);
   /// Moves keyframes and their Gaussians. In order of time; the last correction also applies to all

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,8 +12,8 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "io/recorded_images.hpp"
 #include "mapping/evaluation.hpp"
-#include "runs/recorded_images.hpp"
 #include "runs/stored_map.hpp"
 #include "slam/camera_conversion.hpp"
 
@@ -64,7 +63,7 @@ class Comparison {
       return;
     }
     try {
-      compare(undistort_(frame.decode()), taken, *T_world_camera);
+      compare(frame, taken, *T_world_camera);
     } catch (const RunError&) {
       ++unreadable_;
     }
@@ -97,13 +96,14 @@ class Comparison {
     return T_world_keyframe * (*from * mount).inverse() * (*to * mount);
   }
 
-  void compare(const cv::Mat& image, Stamp taken, const SE3& T_world_camera) {
+  void compare(const ImageFrame& frame, Stamp taken, const SE3& T_world_camera) {
     mapping::Keyframe keyframe;
     keyframe.stamp_ns = taken.ns;
     keyframe.name = std::to_string(taken.ns);
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = slam::to_tensor(T_world_camera.inverse());
-    keyframe.image = slam::to_tensor(image);
+    keyframe.image = slam::to_tensor(undistort_(frame.decode()));
+    if (frame.mask) keyframe.scene = slam::scene_of(undistort_.mask(frame.mask()));
     keyframe.held_out = true;
     mapping::KeyframeStore with_image = keyframes_;
     with_image.add(std::move(keyframe));
@@ -131,7 +131,10 @@ void add_all_images(const mapping::Map& map, const mapping::KeyframeStore& keyfr
   try {
     const auto reader = io::open_sequence(config.dataset, {"camera"});
     Comparison comparison(map, keyframes, config, resolve_rig(config, reader->rig()), run);
-    for_each_image(*reader, [&comparison](const ImageFrame& frame) { comparison.add(frame); });
+    io::for_each_image(*reader, 0, [&comparison](const ImageFrame& frame) {
+      comparison.add(frame);
+      return true;
+    });
     json["all_images"] = comparison.result();
   } catch (const Error& error) {
     log::warning("the map is not compared with images all along the run: {}", error.what());

@@ -16,6 +16,7 @@
 #include "apvi/io/tum.hpp"
 #include "gaussians/render/tone_curve.hpp"
 #include "io/folder/csv_file.hpp"
+#include "io/recorded_images.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "runs/local_origin.hpp"
 #include "runs/stored_map.hpp"
@@ -36,16 +37,12 @@ std::map<std::int64_t, cv::Mat> images_of(const RunConfig& config,
   for (const Patch& patch : patches) images.emplace(patch.stamp_ns, cv::Mat());
   const auto recording = io::open_sequence(config.dataset, {"camera"});
   std::size_t missing = images.size();
-  while (missing > 0) {
-    const auto event = recording->next();
-    if (!event) break;
-    const auto* const frame = std::get_if<ImageFrame>(&*event);
-    if (frame == nullptr || frame->camera != 0) continue;
-    const auto found = images.find(frame->stamp.ns);
-    if (found == images.end()) continue;
-    found->second = frame->decode();
-    --missing;
-  }
+  io::for_each_image(*recording, 0, [&](const ImageFrame& frame) {
+    const auto found = images.find(frame.stamp.ns);
+    if (found == images.end()) return true;
+    found->second = frame.decode();
+    return --missing > 0;
+  });
   return images;
 }
 

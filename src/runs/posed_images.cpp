@@ -14,9 +14,10 @@
 #include "apvi/io/sequence.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "io/recorded_images.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
 #include "runs/local_origin.hpp"
-#include "runs/recorded_images.hpp"
+#include "sensors/camera_mask.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::runs {
@@ -78,6 +79,9 @@ class Loader {
     images_.camera = camera_.model;
     images_.T_body_camera = camera_.T_body_camera;
     images_.camera_delay = Duration::from_seconds(camera_.time_offset_s);
+    if (!camera_.mask.empty()) {
+      images_.store.set_mask(slam::scene_of(undistort_.mask(camera_.mask)));
+    }
   }
 
   void add(const ImageFrame& frame) {
@@ -91,7 +95,8 @@ class Loader {
     }
     const auto decoded = load(frame);
     if (!decoded) return;
-    if (mapping::is_black(decoded->pixels)) {
+    const torch::Tensor& mask = images_.store.mask();
+    if (mapping::is_black(decoded->pixels, decoded->scene.defined() ? decoded->scene : mask)) {
       if (images_.black++ == 0) log::warning("image {}: black; skipped", frame.stamp.ns);
       return;
     }
@@ -106,6 +111,7 @@ class Loader {
     keyframe.intrinsics = undistort_.intrinsics();
     keyframe.T_camera_world = slam::to_tensor((*T_world_body * camera_.T_body_camera).inverse());
     keyframe.image = decoded->pixels;
+    keyframe.scene = decoded->scene;
     keyframe.held_out = is_held_out(config_, index);
     images_.store.add(std::move(keyframe));
   }
@@ -131,8 +137,11 @@ class Loader {
   std::optional<ImageCache::Image> decode(const ImageFrame& frame) {
     try {
       const cv::Mat raw = frame.decode();
-      return ImageCache::Image{slam::to_tensor(undistort_(raw)),
-                               mapping::has_low_visibility(slam::to_tensor(raw))};
+      const cv::Mat own = frame.mask ? frame.mask() : cv::Mat();
+      return ImageCache::Image{
+          slam::to_tensor(undistort_(raw)), slam::scene_of(undistort_.mask(own)),
+          mapping::has_low_visibility(slam::to_tensor(raw),
+                                      slam::scene_of(combined(camera_.mask, own)))};
     } catch (const RunError& e) {
       if (images_.damaged++ == 0) log::warning("image {}: {}; skipped", frame.stamp.ns, e.what());
       return std::nullopt;
@@ -181,14 +190,19 @@ const ImageCache::Image* ImageCache::find(Stamp stamp) const {
 }
 
 void ImageCache::keep(Stamp stamp, const Image& image) {
-  if (bytes_ + image.pixels.nbytes() > max_bytes_) return;
-  if (images_.emplace(stamp.ns, image).second) bytes_ += image.pixels.nbytes();
+  const std::size_t bytes =
+      image.pixels.nbytes() + (image.scene.defined() ? image.scene.nbytes() : 0);
+  if (bytes_ + bytes > max_bytes_) return;
+  if (images_.emplace(stamp.ns, image).second) bytes_ += bytes;
 }
 
 PosedImages load_posed_images(const RunConfig& config, const PosedImageOptions& options) {
   const auto reader = io::open_sequence(config.dataset, {"camera"});
   Loader loader(config, *reader, options);
-  for_each_image(*reader, [&loader](const ImageFrame& frame) { loader.add(frame); });
+  io::for_each_image(*reader, 0, [&loader](const ImageFrame& frame) {
+    loader.add(frame);
+    return true;
+  });
   const std::size_t count = loader.count();
   PosedImages images = loader.result();
   report(images, count, config.dataset.path);
@@ -200,10 +214,11 @@ std::vector<ImagePose> list_posed_images(const RunConfig& config, const Trajecto
   const Duration delay = Duration::from_seconds(first_camera(config, *reader).time_offset_s);
   std::vector<ImagePose> images;
   std::size_t number = 0;
-  for_each_image(*reader, [&](const ImageFrame& frame) {
+  io::for_each_image(*reader, 0, [&](const ImageFrame& frame) {
     const bool held_out = is_held_out(config, number++);
     const StampedPose* const pose = find_pose(poses, frame.stamp - delay);
     if (pose != nullptr) images.push_back({frame.stamp, *pose, held_out});
+    return true;
   });
   return images;
 }

@@ -38,6 +38,7 @@ class ImageCache {
  public:
   struct Image {
     torch::Tensor pixels;  ///< [H,W,3] uint8 RGB on the CPU, undistorted and downscaled
+    torch::Tensor scene;   ///< see mapping::Keyframe
     bool low_visibility = false;
   };
 

@@ -55,7 +55,7 @@ struct FeatureImage {
   Eigen::Vector3d center() const { return T_camera_world.inverse().translation; }
 };
 
-FeatureImage make_feature_image(const mapping::Keyframe& keyframe) {
+FeatureImage make_feature_image(const mapping::Keyframe& keyframe, const cv::Mat& mask) {
   FeatureImage image;
   image.bgr = slam::to_image(keyframe.image);
   image.T_camera_world = slam::to_se3(keyframe.T_camera_world);
@@ -64,7 +64,7 @@ FeatureImage make_feature_image(const mapping::Keyframe& keyframe) {
   cv::cvtColor(image.bgr, gray, cv::COLOR_BGR2GRAY);
   std::vector<cv::KeyPoint> points;
   cv::Mat descriptors;
-  cv::SIFT::create(kMaxFeatures)->detectAndCompute(gray, cv::noArray(), points, descriptors);
+  cv::SIFT::create(kMaxFeatures)->detectAndCompute(gray, mask, points, descriptors);
   for (const cv::KeyPoint& point : points)
     image.pixels.emplace_back(point.pt.x + 0.5, point.pt.y + 0.5);
   image.descriptors = torch::empty({descriptors.rows, descriptors.cols});
@@ -82,7 +82,9 @@ std::vector<FeatureImage> make_feature_images(const mapping::KeyframeStore& stor
     cv::parallel_for_({static_cast<int>(begin), static_cast<int>(end)}, [&](const cv::Range& part) {
       for (auto i = static_cast<std::size_t>(part.start); i < static_cast<std::size_t>(part.end);
            ++i) {
-        images[i] = make_feature_image(store[views[i * views.size() / count]]);
+        const std::size_t view = views[i * views.size() / count];
+        images[i] =
+            make_feature_image(store[view], slam::mask_of(store.scene(view, 1, torch::kCPU)));
       }
     });
     status.update(static_cast<double>(end) / static_cast<double>(count), "");

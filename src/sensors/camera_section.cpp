@@ -9,6 +9,7 @@
 #include "apvi/geometry/so3.hpp"
 #include "apvi/sensors/central_fit.hpp"
 #include "apvi/sensors/lens.hpp"
+#include "sensors/camera_mask.hpp"
 #include "sensors/pose_node.hpp"
 
 namespace apvi {
@@ -86,6 +87,14 @@ CameraCalibration to_camera(const CameraSection& section, const Node& node,
                            .rate_hz = section.rate_hz,
                            .time_offset_s = section.time_offset_s};
   if (section.port) add_port(*section.port, node, key + ".port", camera);
+  if (!section.mask.empty()) {
+    const Node* place = node.find("mask");
+    try {
+      camera.mask = load_camera_mask(section.mask, camera.model);
+    } catch (const Error& e) {
+      fail_at(place != nullptr ? *place : node, key + ".mask", e.what());
+    }
+  }
   return camera;
 }
 

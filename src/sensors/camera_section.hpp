@@ -57,6 +57,7 @@ struct CameraSection {
   config::Node T_body_sensor;
   double time_offset_s = 0.0;
   std::optional<PortSection> port;
+  std::string mask;
   template <typename V>
   void visit(V& v) {
     using config::Range;
@@ -77,6 +78,9 @@ struct CameraSection {
     v("T_body_sensor", T_body_sensor, "camera to body: 4x4 matrix, row-major");
     v("time_offset_s", time_offset_s, Range{-10.0, 10.0}, "delay of the stamps [s]");
     v("port", port, "window between camera and water; intrinsics and lens are then those in air");
+    v("mask", mask,
+      "image file, black where the camera always sees the vehicle or an overlay; relative to the "
+      "rig's file");
   }
 };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "sensors/camera_mask.hpp"
+
 namespace apvi {
 
 int reduction_of(const CameraModel& camera, int max_side_px) {
@@ -33,7 +35,9 @@ cv::Mat reduced(const cv::Mat& image, int by) {
 
 Rig reduced(Rig rig, int max_side_px) {
   for (CameraCalibration& camera : rig.cameras) {
-    camera.model = reduced(camera.model, reduction_of(camera.model, max_side_px));
+    const int by = reduction_of(camera.model, max_side_px);
+    camera.model = reduced(camera.model, by);
+    camera.mask = reduced_mask(camera.mask, by, 0);
   }
   return rig;
 }

@@ -10,9 +10,11 @@
 #include <utility>
 #include <vector>
 
+#include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "sensors/camera_mask.hpp"
 #include "slam/map_access.hpp"
 
 namespace apvi::slam {
@@ -69,11 +71,13 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
     : options_(options),
       callbacks_(std::move(callbacks)),
       undistort_(rig.cameras.front().model, options.image_scale),
+      mask_(rig.cameras.front().mask),
       T_rig_body_camera_(rig.cameras.front().T_body_camera),
       T_body_camera_(T_rig_body_camera_),
       mapper_(options.mapper),
       scheduler_({.realtime = options.thread == MappingThread::dropping,
                   .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
+  if (!mask_.empty()) mapper_.set_mask(scene_of(undistort_.mask(mask_)));
   const bool may_drop = options_.thread == MappingThread::dropping;
   if (options_.thread == MappingThread::none) return;
   worker_ = std::make_unique<Worker<localization::MapFrame>>(
@@ -83,9 +87,10 @@ AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
 
 void AsyncMapper::make_loop_closer() {
   const bool may_drop = options_.thread == MappingThread::dropping;
+  loop_closure::CloserOptions closer = loop_closure::closer_options(options_.loop_closure);
+  closer.mask = undistort_.mask(mask_);
   loop_closer_.emplace(
-      loop_closure::closer_options(options_.loop_closure),
-      CameraModel(to_parameters(undistort_.intrinsics())),
+      closer, CameraModel(to_parameters(undistort_.intrinsics())),
       may_drop ? loop_closure::LoopThread::skipping : loop_closure::LoopThread::none);
   corrections_ = loop_closer_->corrections();
 }
@@ -274,7 +279,10 @@ mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) 
   input.keyframe.T_camera_world = camera_pose(frame.T_world_body);
   const cv::Mat undistorted = undistort_(frame.image);
   input.keyframe.image = to_tensor(undistorted);
-  input.low_visibility = mapping::has_low_visibility(to_tensor(frame.image));
+  const cv::Mat own = own_mask(frame);
+  input.keyframe.scene = scene_of(undistort_.mask(own));
+  input.low_visibility =
+      mapping::has_low_visibility(to_tensor(frame.image), scene_of(combined(mask_, own)));
   input.keyframe.held_out = frame.held_out;
   input.keyframe.number = frame.heldout_index;
   input.points = to_points(frame.points);
@@ -285,6 +293,19 @@ mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) 
   const bool closes_loops = method == LoopClosureMethod::pose_graph && !frame.corrections;
   if (closes_loops && !frame.held_out && !input.low_visibility) close_loops(frame, undistorted);
   return input;
+}
+
+// A damaged mask hides nothing.
+cv::Mat AsyncMapper::own_mask(const localization::MapFrame& frame) const {
+  if (!frame.mask) return {};
+  try {
+    const cv::Mat mask = frame.mask();
+    if (mask.empty() || mask.size() == frame.image.size()) return mask;
+    log::warning("image {}: its mask has another size; not used", frame.image_stamp.ns);
+  } catch (const RunError& error) {
+    log::warning("image {}: mask: {}; not used", frame.image_stamp.ns, error.what());
+  }
+  return {};
 }
 
 void AsyncMapper::close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted) {

@@ -133,6 +133,7 @@ class AsyncMapper : public localization::MapSink {
   mapping::KeyframeDecision add_frame(const localization::MapFrame& frame);
   mapping::MapperInput to_input(const localization::MapFrame& frame);
   torch::Tensor camera_pose(const SE3& T_world_body) const;
+  cv::Mat own_mask(const localization::MapFrame& frame) const;
   void close_loops(const localization::MapFrame& frame, const cv::Mat& undistorted);
   void correct(const std::vector<loop_closure::KeyframeCorrections>& all);
   void follow_graph(const localization::MapFrame& frame);
@@ -147,6 +148,7 @@ class AsyncMapper : public localization::MapSink {
   AsyncMapperOptions options_;
   AsyncMapperCallbacks callbacks_;
   Undistorter undistort_;
+  cv::Mat mask_;  // of the camera
   SE3 T_rig_body_camera_;
   SE3 T_body_camera_;        // as calibrated so far
   mutable FairMutex mutex_;  // of mapper_, against snapshot and render

@@ -130,6 +130,20 @@ Tensor to_tensor(const cv::Mat& image) {
   return torch::from_blob(rgb.data, {rgb.rows, rgb.cols, 3}, torch::kUInt8).clone();
 }
 
+Tensor scene_of(const cv::Mat& mask) {
+  if (mask.empty()) return {};
+  const cv::Mat whole = mask.clone();  // in one piece
+  return torch::from_blob(whole.data, {whole.rows, whole.cols}, torch::kUInt8) > 0;
+}
+
+cv::Mat mask_of(const Tensor& scene) {
+  if (!scene.defined()) return {};
+  const Tensor bytes = scene.to(torch::kCPU, torch::kUInt8).contiguous() * 255;
+  return cv::Mat(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), CV_8U,
+                 bytes.data_ptr())
+      .clone();
+}
+
 cv::Mat to_image(const Tensor& image) {
   Tensor bytes = image.detach().to(torch::kCPU);
   if (bytes.scalar_type() != torch::kUInt8) {
@@ -181,6 +195,11 @@ cv::Mat Undistorter::operator()(const cv::Mat& image) const {
 
 cv::Mat Undistorter::nearest(const cv::Mat& image) const {
   return apply(image, cv::INTER_NEAREST, cv::INTER_NEAREST);
+}
+
+cv::Mat Undistorter::mask(const cv::Mat& mask) const {
+  if (mask.empty()) return {};
+  return (*this)(mask) == 255;
 }
 
 cv::Mat Undistorter::apply(const cv::Mat& image, int remap_by, int resize_by) const {

@@ -31,6 +31,10 @@ SE3 to_se3(const torch::Tensor& matrix);
 
 /// 8-bit gray or BGR to uint8 RGB [H,W,3].
 torch::Tensor to_tensor(const cv::Mat& image);
+/// A mask as in CameraCalibration, bool [H,W]; undefined if it is empty.
+torch::Tensor scene_of(const cv::Mat& mask);
+/// The reverse.
+cv::Mat mask_of(const torch::Tensor& scene);
 /// RGB [H,W,3], float in [0, 1] (clamped) or uint8, to 8-bit BGR.
 cv::Mat to_image(const torch::Tensor& image);
 
@@ -49,6 +53,9 @@ class Undistorter {
   cv::Mat operator()(const cv::Mat& image) const;
   /// With nearest-neighbor interpolation, for depth images.
   cv::Mat nearest(const cv::Mat& image) const;
+  /// A mask of the camera's images as one of the undistorted images: a pixel is the scene if all
+  /// that it is interpolated from is. Empty if that of the camera is.
+  cv::Mat mask(const cv::Mat& mask) const;
 
  private:
   cv::Mat apply(const cv::Mat& image, int remap_by, int resize_by) const;

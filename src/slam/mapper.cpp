@@ -40,6 +40,7 @@ void Mapper::add(const ImageFrame& image, const SE3& T_world_body) {
   frame.stamp = image.stamp - implementation_->time_offset;
   frame.T_world_body = T_world_body;
   translate_errors([&] { frame.image = image.decode(); });
+  frame.mask = image.mask;
   if (frame.image.empty()) fail_input("image {}: cannot be decoded", image.stamp.ns);
   implementation_->mapper.push(std::move(frame));
   implementation_->check();

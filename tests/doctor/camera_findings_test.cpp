@@ -25,6 +25,7 @@ struct RigFaults {
   Vector3d turn_deg = Vector3d::Zero();
   double focal = 210.0;
   double k1 = -0.11;
+  std::string mask{};
 };
 
 std::string rig_yaml(const RigFaults& faults) {
@@ -37,14 +38,15 @@ std::string rig_yaml(const RigFaults& faults) {
       "body: imu0\nworld: up\nimu0: {{rate_hz: 200}}\n"
       "cam0:\n  model: pinhole\n  intrinsics: [{0}, {0}, 159.5, 119.5]\n  distortion: radtan\n"
       "  coefficients: [{1}, 0.035, 0, 0]\n  resolution: [320, 240]\n  rate_hz: 10\n"
-      "  time_offset_s: {2}\n"
+      "  time_offset_s: {2}\n{12}"
       "  T_body_sensor: [{3}, {4}, {5}, 0.18, {6}, {7}, {8}, 0, {9}, {10}, {11}, -0.03, "
       "0, 0, 0, 1]\n"
       "dvl0:\n  T_body_sensor: [1, 0, 0, -0.12, 0, -1, 0, 0.03, 0, 0, -1, -0.14, 0, 0, 0, 1]\n"
       "  time_offset_s: 0.1\n"
       "pressure0: {{p_body_sensor: [-0.05, 0.06, 0.08]}}\n",
       faults.focal, faults.k1, faults.time_offset_s, R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1),
-      R(1, 2), R(2, 0), R(2, 1), R(2, 2));
+      R(1, 2), R(2, 0), R(2, 1), R(2, 2),
+      faults.mask.empty() ? "" : "  mask: " + faults.mask + "\n");
 }
 
 /// A dive of 30 s, simulated once for all tests. Each test examines it with another rig.
@@ -134,6 +136,25 @@ TEST_F(CameraFindings, MirroredImagesAreAnError) {
   }
   EXPECT_FINDING(examine_with({}, mirrored), "cam0", "mirrored", error,
                  "flip the images left to right");
+}
+
+TEST_F(CameraFindings, AGripperInTheImagesIsAWarningUnlessAMaskHidesIt) {
+  const fs::path with_gripper = copy("with_gripper");
+  const cv::Rect gripper(120, 170, 70, 70);
+  for (const auto& file : fs::directory_iterator(with_gripper / "mav0" / "cam0" / "data")) {
+    cv::Mat image = cv::imread(file.path().string());
+    image(gripper).setTo(cv::Scalar(40, 160, 190));
+    cv::imwrite(file.path().string(), image);
+  }
+  const Report report = examine_with({}, with_gripper);
+  EXPECT_FINDING(report, "cam0", "static parts", warning, "apvi camera mask");
+  EXPECT_NEAR(value_of(report, "cam0", "static parts", "share"), gripper.area() / (320.0 * 240.0),
+              0.03);
+  cv::Mat mask(240, 320, CV_8U, cv::Scalar(255));
+  mask(gripper).setTo(0);
+  cv::imwrite(dir_->write("mask.png", "").string(), mask);
+  const Report masked = examine_with({.mask = "mask.png"}, with_gripper);
+  EXPECT_EQ(masked.count(Severity::warning), 0u) << to_text(masked);
 }
 
 TEST_F(CameraFindings, AGyroThatReadsTooMuchIsAnErrorOfTheGyroOnly) {

@@ -16,7 +16,14 @@
 namespace apvi::importer {
 namespace {
 
-using namespace test;
+using test::as_bytes;
+using test::big;
+using test::config_for;
+using test::input_error;
+using test::read_dataset;
+using test::read_file;
+using test::TmpDir;
+using test::write_photo;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -81,6 +88,26 @@ TEST_F(ColmapTest, ImagesAreCopiedInNaturalOrderWithTheStampsOfTheirPoses) {
   EXPECT_EQ(cv::mean(std::get<ImageFrame>(events[0]).decode())[0], 90.0);
   EXPECT_EQ(stamp_of(events[1]), reference->poses[1].stamp);
   EXPECT_THAT(read_file(out() / "import.yaml"), HasSubstr("scale: unknown"));
+}
+
+TEST_F(ColmapTest, MasksGoWithTheirImages) {
+  write_model();
+  ImportOptions options;
+  options.mask_folder = dir_.path() / "masks";
+  options.images.scale = 0.5;
+  EXPECT_THAT(input_error([&] { import_source(model(), out(), options); }),
+              HasSubstr("no mask of any image"));
+  cv::Mat mask(24, 32, CV_8U, cv::Scalar(255));
+  mask.rowRange(10, 24).setTo(0);
+  cv::imwrite(dir_.write("masks/b 10.png.png", "").string(), mask);
+  import_source(model(), out(), options);
+  const auto events = read_dataset(config_for(out()), {"camera"}).events;
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_FALSE(std::get<ImageFrame>(events[0]).mask);
+  const auto& second = std::get<ImageFrame>(events[1]);
+  ASSERT_TRUE(second.mask);
+  EXPECT_EQ(second.mask().size(), cv::Size(16, 12));
+  EXPECT_EQ(cv::countNonZero(second.mask()), 16 * 5);
 }
 
 TEST_F(ColmapTest, ErrorsNameWhatIsMissing) {

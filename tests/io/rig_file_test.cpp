@@ -148,5 +148,15 @@ TEST(Assumptions, AreNotMadeForARigYaml) {
   EXPECT_EQ(log_of(dir.write("rig.yaml", "imu0: {rate_hz: 50}\n")), "");
 }
 
+TEST(RigFile, TheMaskOfACameraIsRelativeToItsFile) {
+  const TmpDir dir;
+  const auto base = dir.write("cameras/base.yaml",
+                              "cam0:\n  intrinsics: [50, 50, 31.5, 23.5]\n  resolution: [64, "
+                              "48]\n  mask: gripper.png\n");
+  const auto rig = dir.write("rig.yaml", "inherit: cameras/base.yaml\nworld: ned\n");
+  const config::Node node = io::load_rig_file(rig);
+  EXPECT_EQ(node.find("cam0")->find("mask")->text, (dir.path() / "cameras/gripper.png").string());
+}
+
 }  // namespace
 }  // namespace apvi

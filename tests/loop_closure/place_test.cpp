@@ -93,5 +93,16 @@ TEST(Place, AMatchIsLessLikelyFromAnotherDirectionOrDistance) {
   EXPECT_DOUBLE_EQ(match_probability(ahead, 2.0 * aside), match_probability(2.0 * aside, ahead));
 }
 
+TEST(Place, HasNoFeaturesOfWhatTheMaskHides) {
+  const cv::Mat image = render_floor(above(0.0, 0.0, 2.0, 0.0));
+  cv::Mat mask(240, 320, CV_8U, cv::Scalar(255));
+  mask.colRange(0, 120).setTo(0);
+  const Place place = describe_place(image, floor_camera(), kFeatures, mask);
+  EXPECT_GT(place.rays.size(), 100U);
+  for (const Eigen::Vector2d& ray : place.rays) {
+    EXPECT_GT(210.0 * ray.x() + 159.5, 120.0);
+  }
+}
+
 }  // namespace
 }  // namespace apvi::loop_closure

@@ -175,5 +175,24 @@ TEST_F(PosedImagesTest, ReportsMissingPath) {
   EXPECT_THAT(error_of(missing), HasSubstr("dataset.path: missing"));
 }
 
+TEST_F(PosedImagesTest, MasksAreThoseOfTheRigAndOfTheImages) {
+  write_images(3);
+  write_poses(0, 3);
+  cv::Mat gripper(12, 16, CV_8U, cv::Scalar(255));
+  gripper.rowRange(9, 12).setTo(0);
+  cv::Mat diver(12, 16, CV_8U, cv::Scalar(255));
+  diver.colRange(0, 4).setTo(0);
+  cv::imwrite(dir_.write("gripper.png", "").string(), gripper);
+  const auto scene = [&](std::size_t i) {
+    return load_posed_images(config()).store.scene(i, 1, torch::kCPU);
+  };
+  EXPECT_FALSE(scene(0).defined());
+  dir_.write("rig.yaml", std::string(kRig) + "  mask: gripper.png\n");
+  cv::imwrite(dir_.write("mav0/cam0/masks/2000000000.png", "").string(), diver);
+  ASSERT_TRUE(scene(0).defined());
+  EXPECT_EQ(scene(0).sum().item<int>(), 9 * 16);
+  EXPECT_EQ(scene(1).sum().item<int>(), 9 * 12);
+}
+
 }  // namespace
 }  // namespace apvi::runs

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/core.hpp>
+
 namespace apvi {
 namespace {
 
@@ -46,6 +48,16 @@ TEST(ReducedCamera, PixelsAreMeansAndIncompleteOnesAreCutOff) {
   ASSERT_EQ(half.size(), cv::Size(2, 1));
   EXPECT_EQ(half.at<unsigned char>(0, 0), 25);
   EXPECT_EQ(half.at<unsigned char>(0, 1), 6);
+}
+
+TEST(ReducedCamera, TheMaskOfARigIsReducedWithIt) {
+  Rig rig;
+  rig.cameras.push_back({.model = camera_of(640, 480), .T_body_camera = {}});
+  rig.cameras[0].mask = cv::Mat(480, 640, CV_8U, cv::Scalar(255));
+  rig.cameras[0].mask.rowRange(400, 480).setTo(0);
+  const Rig half = reduced(rig, 320);
+  EXPECT_EQ(half.cameras[0].mask.size(), cv::Size(320, 240));
+  EXPECT_EQ(cv::countNonZero(half.cameras[0].mask), 320 * 200);
 }
 
 }  // namespace

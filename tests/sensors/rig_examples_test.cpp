@@ -32,11 +32,12 @@ std::vector<std::string> yaml_blocks(const std::string& document) {
   return blocks;
 }
 
-// Blocks that inherit name files that are not there.
+// Blocks that inherit or have a mask name files that are not there.
 std::vector<std::string> rigs_of(const std::string& document) {
   std::vector<std::string> rigs = yaml_blocks(document);
   std::erase_if(rigs, [](const std::string& block) {
     return block.find("inherit:") != std::string::npos ||
+           block.find("mask:") != std::string::npos ||
            (block.find("cam0:") == std::string::npos && block.find("dvl0:") == std::string::npos);
   });
   return rigs;

@@ -182,5 +182,23 @@ TEST(CameraConversion, ImagesRoundTripWithColors) {
   EXPECT_EQ(to_tensor(cv::Mat(2, 2, CV_8U, cv::Scalar(9)))[1][1][1].item<int>(), 9);
 }
 
+TEST(Undistorter, AMaskedPixelIsSceneIfAllThatItIsInterpolatedFromIs) {
+  const CameraModel camera(
+      {60.0, 60.0, 31.5, 23.5, Distortion::radtan, {-0.2, 0.05, 0.0, 0.0}, 64, 48});
+  const Undistorter undistort(camera, 1.0);
+  cv::Mat mask(48, 64, CV_8U, cv::Scalar(255));
+  mask.rowRange(30, 48).setTo(0);
+  const cv::Mat undistorted = undistort.mask(mask);
+  const cv::Mat interpolated = undistort(mask);
+  EXPECT_EQ(undistorted.size(), cv::Size(64, 48));
+  EXPECT_EQ(cv::countNonZero(undistorted), cv::countNonZero(interpolated == 255));
+  EXPECT_LT(cv::countNonZero(undistorted), cv::countNonZero(interpolated));
+  EXPECT_TRUE(undistort.mask({}).empty());
+  const torch::Tensor scene = scene_of(undistorted);
+  EXPECT_EQ(scene.sum().item<int>(), cv::countNonZero(undistorted));
+  EXPECT_EQ(cv::countNonZero(mask_of(scene) != undistorted), 0);
+  EXPECT_FALSE(scene_of({}).defined());
+}
+
 }  // namespace
 }  // namespace apvi::slam

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "support/matchers.hpp"
+#include "vio/frontend/frame_image.hpp"
 #include "vio/textured_world.hpp"
 
 namespace apvi::vio {
@@ -296,6 +297,36 @@ TEST(Tracker, FisheyeWithoutInverseAtTheRimGivesFinitePoints) {
       EXPECT_TRUE(o.point.allFinite());
     }
   }
+}
+
+TEST(Tracker, SeesNothingThroughTheMask) {
+  CameraCalibration camera = test::small_camera();
+  const cv::Rect gripper(0, 240, 480, 120);
+  camera.mask = cv::Mat(360, 480, CV_8U, cv::Scalar(255));
+  camera.mask(gripper).setTo(0);
+  const cv::Mat overlay = test::random_texture(480, 3);
+  Dive dive(two_walls(), {}, camera);
+  for (int k = 0; k < 15; ++k) {
+    cv::Mat image = dive.image(k);
+    overlay(cv::Rect(0, 0, 480, 120)).copyTo(image(gripper));
+    const TrackedFrame frame = dive.frame(k, image);
+    EXPECT_GT(frame.observations.size(), 70U) << k;
+    for (const FeatureObservation& o : frame.observations) {
+      EXPECT_LT(o.pixel.y(), 240 - kFlowWindow / 2) << k;
+    }
+  }
+}
+
+TEST(Tracker, AMaskDoesNotMakeADarkImageBright) {
+  CameraCalibration camera = test::small_camera();
+  camera.mask = cv::Mat(360, 480, CV_8U, cv::Scalar(255));
+  camera.mask.rowRange(300, 360).setTo(0);
+  Dive dive(two_walls(), {}, camera);
+  cv::Mat image(360, 480, CV_8U, cv::Scalar(0));
+  image.rowRange(300, 360).setTo(255);
+  const FrameStatistics statistics = dive.frame(0, image).statistics;
+  EXPECT_EQ(statistics.quality, FrameQuality::featureless);
+  EXPECT_EQ(statistics.brightness, 0.0);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -43,6 +44,9 @@ struct CameraCalibration {
   double rate_hz = 20.0;
   double time_offset_s = 0.0;  ///< true time = stamp - offset
   std::optional<PortCalibration> port{};
+  /// [height,width], 8 bit: 255 where images show the scene, 0 where they always show something
+  /// else, such as a part of the vehicle or an overlay. Empty: all of it is the scene.
+  cv::Mat mask{};
 
   /// The camera in air and its pose; without a port, `model` and `T_body_camera`.
   const CameraModel& lens() const { return port ? port->camera.lens() : model; }

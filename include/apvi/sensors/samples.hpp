@@ -58,6 +58,9 @@ struct ImageFrame {
   Stamp stamp;
   int camera = 0;
   std::function<cv::Mat()> decode;  ///< 8-bit gray or BGR; throws RunError when the file is damaged
+  /// The mask of this image alone, for the map, in the form of CameraCalibration::mask. Empty:
+  /// none. Throws RunError when the file is damaged.
+  std::function<cv::Mat()> mask{};
 };
 
 using SensorEvent =

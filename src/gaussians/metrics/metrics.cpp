@@ -45,7 +45,8 @@ struct Similarity {
   double contrast;    ///< mean of contrast-structure
 };
 
-Similarity similarity(const Tensor& x, const Tensor& y) {
+/// `valid` [H,W] bool, of the centers of windows, or undefined.
+Similarity similarity(const Tensor& x, const Tensor& y, const Tensor& valid = {}) {
   const Tensor mean_x = blur(x);
   const Tensor mean_y = blur(y);
   const Tensor variances = blur(x * x + y * y) - mean_x * mean_x - mean_y * mean_y;
@@ -53,7 +54,13 @@ Similarity similarity(const Tensor& x, const Tensor& y) {
   const Tensor luminance =
       (2.0 * mean_x * mean_y + kC1) / (mean_x * mean_x + mean_y * mean_y + kC1);
   const Tensor contrast = (2.0 * covariance + kC2) / (variances + kC2);
-  return {(luminance * contrast).mean().item<double>(), contrast.mean().item<double>()};
+  const auto mean = [&valid](const Tensor& values) {
+    if (!valid.defined()) return values.mean().item<double>();
+    const Tensor inner = valid.slice(0, kWindow / 2, valid.size(0) - kWindow / 2)
+                             .slice(1, kWindow / 2, valid.size(1) - kWindow / 2);
+    return values.masked_select(inner).mean().item<double>();
+  };
+  return {mean(luminance * contrast), mean(contrast)};
 }
 
 Tensor halved(const Tensor& x) {
@@ -66,16 +73,17 @@ Tensor is_valid(const Tensor& depth) {
 
 }  // namespace
 
-double psnr(const Tensor& image, const Tensor& truth) {
+double psnr(const Tensor& image, const Tensor& truth, const Tensor& valid) {
   check_images(image, truth);
-  const Tensor difference = image.detach().to(torch::kFloat64) - truth.detach().to(torch::kFloat64);
+  Tensor difference = image.detach().to(torch::kFloat64) - truth.detach().to(torch::kFloat64);
+  if (valid.defined()) difference = difference.masked_select(valid.unsqueeze(2));
   return -10.0 * std::log10(difference.square().mean().item<double>());
 }
 
-std::optional<double> ssim(const Tensor& image, const Tensor& truth) {
+std::optional<double> ssim(const Tensor& image, const Tensor& truth, const Tensor& valid) {
   check_images(image, truth);
   if (std::min(image.size(0), image.size(1)) < kWindow) return std::nullopt;
-  return similarity(planes(image), planes(truth)).structural;
+  return similarity(planes(image), planes(truth), valid).structural;
 }
 
 std::optional<double> ms_ssim(const Tensor& image, const Tensor& truth) {

@@ -8,16 +8,20 @@
 #include <vector>
 
 /// Image and depth quality metrics. Images [H,W,3], of a floating type, in [0, 1]. All functions
-/// throw c10::Error for mismatched shapes.
+/// throw c10::Error for mismatched shapes. `valid` [H,W] bool: the pixels that count; undefined:
+/// all.
 namespace apvi::gaussians {
 
-/// Peak signal-to-noise ratio over all pixels and channels [dB]; infinite for equal images.
-double psnr(const torch::Tensor& image, const torch::Tensor& truth);
+/// Peak signal-to-noise ratio over pixels and channels [dB]; infinite for equal images.
+double psnr(const torch::Tensor& image, const torch::Tensor& truth,
+            const torch::Tensor& valid = {});
 
 /// Mean structural similarity (Wang et al., 2004), 11 px Gaussian window, sigma 1.5, valid windows
-/// only; averaged over channels. Same as scikit-image with gaussian_weights=True, sigma=1.5,
-/// use_sample_covariance=False, data_range=1. Nothing for images smaller than the window.
-std::optional<double> ssim(const torch::Tensor& image, const torch::Tensor& truth);
+/// only; averaged over channels and valid centers of windows. Same as scikit-image with
+/// gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1. Nothing for images
+/// smaller than the window.
+std::optional<double> ssim(const torch::Tensor& image, const torch::Tensor& truth,
+                           const torch::Tensor& valid = {});
 
 /// Multi-scale SSIM, five scales (Wang et al., "Multiscale structural similarity", 2003). Nothing
 /// for images below 176 px a side, where the coarsest scale is smaller than the window.

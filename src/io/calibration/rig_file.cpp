@@ -3,6 +3,7 @@
 
 #include "apvi/core/error.hpp"
 #include "io/calibration/foreign_rig.hpp"
+#include "sensors/camera_mask.hpp"
 
 namespace apvi::io {
 namespace {
@@ -24,7 +25,12 @@ config::Node load_rig_file(const fs::path& path, const std::vector<fs::path>& se
   if (fs::is_directory(path)) return load_folder(path);
   bool foreign = false;
   config::Node rig = config::load_with_inheritance(
-      path, [&](config::Node& file) { foreign = convert_foreign(file) || foreign; }, search);
+      path,
+      [&](config::Node& file) {
+        foreign = convert_foreign(file) || foreign;
+        if (file.source) resolve_masks(file, *file.source);
+      },
+      search);
   if (foreign) finish_foreign(rig, path.string());
   return rig;
 }

@@ -19,6 +19,7 @@
 #include "io/folder/plausible_source.hpp"
 #include "io/folder/pressure_unit.hpp"
 #include "io/rosbag/navsat.hpp"
+#include "sensors/camera_mask.hpp"
 
 namespace apvi::io {
 namespace {
@@ -291,13 +292,20 @@ std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
 std::unique_ptr<SampleSource> csv_camera(CsvFile file, const fs::path& images, int camera) {
   const std::size_t column = file.require_column({"filename"});
   const auto depth = std::make_shared<BitDepth>();
+  const fs::path masks = images.parent_path() / "masks";
+  const bool has_masks = fs::is_directory(masks);
   return make_source(
       std::move(file), [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
         if (row.cell(column).empty()) return std::nullopt;
         const fs::path path = images / std::string(row.cell(column));
         std::error_code unreadable;
         if (!fs::is_regular_file(path, unreadable)) return std::nullopt;
-        return ImageFrame{stamp, camera, [path, depth] { return decode_image_file(path, *depth); }};
+        ImageFrame frame{stamp, camera, [path, depth] { return decode_image_file(path, *depth); }};
+        if (!has_masks) return frame;
+        if (const auto mask = find_mask(masks, std::string(row.cell(column)))) {
+          frame.mask = [file = *mask] { return read_mask(file); };
+        }
+        return frame;
       });
 }
 

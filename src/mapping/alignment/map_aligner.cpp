@@ -44,7 +44,9 @@ std::optional<Tensor> MapAligner::align(const KeyframeStore& keyframes, std::siz
   if (map.gaussians.size() == 0) return std::nullopt;
   const int factor = keyframes[view].intrinsics.width >= 2 * kMinAlignmentWidth_px ? 2 : 1;
   const gaussians::View camera = keyframes.view(view, factor);
-  const MapRendering rendering = render_map(map, camera);
+  MapRendering rendering = render_map(map, camera);
+  const Tensor scene = keyframes.scene(view, factor, rendering.alpha.device());
+  if (scene.defined()) rendering.alpha = rendering.alpha * scene;
   const Tensor image = keyframes.image(view, factor, rendering.alpha.device()) /
                        camera_response(map, keyframes, view, factor);
   const auto alignment = align_image(rendering, image, camera.intrinsics, sigmas);

@@ -51,9 +51,14 @@ depth::DepthRequest DepthSeeder::request(std::size_t view, const KeyframeStore& 
   return request;
 }
 
-depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request) {
+depth::DepthEstimate DepthSeeder::estimate(const depth::DepthRequest& request,
+                                           const Tensor& scene) {
   const TimedScope scope(estimation_s_);
-  return depth::estimate_depth(request, depth_);
+  depth::DepthEstimate estimate = depth::estimate_depth(request, depth_);
+  if (scene.defined() && estimate.status == depth::DepthStatus::estimated) {
+    estimate.confident = estimate.confident & blocks_in_scene(scene, estimate.blocks);
+  }
+  return estimate;
 }
 
 void DepthSeeder::clear_free_space(const depth::DepthEstimate& estimate,
@@ -79,13 +84,16 @@ Seeds DepthSeeder::seeds(const depth::DepthEstimate& estimate, std::size_t view,
     const Tensor seen = (water * response).clamp_max(1.0);
     alpha = alpha.masked_fill(open_water(image / response, seen / response), 1.0);
   }
+  const auto leave = [&](const Tensor& pixels) {
+    alpha = alpha.masked_fill(pixels, 1.0);
+    rendered = torch::where(pixels.unsqueeze(2), image, rendered);
+  };
+  const Tensor scene = keyframes.scene(view, 1, image.device());
+  if (scene.defined()) leave(scene.logical_not());
   if (optimizer.robust_weights() != nullptr) {  // nor does what moves
-    const Tensor moving =
-        optimizer.robust_weights()->outliers({.rendered = map.tone_curve.encode(rendered),
-                                              .alpha = rendering.alpha,
-                                              .image = map.tone_curve.encode(image)});
-    alpha = alpha.masked_fill(moving, 1.0);
-    rendered = torch::where(moving.unsqueeze(2), image, rendered);
+    leave(optimizer.robust_weights()->outliers({.rendered = map.tone_curve.encode(rendered),
+                                                .alpha = rendering.alpha,
+                                                .image = map.tone_curve.encode(image)}));
   }
   const ProjectedPoints seen = project(camera, points);
   const Tensor pixels = seen.pixels.index({seen.in_view});

@@ -23,7 +23,8 @@ class DepthSeeder {
   /// The keyframe and its neighbors, as input of `estimate`.
   depth::DepthRequest request(std::size_t view, const KeyframeStore& keyframes,
                               const KeyframePoses& poses, const MapOptimizer& optimizer) const;
-  depth::DepthEstimate estimate(const depth::DepthRequest& request);
+  /// No block with a pixel that is not `scene` [H,W] bool is confident; undefined: all are.
+  depth::DepthEstimate estimate(const depth::DepthRequest& request, const torch::Tensor& scene);
   /// In daylight, removes the Gaussians in front of the surfaces that the keyframe sees.
   void clear_free_space(const depth::DepthEstimate& estimate, const gaussians::View& camera,
                         MapOptimizer& optimizer) const;

@@ -60,8 +60,9 @@ void GaussianInserter::insert_random(std::size_t view, const KeyframeStore& keyf
   if (count <= 0) return;
   Random random(derive_seed(seed_, Stream::insertion, static_cast<std::int64_t>(view)));
   const Map map = optimizer.full_map();
-  optimizer.insert(random_gaussians(map, keyframes, view, count, extent_, random),
-                   anchored_to(view, count));
+  const gaussians::Gaussians inserted =
+      random_gaussians(map, keyframes, view, count, extent_, random);
+  optimizer.insert(inserted, anchored_to(view, inserted.size()));
 }
 
 std::int64_t GaussianInserter::make_room(std::int64_t wanted, const KeyframeStore& keyframes,

@@ -4,7 +4,6 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstddef>
 #include <map>
 #include <vector>
@@ -58,6 +57,10 @@ Tensor pooled_means(const Tensor& images, const std::vector<depth::Block>& block
                                          torch::tensor(pixels, torch::kInt64).to(images.device()));
 }
 
+bool is_power_of_two(int number) {
+  return number > 0 && (number & (number - 1)) == 0;
+}
+
 }  // namespace
 
 // Blocks lie on a grid of their size if it is a power of two (see depth::build_quadtree).
@@ -71,9 +74,8 @@ Tensor block_means(const Tensor& images, const std::vector<depth::Block>& blocks
   for (const auto& [size, members] : by_size) {
     const Tensor index = torch::tensor(members, torch::kInt64).to(images.device());
     means.index_copy_(1, index,
-                      std::has_single_bit(static_cast<unsigned>(size))
-                          ? pooled_means(images, blocks, members, size)
-                          : summed_means(images, blocks, members));
+                      is_power_of_two(size) ? pooled_means(images, blocks, members, size)
+                                            : summed_means(images, blocks, members));
   }
   return means;
 }
@@ -96,6 +98,11 @@ Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const Tensor& depths
       (means[0] >= options.coverage_min_alpha) & (means[1] <= options.coverage_max_error);
   const Tensor needed = (means[2] == 0.0) & ~covered;
   return (depths > 0) & needed.to(torch::kCPU);
+}
+
+Tensor blocks_in_scene(const Tensor& scene, const std::vector<depth::Block>& blocks) {
+  const Tensor hidden = scene.logical_not().to(torch::kFloat32).unsqueeze(0);
+  return (block_means(hidden, blocks)[0] == 0.0).to(torch::kCPU);
 }
 
 Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View& view,

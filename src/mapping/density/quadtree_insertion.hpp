@@ -27,6 +27,9 @@ torch::Tensor blocks_to_fill(const depth::DepthEstimate& estimate, const torch::
 Seeds seeds_from_blocks(const depth::DepthEstimate& estimate, const torch::Tensor& depths,
                         const torch::Tensor& which, double opacity);
 
+/// Blocks [B] bool, on the CPU, that show nothing but the scene [H,W] bool.
+torch::Tensor blocks_in_scene(const torch::Tensor& scene, const std::vector<depth::Block>& blocks);
+
 /// Gaussians [N] bool, by their `means` [N,3], in free space: projected into a block with confident
 /// depth and nearer than `depth_ratio` times that depth.
 torch::Tensor in_free_space(const depth::DepthEstimate& estimate, const gaussians::View& view,

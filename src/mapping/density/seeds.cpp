@@ -20,6 +20,12 @@ Tensor in_camera(const gaussians::Intrinsics& k, const Tensor& pixels, const Ten
   return torch::stack({x, y, depths}, 1);
 }
 
+Seeds in_scene(const Seeds& seeds, const gaussians::Intrinsics& camera, const Tensor& scene) {
+  if (!scene.defined()) return seeds;
+  const Tensor index = pixel_index(camera, seeds.pixels);
+  return seeds.select(scene.reshape({-1}).index_select(0, index).nonzero().squeeze(1));
+}
+
 }  // namespace
 
 Seeds Seeds::select(const Tensor& index) const {
@@ -79,22 +85,23 @@ gaussians::Gaussians gaussians_from_seeds(const Seeds& seeds, const KeyframeStor
   const torch::NoGradGuard no_grad;
   const gaussians::View camera = keyframes.view(view, 1);
   const gaussians::Intrinsics& k = camera.intrinsics;
-  const std::int64_t n = seeds.size();
+  const Seeds shown = in_scene(seeds, k, keyframes.scene(view, 1, seeds.pixels.device()));
+  const std::int64_t n = shown.size();
   const Tensor bytes = keyframes[view].image.to(gaussians::active_device()).reshape({-1, 3});
   const auto there = [&bytes](const Tensor& t) { return t.to(bytes.device()); };
-  const Tensor pixels = there(seeds.pixels);
-  const Tensor depths = there(seeds.depths);
+  const Tensor pixels = there(shown.pixels);
+  const Tensor depths = there(shown.depths);
   const Tensor points = in_camera(k, pixels, depths);
   const Tensor index = pixel_index(k, pixels);
   const Tensor table = keyframes.tone_curve().byte_table(bytes.device());
   Tensor colors = to_float_image(bytes.index_select(0, index), 1, table).to(torch::kFloat64);
   if (response.defined()) {
-    const Tensor all = there(response).expand({k.height, k.width, 1}).reshape({-1, 1});
-    colors = (colors / all.index_select(0, index).to(torch::kFloat64)).clamp(0.0, 1.0);
+    const Tensor each = there(response).expand({k.height, k.width, 1}).reshape({-1, 1});
+    colors = (colors / each.index_select(0, index).to(torch::kFloat64)).clamp(0.0, 1.0);
   }
   if (medium) colors = remove_medium(colors, points, *medium);
-  const Tensor log_scale = (there(seeds.radii_px) * depths / k.fx).log().to(torch::kFloat32);
-  const Tensor opacity = there(seeds.opacities);
+  const Tensor log_scale = (there(shown.radii_px) * depths / k.fx).log().to(torch::kFloat32);
+  const Tensor opacity = there(shown.opacities);
   Tensor quaternions = torch::zeros({n, 4}, log_scale.options());
   quaternions.select(1, 0).fill_(1.0);
   return {

@@ -48,6 +48,7 @@ torch::Tensor world_points(const gaussians::View& view, const torch::Tensor& pix
 
 /// Isotropic Gaussians at the seeds, float32 on the CPU, in the colors of the view's image divided
 /// by the camera's `response` (see `camera_response`; undefined: one) and with the medium removed.
+/// Seeds at pixels that do not show the scene are left out.
 gaussians::Gaussians gaussians_from_seeds(const Seeds& seeds, const KeyframeStore& keyframes,
                                           std::size_t view, int sh_degree,
                                           const std::optional<medium::Medium>& medium,

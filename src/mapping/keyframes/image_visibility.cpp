@@ -43,13 +43,20 @@ double estimate_noise(const Tensor& gray) {
 
 }  // namespace
 
-bool is_black(const Tensor& image) {
-  const Tensor gray = image.to(torch::kFloat32);
+bool is_black(const Tensor& image, const Tensor& scene) {
+  Tensor gray = image.to(torch::kFloat32);
+  if (scene.defined()) gray = gray.masked_select(scene.to(gray.device()).unsqueeze(2));
+  if (gray.numel() == 0) return true;
   return gray.mean().item<double>() < kBlackLevel && gray.std().item<double>() < kBlackLevel;
 }
 
-bool has_low_visibility(const Tensor& image) {
-  const Tensor gray = mean_gray(image);
+bool has_low_visibility(const Tensor& image, const Tensor& scene) {
+  Tensor gray = mean_gray(image);
+  if (scene.defined()) {
+    const Tensor shown = gray.masked_select(scene);
+    if (shown.numel() == 0) return true;
+    gray = gray.masked_fill(scene.logical_not(), shown.mean().item<double>());
+  }
   if ((gray >= kSaturatedLevel).to(torch::kFloat32).mean().item<double>() > 0.5) return true;
   const std::int64_t side = image.size(1) / kCellsPerRow;
   if (side < kMinCellSize_px || image.size(0) < kWindowCells * side) return false;

@@ -5,8 +5,9 @@
 
 namespace apvi::mapping {
 
-/// Whether an image [H,W,3] uint8 is black up to sensor noise.
-bool is_black(const torch::Tensor& image);
+/// Whether an image [H,W,3] uint8 is black up to sensor noise. `scene` [H,W] bool: the pixels that
+/// count; undefined: all. True if none does.
+bool is_black(const torch::Tensor& image, const torch::Tensor& scene = {});
 
 /// Whether a raw camera image [H,W,3] uint8 shows no scene although there is light: a silt cloud,
 /// open water or over-exposure. True when fewer than a tenth of its cells (side: 1/80 of the width)
@@ -14,7 +15,7 @@ bool is_black(const torch::Tensor& image);
 /// pixels are saturated. The noise is estimated from differences of neighboring pixels (Immerkaer,
 /// Fast noise variance estimation, 1996), so that faint but real detail such as bare sand counts as
 /// visible; the estimate is bounded, so that fine gravel does not count as noise. Images narrower
-/// than 320 px are only checked for saturation.
-bool has_low_visibility(const torch::Tensor& image);
+/// than 320 px are only checked for saturation. Pixels that do not show the scene count as uniform.
+bool has_low_visibility(const torch::Tensor& image, const torch::Tensor& scene = {});
 
 }  // namespace apvi::mapping

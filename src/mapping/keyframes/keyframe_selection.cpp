@@ -107,7 +107,8 @@ KeyframeDecision KeyframeSelection::check(const Keyframe& keyframe, bool low_vis
   if (!is_rigid(keyframe.T_camera_world)) return KeyframeDecision::bad_pose;
   if (!matches_camera(image, keyframe.intrinsics)) return KeyframeDecision::bad_image;
   if (keyframes.by_stamp().count(keyframe.stamp_ns) > 0) return KeyframeDecision::duplicate;
-  if (is_black(image)) return KeyframeDecision::black;
+  const Tensor& scene = keyframe.scene.defined() ? keyframe.scene : keyframes.mask();
+  if (is_black(image, scene)) return KeyframeDecision::black;
   if (low_visibility || keyframe.stamp_ns < low_visibility_until_ns_) {
     return KeyframeDecision::low_visibility;
   }

@@ -44,6 +44,14 @@ void KeyframeStore::add(Keyframe keyframe) {
   keyframe.saturates =
       (image >= kSaturatedByte).to(torch::kFloat32).mean().item<double>() > kMinSaturatedFraction;
   keyframe.image = image.to(device_);  // may run out of memory; the store is still unchanged
+  if (keyframe.scene.defined()) {
+    TORCH_CHECK(keyframe.scene.sizes() == image.sizes().slice(0, 2) &&
+                    keyframe.scene.scalar_type() == torch::kBool,
+                keyframe.name, ": the mask must be [H,W] bool, not ", keyframe.scene.toString(),
+                keyframe.scene.sizes());
+    keyframe.scene = keyframe.scene.to(device_);
+    if (scene_.defined()) keyframe.scene = keyframe.scene & scene_.to(device_);
+  }
   image_bytes_ += keyframe.image.nbytes();
   (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
   append(std::move(keyframe));
@@ -65,6 +73,7 @@ void KeyframeStore::drop_image(std::size_t i) {
   if (!keyframe.image.defined()) return;
   image_bytes_ -= keyframe.image.nbytes();
   keyframe.image = Tensor();
+  keyframe.scene = Tensor();
   std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
   views.erase(std::remove(views.begin(), views.end(), i), views.end());
 }
@@ -73,7 +82,28 @@ void KeyframeStore::move_images(const torch::Device& device) {
   device_ = device;
   for (Keyframe& keyframe : keyframes_) {
     if (keyframe.image.defined()) keyframe.image = keyframe.image.to(device);
+    if (keyframe.scene.defined()) keyframe.scene = keyframe.scene.to(device);
   }
+}
+
+void KeyframeStore::set_mask(const Tensor& scene) {
+  TORCH_CHECK(scene.dim() == 2 && scene.scalar_type() == torch::kBool,
+              "keyframes: a mask is [H,W] bool, not ", scene.sizes());
+  scene_ = scene.to(gaussians::active_device());
+}
+
+Tensor KeyframeStore::scene(std::size_t i, int factor, const torch::Device& device) const {
+  const Tensor& own = keyframes_.at(i).scene;
+  const Tensor& full = own.defined() ? own : scene_;
+  if (!full.defined() || factor == 1) return full.defined() ? full.to(device) : Tensor();
+  const std::int64_t height = full.size(0) / factor;
+  const std::int64_t width = full.size(1) / factor;
+  return full.slice(0, 0, height * factor)
+      .slice(1, 0, width * factor)
+      .reshape({height, factor, width, factor})
+      .all(3)
+      .all(1)
+      .to(device);
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {

@@ -30,6 +30,8 @@ struct Keyframe {
   bool held_out = false;         ///< for evaluation: never optimized
   std::int64_t number = 0;       ///< of a held-out image, in the recording's order
   bool saturates = false;        ///< contains saturated pixels; set by the store
+  /// [H,W] bool, pixels that show the scene; undefined: as `KeyframeStore::set_mask` says.
+  torch::Tensor scene = {};
 };
 
 /// The keyframes of a map. Images are stored as uint8 on the device, which saves memory and copies,
@@ -65,6 +67,15 @@ class KeyframeStore {
   void set_tone_curve(const gaussians::ToneCurve& curve) { tone_curve_ = curve; }
   const gaussians::ToneCurve& tone_curve() const { return tone_curve_; }
 
+  /// The pixels [H,W] bool of all images that show the scene, on any device; see
+  /// CameraCalibration::mask. All of them until set, before the first image.
+  void set_mask(const torch::Tensor& scene);
+  /// That of images without a mask of their own; undefined: none.
+  const torch::Tensor& mask() const { return scene_; }
+  /// The pixels [H/f,W/f] bool of an image, on `device`, that show nothing but the scene;
+  /// undefined: all.
+  torch::Tensor scene(std::size_t i, int factor, const torch::Device& device) const;
+
   /// The image [H/f,W/f,3] float32 in [0, 1] on `device` in linear light, each pixel the mean of
   /// f x f pixels (incomplete blocks at the right and bottom are cropped).
   torch::Tensor image(std::size_t i, int factor, const torch::Device& device) const;
@@ -87,6 +98,7 @@ class KeyframeStore {
   std::map<std::int64_t, std::size_t> by_stamp_;
   std::size_t image_bytes_ = 0;
   gaussians::ToneCurve tone_curve_;
+  torch::Tensor scene_;  ///< [H,W] bool on the active device, or undefined
 };
 
 /// Converts bytes [H,W,3] to float32 in [0, 1] [H/factor,W/factor,3] by averaging blocks, after

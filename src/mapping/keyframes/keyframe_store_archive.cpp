@@ -28,6 +28,7 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
   const bool has_image = keyframe.image.defined();
   archive.write("has_image", c10::IValue(has_image));
   if (has_image) archive.write("image", keyframe.image);
+  if (keyframe.scene.defined()) archive.write("scene", keyframe.scene);
 }
 
 Keyframe read_keyframe(InputArchive& archive) {
@@ -51,6 +52,7 @@ Keyframe read_keyframe(InputArchive& archive) {
                          .lens_spread = {f[4], f[5], f[6]}};
   archive.read("pose", keyframe.T_camera_world);
   if (gaussians::read_bool(archive, "has_image")) archive.read("image", keyframe.image);
+  archive.try_read("scene", keyframe.scene);
   return keyframe;
 }
 
@@ -58,6 +60,7 @@ Keyframe read_keyframe(InputArchive& archive) {
 
 void KeyframeStore::save(OutputArchive& archive) const {
   archive.write("keyframes", c10::IValue(static_cast<std::int64_t>(size())));
+  if (scene_.defined()) archive.write("scene", scene_);
   for (std::size_t i = 0; i < size(); ++i) {
     OutputArchive inner;
     write(inner, keyframes_[i]);
@@ -67,6 +70,7 @@ void KeyframeStore::save(OutputArchive& archive) const {
 
 void KeyframeStore::load(InputArchive& archive) {
   const std::int64_t count = gaussians::read_int(archive, "keyframes");
+  if (Tensor scene; archive.try_read("scene", scene)) set_mask(scene);
   InputArchive part;
   for (std::int64_t i = 0; i < count; ++i) {
     archive.read("keyframe" + std::to_string(i), part);

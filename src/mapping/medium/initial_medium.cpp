@@ -29,9 +29,16 @@ medium::Medium initial_medium(const gaussians::Gaussians& initial, const Keyfram
   for (std::size_t i = 0; i < training.size(); i += stride) {
     const gaussians::View view = keyframes.view(training[i], kReduction);
     const gaussians::RenderOutput out = gaussians::render(initial, view, {});
-    const Tensor range = gaussians::depth_to_range(out.depth, view.intrinsics);
-    colors.push_back(keyframes.image(training[i], kReduction, out.color.device()));
-    ranges.push_back(range.masked_fill(out.alpha < kSurfaceAlpha, 0.0));
+    Tensor color = keyframes.image(training[i], kReduction, out.color.device());
+    Tensor range = gaussians::depth_to_range(out.depth, view.intrinsics)
+                       .masked_fill(out.alpha < kSurfaceAlpha, 0.0);
+    const Tensor scene = keyframes.scene(training[i], kReduction, color.device());
+    if (scene.defined()) {  // as a row of pixels
+      color = color.masked_select(scene.unsqueeze(2)).reshape({1, -1, 3});
+      range = range.masked_select(scene).unsqueeze(0);
+    }
+    colors.push_back(color);
+    ranges.push_back(range);
   }
   return medium::initialize_medium(colors, ranges);
 }

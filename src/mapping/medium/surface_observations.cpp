@@ -111,7 +111,14 @@ SampledView sample_view(const Map& map, const KeyframeStore& keyframes, std::siz
       map.gaussians, view.camera, {.antialiased = map.antialiased, .background = {}});
   const Tensor depth = surface_depth(map, view.camera, out.depth, out.alpha);
   view.alpha = out.alpha;
-  view.depth = (depth * (out.alpha > kSurfaceAlpha)).to(torch::kCPU, torch::kFloat64);
+  Tensor surface = out.alpha > kSurfaceAlpha;
+  const Tensor scene =
+      keyframes.scene(i, observation_reduction(keyframes[i].intrinsics), depth.device());
+  if (scene.defined()) {
+    surface = surface & scene;
+    view.alpha = view.alpha.masked_fill(scene.logical_not(), 1.0);  // no open water either
+  }
+  view.depth = (depth * surface).to(torch::kCPU, torch::kFloat64);
   return view;
 }
 

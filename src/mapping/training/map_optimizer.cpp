@@ -16,6 +16,7 @@
 #include "mapping/medium/open_water.hpp"
 #include "mapping/training/robust_weights.hpp"
 #include "mapping/training/step_backend.hpp"
+#include "mapping/training/step_constants.hpp"
 #include "medium/medium_initialization.hpp"
 
 namespace apvi::mapping {
@@ -43,6 +44,12 @@ gaussians::Gaussians on_device(const gaussians::Gaussians& gaussians) {
     *to[i] = from[i]->to(gaussians::active_device(), torch::kFloat32);
   }
   return copy;
+}
+
+// Gains are not estimated from saturated pixels.
+Tensor without_hidden(const Tensor& image, const Tensor& scene) {
+  if (!scene.defined()) return image;
+  return image.masked_fill(scene.logical_not().unsqueeze(2), step::kSaturated);
 }
 
 template <typename Part>
@@ -136,6 +143,7 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
       /*learn=*/true);
   const bool add_opacity_loss = water != nullptr && shared_->store.steps() % kOpacityInterval == 0;
   const bool needs_open_water = add_opacity_loss || (water != nullptr && updates_gain(settings));
+  const Tensor scene = keyframes.scene(i, settings.reduction, image.device());
   const RenderedView rendered = {.image = image.detach(),
                                  .alpha = out.alpha.detach(),
                                  .open_water = needs_open_water ? water->open_water() : Tensor(),
@@ -143,23 +151,20 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   const Target target = target_of(keyframes, i, rendered, settings);
   const Tensor drawn = tone_curve_.encode(image);
   const Tensor wanted = tone_curve_.encode(target.saturation_adjusted(rendered.image));
-  const Tensor pixel_weights =
-      robust_weights_
-          ? robust_weights_->weigh(
-                i, {.rendered = drawn.detach(), .alpha = rendered.alpha, .image = wanted})
-          : Tensor();
-  Tensor loss = gaussians::photometric_loss(drawn, wanted, options_.ssim_weight, pixel_weights);
+  const Tensor weights = pixel_weights(i, rendered, drawn.detach(), wanted, scene);
+  Tensor loss = gaussians::photometric_loss(drawn, wanted, options_.ssim_weight, weights);
   if (options_.depth_curvature_weight > 0.0 &&
       shared_->store.steps() % kSmoothnessInterval == kSmoothnessInterval / 2) {
     loss = loss + options_.depth_curvature_weight *
                       depth_curvature_loss(out.depth, rendered.alpha, target.image);
   }
   if (add_opacity_loss) {
-    const OpacityWeights& weights =
+    const OpacityWeights& opacity_weights =
         water->has_lamp() ? kLampOpacityWeights : kDaylightOpacityWeights;
-    Tensor opacity_gradient = opacity_loss_gradient(target.saturation_adjusted(rendered.open_water),
-                                                    rendered.open_water, rendered.alpha, weights);
-    if (pixel_weights.defined()) opacity_gradient = opacity_gradient * pixel_weights;
+    Tensor opacity_gradient =
+        opacity_loss_gradient(target.saturation_adjusted(rendered.open_water), rendered.open_water,
+                              rendered.alpha, opacity_weights);
+    if (weights.defined()) opacity_gradient = opacity_gradient * weights;
     torch::autograd::backward({loss, out.alpha}, {Tensor(), opacity_gradient});
   } else {
     loss.backward();
@@ -183,6 +188,17 @@ Tensor MapOptimizer::step(const KeyframeStore& keyframes, std::size_t i,
   return loss.detach();
 }
 
+// Of the pixels [h,w]; undefined: all one.
+Tensor MapOptimizer::pixel_weights(std::size_t i, const RenderedView& rendered, const Tensor& drawn,
+                                   const Tensor& wanted, const Tensor& scene) {
+  if (!robust_weights_) return scene;
+  const Tensor image = scene.defined() ? torch::where(scene.unsqueeze(2), wanted, drawn) : wanted;
+  Tensor weights =
+      robust_weights_->weigh(i, {.rendered = drawn, .alpha = rendered.alpha, .image = image});
+  if (!scene.defined()) return weights;
+  return weights.defined() ? weights * scene : scene;
+}
+
 Tensor MapOptimizer::Target::saturation_adjusted(const Tensor& colors) const {
   if (!saturated.defined()) return image;
   return torch::where(saturated, torch::maximum(image, colors), image);
@@ -202,7 +218,9 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
                        .light = light_table(device)};
   if (options_.gain_compensation) {
     if (updates_gain(settings)) {
-      gains_.track(i, rendered, without_outliers(i, rendered.image, backend.target(input)));
+      gains_.track(i, rendered,
+                   without_hidden(without_outliers(i, rendered.image, backend.target(input)),
+                                  keyframes.scene(i, settings.reduction, device)));
     }
     input.log_gain = gains_.log_gain(i);
   }
@@ -340,7 +358,7 @@ std::pair<RenderedView, Tensor> MapOptimizer::gain_images(const KeyframeStore& k
            .alpha = rendered.alpha,
            .open_water = medium_ ? medium_view(camera.intrinsics).open_water() : Tensor(),
            .horizon = horizon(camera)},
-          image};
+          without_hidden(image, keyframes.scene(i, kGainReduction, device))};
 }
 
 void MapOptimizer::match_gain(const KeyframeStore& keyframes, std::size_t i) {

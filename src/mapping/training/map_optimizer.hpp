@@ -183,6 +183,9 @@ class MapOptimizer {
   std::pair<RenderedView, torch::Tensor> gain_images(const KeyframeStore& keyframes, std::size_t i);
   Target target_of(const KeyframeStore& keyframes, std::size_t i, const RenderedView& rendered,
                    const StepSettings& settings);
+  torch::Tensor pixel_weights(std::size_t i, const RenderedView& rendered,
+                              const torch::Tensor& drawn, const torch::Tensor& wanted,
+                              const torch::Tensor& scene);
   torch::Tensor without_outliers(std::size_t i, const torch::Tensor& rendered,
                                  const torch::Tensor& image) const;
   void recolor_for(const Map& after, const KeyframeStore& keyframes);

@@ -6,6 +6,7 @@
 #include <bitset>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <tuple>
 
 namespace apvi::vio {
@@ -145,6 +146,14 @@ bool near_any(const cv::Point2f& p, const Points& others, double distance) {
   });
 }
 
+// The pyramid keeps every second pixel.
+cv::Mat hidden_at_half_size(const cv::Mat& mask, cv::Size half) {
+  if (mask.empty()) return {};
+  cv::Mat small;
+  cv::resize(mask, small, half, 0.0, 0.0, cv::INTER_NEAREST);
+  return small == 0;
+}
+
 int cells_along(int length, double cell) {
   return std::max(1, static_cast<int>(std::lround((length - 2 * kBorder) / cell)));
 }
@@ -160,8 +169,9 @@ double corner_distance(cv::Size image, int max_corners) {
   return std::max(even, kIndependent_px * std::min(1.0, size * size));
 }
 
-CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px)
+CornerGrid::CornerGrid(cv::Size image, int max_corners, double min_distance_px, const cv::Mat& mask)
     : half_((image.width + 1) / 2, (image.height + 1) / 2),
+      hidden_(hidden_at_half_size(mask, half_)),
       max_corners_(max_corners),
       min_distance_px_(min_distance_px) {
   // Twice as many slots as corners, as not every cell has texture.
@@ -205,6 +215,7 @@ Points CornerGrid::find(const cv::Mat& half_gradient, const Points& existing) {
   if (room <= 0 || half_gradient.size() != half_) return {};
   if (half_.width < 4 * kBorder || half_.height < 4 * kBorder) return {};
   corner_strength(half_gradient, strength_);
+  if (!hidden_.empty()) strength_.setTo(0.0F, hidden_);
   std::vector<int> missing(static_cast<std::size_t>(columns_ * rows_), kCornersPerCell);
   for (const cv::Point2f& p : existing) {
     const int index = cell_of(0.5F * p);

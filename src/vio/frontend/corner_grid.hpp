@@ -16,7 +16,8 @@ double corner_distance(cv::Size image, int max_corners);
 /// up to a fixed number, so that corners cover the image.
 class CornerGrid {
  public:
-  CornerGrid(cv::Size image, int max_corners, double min_distance_px);
+  /// No corner is where `mask`, of the image's size, is zero; empty: everywhere.
+  CornerGrid(cv::Size image, int max_corners, double min_distance_px, const cv::Mat& mask = {});
 
   /// Returns new corners, strongest first, at least `min_distance_px` from each other and from
   /// `existing`, at most `max_corners` in total. `half_gradient`: Scharr gradient at half the image
@@ -35,6 +36,7 @@ class CornerGrid {
   std::vector<Corner> peaks(const std::vector<int>& missing) const;
 
   cv::Size half_;
+  cv::Mat hidden_;  // 255 where there are no corners, at half size; may be empty
   int max_corners_;
   double min_distance_px_;
   int columns_ = 1;

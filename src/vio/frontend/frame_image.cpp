@@ -55,11 +55,12 @@ bool to_gray(const cv::Mat& image, cv::Mat& gray) {
 FramePreparer::FramePreparer(bool equalize)
     : clahe_(equalize ? cv::createCLAHE(3.0, cv::Size(8, 8)) : nullptr) {}
 
-bool FramePreparer::load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by) {
+bool FramePreparer::load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by,
+                         const cv::Mat& mask) {
   if (image.size() != size || !to_gray(reduced(image, by), frame.gray)) return false;
   cv::Scalar mean;
   cv::Scalar deviation;
-  cv::meanStdDev(frame.gray, mean, deviation);
+  cv::meanStdDev(frame.gray, mean, deviation, mask);
   frame.brightness = mean[0];
   frame.contrast = deviation[0];
   return true;

@@ -18,8 +18,8 @@ struct FrameImage {
   cv::Mat gray;                  ///< 8 bit, original contrast
   cv::Mat equalized;             ///< contrast-equalized, or `gray` itself
   std::vector<cv::Mat> pyramid;  ///< of `equalized`: images and their derivatives
-  double brightness = 0.0;       ///< mean of `gray`
-  double contrast = 0.0;         ///< standard deviation of `gray`
+  double brightness = 0.0;       ///< mean of `gray` where it shows the scene
+  double contrast = 0.0;         ///< standard deviation of the same
 
   /// Gradient of `equalized` at half size (CV_16SC2, Scharr). The pyramid alternates images and
   /// gradients. Empty if the image is hardly larger than a patch.
@@ -36,8 +36,10 @@ class FramePreparer {
   explicit FramePreparer(bool equalize);
 
   /// Fills `frame.gray`, brightness and contrast; false if the size or format is wrong. The image
-  /// is reduced `by` a whole number to means over as many pixels each way.
-  static bool load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by = 1);
+  /// is reduced `by` a whole number to means over as many pixels each way. Brightness and contrast
+  /// are those where `mask` of the reduced image is not zero; empty: everywhere.
+  static bool load(const cv::Mat& image, cv::Size size, FrameImage& frame, int by = 1,
+                   const cv::Mat& mask = {});
   /// Computes the rest from `frame.gray`.
   void build_pyramid(FrameImage& frame) const;
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apvi/core/error.hpp"
+#include "sensors/camera_mask.hpp"
 #include "sensors/reduced_camera.hpp"
 #include "vio/factors/projection.hpp"
 #include "vio/frontend/corner_grid.hpp"
@@ -52,6 +53,8 @@ struct TrackedCamera {
         by(reduction_of(recorded.model, max_image_side_px)),
         calibration(recorded) {
     calibration.model = reduced(recorded.model, by);
+    scene = reduced_mask(recorded.mask, by, 0);
+    patches = reduced_mask(recorded.mask, by, kFlowWindow / 2);
   }
   Vector2d recorded_pixel(const cv::Point2f& pixel) const {
     return by * (Vector2d(pixel.x, pixel.y).array() + 0.5) - 0.5;
@@ -60,6 +63,8 @@ struct TrackedCamera {
   cv::Size size;  // of recorded images
   int by;         // which they are divided
   CameraCalibration calibration;
+  cv::Mat scene;    // mask of tracked images
+  cv::Mat patches;  // mask of the centers of patches that show nothing hidden
 };
 
 double corner_distance_of(const TrackerConfig& config, cv::Size image) {
@@ -98,7 +103,7 @@ struct Tracker::Impl {
         camera(left.calibration),
         preparer(config.equalize),
         grid(size_of(camera.model), config.max_tracks,
-             corner_distance_of(config, size_of(camera.model))),
+             corner_distance_of(config, size_of(camera.model)), left.patches),
         rigidity(config.max_epipolar_px / focal_length(camera.model)) {
     if (cameras.size() < 2) return;
     second.emplace(cameras[1], config.max_image_side_px);
@@ -150,7 +155,7 @@ FrameQuality Tracker::Impl::load_image(const std::vector<cv::Mat>& images, Stamp
   if (newest && stamp < *newest) return FrameQuality::out_of_order;
   if (newest && stamp == *newest) return FrameQuality::repeated;
   newest = stamp;
-  if (images.empty() || !FramePreparer::load(images[0], left.size, current, left.by)) {
+  if (images.empty() || !FramePreparer::load(images[0], left.size, current, left.by, left.scene)) {
     return FrameQuality::wrong_size;
   }
   if (current.contrast < kMinContrast) return FrameQuality::featureless;
@@ -200,7 +205,7 @@ std::vector<Track> Tracker::Impl::track_by_flow(double dt, FrameStatistics& stat
                                  config.max_forward_backward_px);
   std::vector<Track> now;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
-    if (!flow.found[i]) continue;
+    if (!flow.found[i] || is_hidden(left.patches, flow.to[i])) continue;
     const auto point = plane_point(camera.model, flow.to[i]);
     if (!point) continue;
     Track track = tracks[i];
@@ -250,7 +255,7 @@ void Tracker::Impl::match_stereo(const std::vector<cv::Mat>& images, Stamp stamp
   }
   const auto matches = stereo->find(current, right, queries);
   for (std::size_t i = 0; i < tracks.size(); ++i) {
-    if (!matches[i]) continue;
+    if (!matches[i] || is_hidden(second->patches, matches[i]->pixel)) continue;
     const int before = tracks[i].right ? tracks[i].right->length : 0;
     tracks[i].right = StereoView{*matches[i], before + 1, stamp};
   }

@@ -147,5 +147,19 @@ TEST(DepthErrors, AreAbsentWithoutCommonPixels) {
   EXPECT_THROW(depth_errors(torch::zeros({3, 3}), torch::ones({3, 4})), c10::Error);
 }
 
+TEST(Metrics, PixelsThatAreNotValidDoNotCount) {
+  const Pair pair = known_pair(48, 64, Distortion::noisy);
+  const Tensor valid = torch::ones({48, 64}, torch::kBool);
+  valid.slice(1, 40).fill_(false);
+  const Tensor overlay = pair.image.clone();
+  overlay.slice(1, 40).fill_(1.0);
+  const auto left = [](const Tensor& t) { return t.slice(1, 0, 40); };
+  EXPECT_NEAR(psnr(overlay, pair.truth, valid), psnr(left(pair.image), left(pair.truth)), 1e-9);
+  // Windows that reach beyond the boundary see the overlay; their centers are on this side.
+  const Tensor far = valid.clone();
+  far.slice(1, 35).fill_(false);
+  EXPECT_NEAR(*ssim(overlay, pair.truth, far), *ssim(left(pair.image), left(pair.truth)), 1e-9);
+}
+
 }  // namespace
 }  // namespace apvi::gaussians

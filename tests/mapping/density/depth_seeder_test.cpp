@@ -56,5 +56,20 @@ TEST(DepthSeeder, RobustWeightsKeepSeedsOffWhatMoves) {
   EXPECT_EQ(seeds_on_a_passing_body(true), 0);
 }
 
+TEST(DepthSeeder, WhatTheMaskHidesGetsNoSeeds) {
+  const gaussians::Gaussians wall = test::gaussian_wall();
+  KeyframeStore keyframes;
+  const Tensor scene = torch::ones({32, 48}, torch::kBool);
+  scene.slice(1, 0, 24).fill_(false);
+  keyframes.set_mask(scene);
+  keyframes.add(test::render_keyframe(wall, test::camera_at(0.1, 0.1), 0));
+  const MapperOptions options;
+  MapOptimizer nothing(gaussians::Gaussians::empty(0, torch::kFloat32), options.trainer, 1);
+  const Seeds seeds = DepthSeeder(options).seeds(flat_depth(), 0, keyframes, nothing,
+                                                 torch::empty({0, 3}, torch::kFloat64));
+  EXPECT_EQ(seeds.size(), 6 * 8);
+  EXPECT_GT(seeds.pixels.select(1, 0).min().item<double>(), 24.0);
+}
+
 }  // namespace
 }  // namespace apvi::mapping

@@ -143,5 +143,13 @@ TEST(BlockMeans, MatchDirectMeans) {
   expect_direct_means(images, blocks);
 }
 
+TEST(BlocksInScene, ShowNothingThatIsHidden) {
+  const Tensor scene = torch::ones({20, 30}, torch::kBool);
+  scene[3][27] = false;
+  const std::vector<depth::Block> blocks = {
+      {0, 0, 16, 16, 16}, {24, 0, 8, 6, 8}, {28, 16, 4, 2, 4}};
+  EXPECT_TRUE(torch::equal(blocks_in_scene(scene, blocks), torch::tensor({true, false, true})));
+}
+
 }  // namespace
 }  // namespace apvi::mapping

@@ -52,5 +52,19 @@ TEST(GaussiansFromSeeds, ProjectToTheirPixels) {
   EXPECT_EQ(made.sh_degree(), 1);
 }
 
+TEST(GaussiansFromSeeds, AreNotMadeOfWhatTheMaskHides) {
+  KeyframeStore keyframes;
+  const Tensor scene = torch::ones({32, 48}, torch::kBool);
+  scene.slice(0, 0, 10).fill_(false);
+  keyframes.set_mask(scene);
+  keyframes.add(test::render_keyframe(test::gaussian_wall(), test::camera_at(0.0, 0.0), 0));
+  const Seeds seeds = {
+      .pixels = torch::tensor({{5.5, 9.5}, {5.5, 10.5}, {40.5, 30.5}}, torch::kFloat64),
+      .depths = torch::full({3}, 2.0, torch::kFloat64),
+      .radii_px = torch::ones({3}, torch::kFloat64),
+      .opacities = torch::full({3}, 0.1, torch::kFloat64)};
+  EXPECT_EQ(gaussians_from_seeds(seeds, keyframes, 0, 0, std::nullopt).size(), 2);
+}
+
 }  // namespace
 }  // namespace apvi::mapping

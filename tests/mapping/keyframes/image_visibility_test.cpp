@@ -77,5 +77,20 @@ TEST(ImageVisibility, SmallImagesAreNotRejected) {
   EXPECT_FALSE(has_low_visibility(image(torch::full({120, 160}, 90.0), 4.0)));
 }
 
+TEST(ImageVisibility, WhatTheMaskHidesIsNoDetail) {
+  Tensor gray = lamp_light();
+  gray.slice(0, 180).add_(ripples(40.0).slice(0, 180));  // a part of the vehicle
+  const Tensor scene = torch::ones({kHeight, kWidth}, torch::kBool);
+  scene.slice(0, 175).fill_(false);
+  EXPECT_FALSE(has_low_visibility(image(gray, 4.0)));
+  EXPECT_TRUE(has_low_visibility(image(gray, 4.0), scene));
+  gray.slice(0, 0, 180).fill_(0.0);
+  EXPECT_FALSE(is_black(image(gray, 1.0)));
+  EXPECT_TRUE(is_black(image(gray, 1.0), scene));
+  scene.fill_(false);
+  EXPECT_TRUE(is_black(image(gray, 1.0), scene));
+  EXPECT_TRUE(has_low_visibility(image(gray, 1.0), scene));
+}
+
 }  // namespace
 }  // namespace apvi::mapping

@@ -103,5 +103,40 @@ TEST(KeyframeStore, OrdersKeyframesByStampWithAndWithoutImages) {
   EXPECT_EQ(store.by_stamp().count(10), 1U);
 }
 
+TEST(KeyframeStore, AReducedPixelIsSceneIfAllOfItIs) {
+  KeyframeStore store;
+  const Tensor scene = torch::ones({7, 9}, torch::kBool);
+  scene[2][5] = false;
+  store.set_mask(scene);
+  store.add(make_keyframe(7, 9));
+  EXPECT_TRUE(torch::equal(store.scene(0, 1, torch::kCPU), scene));
+  const Tensor half = store.scene(0, 2, torch::kCPU);
+  EXPECT_EQ(half.sizes(), at::IntArrayRef({3, 4}));
+  EXPECT_FALSE(half[1][2].item<bool>());
+  EXPECT_EQ(half.sum().item<int>(), 11);
+  EXPECT_THROW(store.set_mask(torch::ones({7, 9})), c10::Error);
+}
+
+TEST(KeyframeStore, AnImageCanHideMoreThanTheCameraDoes) {
+  const Tensor of_camera = torch::ones({7, 9}, torch::kBool);
+  of_camera[0].fill_(false);
+  Keyframe diver = make_keyframe(7, 9);
+  diver.scene = torch::ones({7, 9}, torch::kBool);
+  diver.scene.select(1, 3).fill_(false);
+  KeyframeStore plain;
+  plain.add(make_keyframe(7, 9));
+  plain.add(diver);
+  EXPECT_FALSE(plain.scene(0, 1, torch::kCPU).defined());
+  EXPECT_EQ(plain.scene(1, 1, torch::kCPU).sum().item<int>(), 7 * 8);
+  KeyframeStore masked;
+  masked.set_mask(of_camera);
+  masked.add(make_keyframe(7, 9));
+  masked.add(diver);
+  EXPECT_EQ(masked.scene(0, 1, torch::kCPU).sum().item<int>(), 6 * 9);
+  EXPECT_EQ(masked.scene(1, 1, torch::kCPU).sum().item<int>(), 6 * 8);
+  diver.scene = torch::ones({7, 8}, torch::kBool);
+  EXPECT_THROW(plain.add(diver), c10::Error);
+}
+
 }  // namespace
 }  // namespace apvi::mapping
