@@ -78,6 +78,7 @@ void add_commands(CLI::App& app) {
   apvi::cli::add_merge(app);
   apvi::cli::add_refine(app);
   apvi::cli::add_diff(app);
+  apvi::cli::add_scale(app);
 #endif
   apvi::cli::add_config(app);
 }

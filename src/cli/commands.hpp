@@ -25,5 +25,6 @@ void add_export(CLI::App& app);
 void add_merge(CLI::App& app);
 void add_refine(CLI::App& app);
 void add_diff(CLI::App& app);
+void add_scale(CLI::App& app);
 
 }  // namespace apvi::cli

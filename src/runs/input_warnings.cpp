@@ -92,22 +92,25 @@ void check_images(const ImageCounts& counts, std::size_t camera, Warnings& warni
   warnings.push_back(std::move(text));
 }
 
+constexpr const char* kKnownLength = ". If you know a length in the scene: apvi scale";
+
 void check_scale(const Evidence& evidence, Warnings& warnings) {
   if (!has_unknown_scale(evidence)) return;
   if (evidence.streams.contains("imu")) {
     warnings.push_back(fmt::format(
         "scale: unknown, as the IMU did not show it: visual-inertial odometry never initialized "
         "and waited for {}; distances are in a unit in which the first scene is "
-        "vio.visual.start_distance away",
-        evidence.vio->waiting_for));
+        "vio.visual.start_distance away{}",
+        evidence.vio->waiting_for, kKnownLength));
   } else if (evidence.streams.contains("dvl")) {
     warnings.push_back(
         "scale: unknown, as too few velocities of the DVL agree with the images; check its "
         "mounting and its stamps with `apvi doctor`");
   } else if (evidence.streams.contains("pressure") || evidence.streams.contains("depth")) {
-    warnings.push_back(
+    warnings.push_back(fmt::format(
         "scale: unknown, as the depth did not show it: without an IMU the camera must move up and "
-        "down and in both horizontal directions");
+        "down and in both horizontal directions{}",
+        kKnownLength));
   }
 }
 

@@ -80,12 +80,13 @@ void warn_about_scale(ScaleSource source) {
   if (source == ScaleSource::images) {
     log::warning(
         "scale: unknown, as images alone do not show it; distances are not meters, but in a unit "
-        "in which the first scene is vio.visual.start_distance away");
+        "in which the first scene is vio.visual.start_distance away. If you know a length in the "
+        "scene: apvi scale");
   }
   if (source == ScaleSource::unknown) {
     log::warning(
         "scale: unknown; distances are in units of the given poses, not meters. If you know the "
-        "unit: apvi import --meters-per-unit");
+        "unit: apvi import --meters-per-unit; if you know a length in the scene: apvi scale");
   }
 }
 
