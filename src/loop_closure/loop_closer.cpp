@@ -200,8 +200,10 @@ void LoopCloser::reconnect(const Place& place) {
   graph_.place_since(search_->first(), found->T_map_odometry);
   for (const Loop& loop : found->loops) graph_.add(loop);
   closures_ += found->loops.size();
-  log::info("the path after a break is found again: {} images agree, by {} points of earlier ones",
-            found->loops.size(), found->points);
+  log::info(
+      "the path after a break is found again after {:.1f} s: {} images agree, by {} points of "
+      "earlier ones",
+      graph_.age_s(search_->first()), found->loops.size(), found->points);
   ++reconnections_;
   search_.reset();
   news_ = std::numeric_limits<double>::infinity();
