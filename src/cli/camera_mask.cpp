@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <ostream>
 #include <string>
@@ -17,13 +17,12 @@
 #include "core/interrupt.hpp"
 #include "core/status_line.hpp"
 #include "doctor/static_parts.hpp"
+#include "importer/image_encoder.hpp"
 
 namespace apvi::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double kMaxShare = 0.6;  // of the image; more means that the camera does not move
 
 struct Arguments {
   io::DatasetConfig dataset;
@@ -34,8 +33,7 @@ struct Arguments {
 };
 
 void write_image(const fs::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(".png", image, bytes);
+  const std::vector<std::uint8_t> bytes = importer::encode(image, {.png = true});
   write_file_atomically(path, [&bytes](std::ostream& out) {
     out.write(reinterpret_cast<const char*>(bytes.data()),
               static_cast<std::streamsize>(bytes.size()));
@@ -80,7 +78,7 @@ void make_mask(const Arguments& a) {
               parts.images());
     return;
   }
-  if (share > kMaxShare) {
+  if (share > doctor::StaticParts::kMaxShare) {
     fail_run("{:.0f} % of the image hardly changes: does the vehicle move in this recording?",
              100.0 * share);
   }

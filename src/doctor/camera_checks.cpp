@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "doctor/checks.hpp"
+#include "doctor/static_parts.hpp"
 
 namespace apvi::doctor {
 namespace {
@@ -38,8 +39,7 @@ void check_principal_point(const CameraModel::Parameters& p, const std::string& 
 
 void check_static_parts(double share, const std::string& name, Report& report) {
   constexpr double kMinShare = 0.002;
-  constexpr double kMaxShare = 0.6;  // more: the vehicle hardly moves
-  if (share < kMinShare || share > kMaxShare) return;
+  if (share < kMinShare || share > StaticParts::kMaxShare) return;
   report.add({Severity::warning,
               name,
               "static parts",

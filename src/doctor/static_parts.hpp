@@ -39,6 +39,7 @@ class StaticParts {
   cv::Mat mean_image() const;
 
   static constexpr int kMinImages = 20;
+  static constexpr double kMaxShare = 0.6;  ///< more means that the vehicle hardly moves
 
  private:
   bool is_new(const cv::Mat& gray);

@@ -10,7 +10,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -25,6 +24,7 @@
 #include "runs/posed_images.hpp"
 #include "runs/refine_result.hpp"
 #include "runs/run_config.hpp"
+#include "runs/run_folder.hpp"
 #include "runs/simulated_truth.hpp"
 #include "runs/stored_map.hpp"
 #include "slam/camera_conversion.hpp"
@@ -46,15 +46,6 @@ RefineResult all_blocks(const fs::path& folder, const RefinePlan& plan) {
     results.push_back(read_result(result_file(folder, {.round = plan.rounds - 1, .block = block})));
   }
   return join(std::move(results));
-}
-
-void copy_files(const fs::path& from, const fs::path& to) {
-  for (const char* name : kKeptFiles) {
-    if (!fs::exists(from / name)) continue;
-    std::error_code error;
-    fs::copy_file(from / name, to / name, fs::copy_options::overwrite_existing, error);
-    if (error) fail_run("{}: {}", (to / name).string(), error.message());
-  }
 }
 
 /// The poses at all images of the map, those of the training images as refined.
@@ -148,7 +139,7 @@ RefineFigures write_refined_run(const fs::path& folder, const RefinePlan& plan, 
   const RunConfig config = load_recorded_run_config(plan.run / "resolved.yaml");
   const CameraMount mount = mount_of_run(config);
   RefineResult all = all_blocks(folder, plan);
-  copy_files(plan.run, folder);
+  copy_files(plan.run, folder, kKeptFiles);
   const Trajectory poses = refined_poses(plan, all, mount.T_body_camera);
   io::write_tum(folder / "keyframes.tum", poses);
   PosedImages images = load_posed_images(

@@ -128,6 +128,15 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   fs::remove_all(path / "renders", error);
 }
 
+void copy_files(const fs::path& from, const fs::path& to, std::span<const char* const> names) {
+  for (const char* name : names) {
+    if (!fs::exists(from / name)) continue;
+    std::error_code error;
+    fs::copy_file(from / name, to / name, fs::copy_options::overwrite_existing, error);
+    if (error) fail_run("{}: {}", (to / name).string(), error.message());
+  }
+}
+
 RunFolder::RunFolder(const fs::path& path, const RunFolderOptions& options)
     : path_(path), camera_(options.camera) {
   prepare_folder(path, options.overwrite);

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <span>
 #include <string>
 
 #include "localization/acoustic_odometry.hpp"
@@ -17,6 +18,11 @@ void check_vacant(const std::filesystem::path& path, bool overwrite);
 /// Throws InputError when it already holds a run and `overwrite` is false, RunError when it cannot
 /// be created.
 void prepare_folder(const std::filesystem::path& path, bool overwrite);
+
+/// Copies those of the named files that a run has into another folder, over what is there. Throws
+/// RunError when one cannot be copied.
+void copy_files(const std::filesystem::path& from, const std::filesystem::path& to,
+                std::span<const char* const> names);
 
 struct RunFolderOptions {
   bool overwrite = false;  ///< replace an existing run

@@ -194,15 +194,6 @@ void scale_places(const fs::path& from, const fs::path& to, double factor) {
   save(map, to / kPlacesFile);
 }
 
-void copy_files(const fs::path& from, const fs::path& to) {
-  for (const char* name : kCopied) {
-    if (!fs::exists(from / name)) continue;
-    std::error_code error;
-    fs::copy_file(from / name, to / name, fs::copy_options::overwrite_existing, error);
-    if (error) fail_run("{}: {}", (to / name).string(), error.message());
-  }
-}
-
 void write_metrics(const ScaleRequest& request, const ScaleResult& result) {
   const eval::Json before = eval::read_metrics(request.run / "metrics.json");
   eval::Json sections = {{"scale",
@@ -238,7 +229,7 @@ ScaleResult scale_run(const ScaleRequest& request) {
   scale_map(request.run, request.folder, result.meters_per_unit);
   scale_trajectories(request.run, request.folder, result.meters_per_unit, run.T_body_camera());
   scale_places(request.run, request.folder, result.meters_per_unit);
-  copy_files(request.run, request.folder);
+  copy_files(request.run, request.folder, kCopied);
   write_metrics(request, result);
   return result;
 }
