@@ -150,7 +150,8 @@ struct VisionConfig {
     v("huber_px", huber_px, Range{0.01, 1000.0},
       "Huber threshold of the reprojection residual [px]");
     v("max_reprojection_px", max_reprojection_px, Range{0.1, 1000.0},
-      "landmarks with a larger mean reprojection error are removed [px]");
+      "landmarks with a larger mean reprojection error are removed; those with more than 1 px also "
+      "when it is above three times the median of all [px]");
     v("min_observations", min_observations, Range{2, 50},
       "minimum observations of a landmark in the graph");
     v("min_parallax_deg", min_parallax_deg, Range{0.0, 90.0},

@@ -14,7 +14,9 @@ void solve_window(const Graph& graph, Window& window, const Config& config, cons
   result.landmarks = graph.landmarks();
   result.observations = graph.observations();
   const Frame& newest = window.newest();
-  if (!newest.vision_excluded) reject_outliers(window, rig, config.vision.max_reprojection_px);
+  if (!newest.vision_excluded) {
+    reject_outliers(window, rig, outlier_limit_px(window, rig, config.vision.max_reprojection_px));
+  }
   result.reprojection_rms_px = newest.vision_excluded ? 0.0 : newest_rms_px(window, rig);
   result.state = to_nav_state(newest.state);
   watch.reset();

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
+#include <vector>
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
@@ -18,8 +20,24 @@ using Matrix15 = Eigen::Matrix<double, 15, 15>;
 
 constexpr Duration kMaxPressureDepthGap{60'000'000};
 
+// Landmarks with a mean error of less than this, or than so many times the median of all, are no
+// outliers. Wrong calibration raises all errors.
+constexpr double kMinOutlier_px = 1.0;
+constexpr double kOutlierMedians = 3.0;
+
 double focal(const Rig& rig, int camera) {
   return rig.cameras[static_cast<std::size_t>(camera)].model.parameters().fx;
+}
+
+/// Mean reprojection error over all observations but the anchor's.
+std::optional<double> mean_error_px(const Landmark& landmark, const Window& window,
+                                    const Rig& rig) {
+  double sum = 0.0;
+  for (std::size_t k = 1; k < landmark.observations.size(); ++k) {
+    sum += reprojection_error_px(landmark, landmark.observations[k], window, rig);
+  }
+  if (landmark.observations.size() < 2) return std::nullopt;
+  return sum / static_cast<double>(landmark.observations.size() - 1);
 }
 
 void hold_fixed_blocks(Linearizer& linearizer, Window& window, const Config& config) {
@@ -171,15 +189,22 @@ void reject_outliers(Window& window, const Rig& rig, double max_error_px) {
       landmark.inverse_depth = 0.0;
       continue;
     }
-    double sum = 0.0;
-    for (std::size_t k = 1; k < landmark.observations.size(); ++k) {
-      sum += reprojection_error_px(landmark, landmark.observations[k], window, rig);
-    }
-    const auto count = static_cast<double>(landmark.observations.size() - 1);
-    if (count == 0.0 || sum / count <= max_error_px) continue;
+    if (mean_error_px(landmark, window, rig).value_or(0.0) <= max_error_px) continue;
     landmark.inverse_depth = 0.0;
     window.rejected_tracks.insert(id);
   }
+}
+
+double outlier_limit_px(const Window& window, const Rig& rig, double max_error_px) {
+  std::vector<double> errors;
+  for (const auto& [id, landmark] : window.landmarks) {
+    if (!landmark.triangulated()) continue;
+    if (const auto error = mean_error_px(landmark, window, rig)) errors.push_back(*error);
+  }
+  if (errors.empty()) return max_error_px;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return std::min(max_error_px, std::max(kMinOutlier_px, kOutlierMedians * *middle));
 }
 
 void remove_rejected(Window& window) {
