@@ -61,6 +61,12 @@ void add_survey_options(CLI::App& command, runs::SurveyRequest& request) {
       ->group("Survey products");
   command
       .add_flag_callback(
+          "--map-depth", [&request] { request.compare_images = false; },
+          "elevation, mesh, survey: leave surfaces where the map shows them, instead of comparing "
+          "the recording's images around them")
+      ->group("Survey products");
+  command
+      .add_flag_callback(
           "--as-seen", [&request] { request.restore = false; },
           "colors attenuated by the water as at the survey's median range, instead of restored")
       ->group("Survey products");

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/survey_run.hpp"
 
+#include <torch/torch.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <vector>
 
 #include "apvi/core/error.hpp"
@@ -15,6 +18,7 @@
 #include "core/status_line.hpp"
 #include "map_io/map_file.hpp"
 #include "runs/local_origin.hpp"
+#include "runs/survey_depth.hpp"
 #include "runs/survey_source.hpp"
 #include "survey/geotiff.hpp"
 #include "survey/ground_products.hpp"
@@ -55,10 +59,10 @@ double resolution_of(const SurveyRequest& r, const SurveySource& source) {
   return resolution;
 }
 
-survey::Progress progress_of(const SurveyRequest& r, StatusLine& status) {
-  return [&r, &status](double fraction) {
+survey::Progress progress_of(const SurveyRequest& r, StatusLine& status, const std::string& what) {
+  return [&r, &status, what](double fraction) {
     if (r.interrupted()) fail_run("{}: interrupted; nothing was written", r.out.string());
-    status.update(fraction, r.product);
+    status.update(fraction, what);
   };
 }
 
@@ -163,12 +167,13 @@ void make_report(const Work& w) {
 struct Product {
   const char* word;
   void (*make)(const Work&);
-  bool shows_ground = true;  ///< whether it needs what can be seen from above
+  bool shows_ground = true;    ///< whether it needs what can be seen from above
+  bool measures_depth = true;  ///< whether it is about where surfaces are
 };
-constexpr std::array kProducts = {Product{"orthomosaic", make_ground_product},
+constexpr std::array kProducts = {Product{"orthomosaic", make_ground_product, true, false},
                                   Product{"elevation", make_ground_product},
-                                  Product{"las", make_las},
-                                  Product{"poses", make_poses, false},
+                                  Product{"las", make_las, true, false},
+                                  Product{"poses", make_poses, false, false},
                                   Product{"mesh", make_mesh},
                                   Product{"survey", make_report}};
 
@@ -187,15 +192,19 @@ bool is_survey_product(const std::string& word) {
 void export_survey(const SurveyRequest& request) {
   const Product* const product = find_product(request.product);
   if (product == nullptr) fail_input("--format: {} is no product of a survey", request.product);
-  const SurveySource source = load_survey(request);
-  const survey::SurveyMap visible = product->shows_ground
-                                        ? survey::seen_from_above(source.map, source.views)
-                                        : survey::SurveyMap{};
+  torch::set_num_threads(static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
+  SurveySource source = load_survey(request);
+  const survey::SurveyMap visible =
+      product->shows_ground ? survey::seen_from_above(source.map, survey::cameras_of(source.views))
+                            : survey::SurveyMap{};
   std::error_code error;
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
   StatusLine status("exporting");
-  product->make({request, source, visible, progress_of(request, status)});
+  if (request.compare_images && product->measures_depth) {
+    compare_survey_images(source, progress_of(request, status, "comparing images"));
+  }
+  product->make({request, source, visible, progress_of(request, status, request.product)});
 }
 
 }  // namespace apvi::runs

@@ -22,6 +22,7 @@ struct SurveyRequest {
   /// Positions in the coordinate reference system to fit the run's trajectory to, in place of
   /// origin and heading; empty: none. See `fit_georeference`.
   std::filesystem::path positions{};
+  bool compare_images = true;       ///< false: surfaces are where the map shows them
   bool restore = true;              ///< false: colors attenuated by the medium
   double contour_interval_m = 0.1;  ///< between contour lines
   std::function<bool()> interrupted = [] { return false; };

@@ -27,13 +27,13 @@ namespace fs = std::filesystem;
 constexpr std::size_t kSamples = 16;
 constexpr std::int64_t kSampleSide = 256;  // [px] of the views from above
 
-void add_cameras(SurveySource& survey, const fs::path& run, const RunConfig& config,
-                 const map_io::Origin& origin) {
-  const CameraMount mount = mount_of_run(config);
-  survey.cameras = io::read_trajectory(run / "keyframes.tum");
-  for (const StampedPose& pose : to_local(survey.cameras, origin).poses) {
-    survey.views.push_back(view_at(pose.T_world_body, mount));
+void add_cameras(SurveySource& survey, const fs::path& run) {
+  const CameraMount mount = mount_of_run(*survey.config);
+  survey.bodies = io::read_trajectory(run / "keyframes.tum");
+  for (const StampedPose& pose : to_local(survey.bodies, survey.origin).poses) {
+    survey.views.push_back({view_at(pose.T_world_body, mount)});
   }
+  survey.cameras = survey.bodies;
   for (StampedPose& pose : survey.cameras.poses) {
     pose.T_world_body = survey.reference.T_crs_world * pose.T_world_body * mount.T_body_camera;
   }
@@ -92,26 +92,26 @@ survey::Georeference reference_of(const SurveyRequest& request, bool z_down) {
 SurveySource load_survey(const SurveyRequest& request) {
   const fs::path& source = request.source;
   const bool is_run = fs::is_regular_file(source / "resolved.yaml");
-  const std::optional<RunConfig> config =
-      is_run ? std::optional(load_recorded_run_config(source / "resolved.yaml")) : std::nullopt;
-  const bool z_down = config && make_rig(config->rig).world == WorldFrame::ned;
-  StoredMap stored = load_drawable_map(source);
   SurveySource out;
+  if (is_run) out.config = load_recorded_run_config(source / "resolved.yaml");
+  const bool z_down = out.config && make_rig(out.config->rig).world == WorldFrame::ned;
+  StoredMap stored = load_drawable_map(source);
+  out.origin = stored.origin;
   out.reference = reference_of(request, z_down);
-  const map_io::Origin& o = stored.origin;
+  const map_io::Origin& o = out.origin;
   out.map.T_crs_map =
       out.reference.T_crs_world * SE3{Eigen::Quaterniond::Identity(), {o[0], o[1], o[2]}};
   out.map.map = std::move(stored.map);
-  if (config && fs::is_regular_file(source / "keyframes.tum")) {
-    add_cameras(out, source, *config, stored.origin);
-  }
+  if (out.config && fs::is_regular_file(source / "keyframes.tum")) add_cameras(out, source);
   return out;
 }
 
 std::vector<gaussians::View> sample_views(const SurveySource& source) {
   const std::size_t stride = (source.views.size() + kSamples - 1) / kSamples;
   std::vector<gaussians::View> views;
-  for (std::size_t i = 0; i < source.views.size(); i += stride) views.push_back(source.views[i]);
+  for (std::size_t i = 0; i < source.views.size(); i += stride) {
+    views.push_back(source.views[i].camera);
+  }
   return views;
 }
 

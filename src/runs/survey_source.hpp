@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "apvi/geometry/trajectory.hpp"
-#include "gaussians/render/view.hpp"
+#include "map_io/origin.hpp"
+#include "runs/run_config.hpp"
 #include "runs/survey_run.hpp"
 #include "survey/color_rule.hpp"
 #include "survey/georeference.hpp"
 #include "survey/survey_map.hpp"
+#include "survey/survey_view.hpp"
 
 namespace apvi::runs {
 
@@ -16,8 +19,11 @@ namespace apvi::runs {
 struct SurveySource {
   survey::SurveyMap map;
   survey::Georeference reference;
-  Trajectory cameras;                  ///< T_crs_camera of the keyframes
-  std::vector<gaussians::View> views;  ///< the same, in the frame of the map
+  Trajectory cameras;                     ///< T_crs_camera of the keyframes
+  std::vector<survey::SurveyView> views;  ///< the same, in the frame of the map
+  Trajectory bodies;                      ///< the same of the body, in the recording's world
+  map_io::Origin origin{};                ///< of the map, in the recording's world
+  std::optional<RunConfig> config;        ///< of the run
 };
 /// Throws InputError when the source is neither a run with a map nor a map file.
 SurveySource load_survey(const SurveyRequest& request);

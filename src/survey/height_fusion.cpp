@@ -11,6 +11,7 @@
 
 #include "survey/crs_points.hpp"
 #include "survey/mesh_views.hpp"
+#include "survey/projection.hpp"
 
 namespace apvi::survey {
 namespace {
@@ -32,24 +33,6 @@ struct Columns {
 
   Tensor points() const { return foot + height.unsqueeze(1) * up; }
 };
-
-struct Projection {
-  Tensor pixel;  ///< [n] int64, row-major; 0 outside
-  Tensor depth;  ///< [n] along the optical axis [m]
-  Tensor inside;
-};
-
-Projection project(const gaussians::View& view, const Tensor& points) {
-  const gaussians::Intrinsics& k = view.intrinsics;
-  const Tensor T = view.T_camera_world.to(points.options());
-  const Tensor p = points.mm(T.slice(0, 0, 3).slice(1, 0, 3).t()) + T.slice(0, 0, 3).select(1, 3);
-  const Tensor z = p.select(1, 2);
-  const Tensor u = (k.fx * p.select(1, 0) / z + k.cx).floor();
-  const Tensor v = (k.fy * p.select(1, 1) / z + k.cy).floor();
-  const Tensor inside = (z > 0.0) & (u >= 0.0) & (u < k.width) & (v >= 0.0) & (v < k.height);
-  const Tensor index = torch::where(inside, v * k.width + u, torch::zeros_like(u));
-  return {index.to(torch::kInt64), z, inside};
-}
 
 /// The camera's position in the frame of the map [3].
 Tensor center_of(const gaussians::View& view, const torch::TensorOptions& options) {
@@ -86,19 +69,19 @@ Columns columns_of(const SurveyMap& map, const Tensor& heights, const GroundGrid
 
 /// A view with its depth image, flat.
 struct DepthImage {
-  const gaussians::View* view;
+  const SurveyView* view;
   Tensor depth;  ///< [H * W]; 0 where unknown
 };
 
-std::vector<DepthImage> images_of(const SurveyMap& map, const std::vector<gaussians::View>& views,
+std::vector<DepthImage> images_of(const SurveyMap& map, const std::vector<SurveyView>& views,
                                   const Tensor& probes) {
-  std::vector<const gaussians::View*> seeing;
+  std::vector<const SurveyView*> seeing;
   std::size_t bytes = 1;
-  for (const gaussians::View& view : views) {
-    if (!project(view, probes).inside.any().item<bool>()) continue;
+  for (const SurveyView& view : views) {
+    if (!project(view.camera, probes).inside.any().item<bool>()) continue;
     seeing.push_back(&view);
-    bytes += sizeof(float) * static_cast<std::size_t>(view.intrinsics.width) *
-             static_cast<std::size_t>(view.intrinsics.height);
+    const gaussians::Intrinsics& k = view.camera.intrinsics;
+    bytes += sizeof(float) * static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height);
   }
   const std::size_t stride = (bytes + kMaxBytes - 1) / kMaxBytes;
   std::vector<DepthImage> images;
@@ -114,9 +97,9 @@ Tensor move(Columns& columns, const std::vector<DepthImage>& images, double trun
   Tensor sum = torch::zeros_like(columns.height);
   Tensor count = torch::zeros_like(columns.height);
   for (const DepthImage& image : images) {
-    const Projection at = project(*image.view, points);
+    const Projection at = project(image.view->camera, points);
     const Tensor seen = image.depth.index_select(0, at.pixel);
-    const Tensor above = (center_of(*image.view, points.options()) - points).mv(columns.up);
+    const Tensor above = (center_of(image.view->camera, points.options()) - points).mv(columns.up);
     const Tensor drop = (seen - at.depth) * above / at.depth;
     const Tensor most = truncation * above;
     const Tensor valid = at.inside & (seen > 0.0) & (above > 0.0) & (drop > -most);
@@ -129,9 +112,9 @@ Tensor move(Columns& columns, const std::vector<DepthImage>& images, double trun
 
 }  // namespace
 
-HeightFusion::HeightFusion(const SurveyMap& map, std::vector<gaussians::View> views)
+HeightFusion::HeightFusion(const SurveyMap& map, std::vector<SurveyView> views)
     : map_(&map), views_(std::move(views)) {
-  for (gaussians::View& view : views_) view = reduced(view);
+  for (SurveyView& view : views_) view.camera = reduced(view.camera);
 }
 
 Tensor HeightFusion::operator()(const Tensor& heights, const GroundGrid& tile) const {

@@ -5,13 +5,13 @@
 
 #include <vector>
 
-#include "gaussians/render/view.hpp"
 #include "survey/survey_map.hpp"
+#include "survey/survey_view.hpp"
 
 namespace apvi::survey {
 
-/// Heights by the depth that the map shows in its views, which the images constrained, instead of
-/// from above, where no camera was.
+/// Heights by the depth of the map in its views (`reliable_depth`), which the images constrained,
+/// instead of from above, where no camera was.
 ///
 /// Fixed-point iteration on every vertical line: a view whose ray through the point at height z
 /// meets the surface at depth d instead of the point's depth d_p puts a level surface at
@@ -22,7 +22,7 @@ namespace apvi::survey {
 class HeightFusion {
  public:
   /// `map` with all of its Gaussians. Views wider than 640 px are reduced.
-  HeightFusion(const SurveyMap& map, std::vector<gaussians::View> views);
+  HeightFusion(const SurveyMap& map, std::vector<SurveyView> views);
 
   /// Heights [H,W] float64 [m], NaN where unknown, refined; NaN also where fewer than three views
   /// (or all, if there are fewer) agree within the last truncation or see the surface farther away.
@@ -31,7 +31,7 @@ class HeightFusion {
 
  private:
   const SurveyMap* map_;
-  std::vector<gaussians::View> views_;
+  std::vector<SurveyView> views_;
 };
 
 }  // namespace apvi::survey

@@ -15,6 +15,7 @@
 #include <system_error>
 
 #include "apvi/core/error.hpp"
+#include "survey/mesh_support.hpp"
 #include "survey/mesh_views.hpp"
 
 namespace apvi::survey {
@@ -24,6 +25,7 @@ namespace fs = std::filesystem;
 using torch::Tensor;
 
 constexpr double kTruncation = 4.0;  // [voxels]
+constexpr double kSupport = 2.0;     // [voxels] from the depth of a view that shows a surface
 
 open3d::geometry::Image to_image(const Tensor& pixels) {
   const int channels = pixels.dim() == 3 ? static_cast<int>(pixels.size(2)) : 1;
@@ -62,6 +64,19 @@ std::vector<Row> to_rows(const Tensor& tensor) {
   return out;
 }
 
+/// The vertices where `kept` [n] is true, and the triangles between them.
+Mesh part_of(const Mesh& mesh, const Tensor& kept) {
+  const Tensor corners = mesh.triangles.to(torch::kInt64);
+  const Tensor whole =
+      kept.index_select(0, corners.flatten()).view({-1, 3}).all(1).nonzero().squeeze(1);
+  const Tensor triangles = corners.index_select(0, whole);
+  Tensor used = torch::zeros_like(kept);
+  used.index_fill_(0, triangles.flatten(), true);
+  const Tensor number = used.to(torch::kInt64).cumsum(0) - 1;
+  return {mesh.vertices.index({used}), mesh.colors.index({used}),
+          number.index_select(0, triangles.flatten()).view({-1, 3}).to(torch::kInt32)};
+}
+
 /// glTF has y up and z to the south.
 SE3 gltf_axes() {
   Eigen::Matrix3d R;
@@ -71,19 +86,23 @@ SE3 gltf_axes() {
 
 }  // namespace
 
-Mesh fuse(const mapping::Map& map, const std::vector<gaussians::View>& views,
-          const ColorRule& colors, double voxel_m, const Progress& progress) {
+Mesh fuse(const mapping::Map& map, const std::vector<SurveyView>& views, const ColorRule& colors,
+          double voxel_m, const Progress& progress) {
   open3d::pipelines::integration::ScalableTSDFVolume volume(
       voxel_m, kTruncation * voxel_m, open3d::pipelines::integration::TSDFVolumeColorType::RGB8);
   double done = 0.0;
-  for (const gaussians::View& view : views) {
-    progress(done++ / static_cast<double>(views.size()));
+  for (const SurveyView& view : views) {
+    progress(0.7 * done++ / static_cast<double>(views.size()));
     const MeshView seen = mesh_view(map, view, colors);
     const open3d::geometry::RGBDImage image(to_image(seen.color), to_image(seen.depth));
-    volume.Integrate(image, to_intrinsic(view.intrinsics), to_matrix(view.T_camera_world));
+    volume.Integrate(image, to_intrinsic(view.camera.intrinsics),
+                     to_matrix(view.camera.T_camera_world));
   }
-  const auto mesh = volume.ExtractTriangleMesh();
-  return {to_tensor(mesh->vertices_), to_tensor(mesh->vertex_colors_), to_tensor(mesh->triangles_)};
+  const auto extracted = volume.ExtractTriangleMesh();
+  const Mesh mesh{to_tensor(extracted->vertices_), to_tensor(extracted->vertex_colors_),
+                  to_tensor(extracted->triangles_)};
+  return part_of(mesh, supported_points(mesh.vertices, map, views, kSupport * voxel_m,
+                                        [&progress](double f) { progress(0.7 + 0.3 * f); }));
 }
 
 void write_mesh(const fs::path& file, const Mesh& mesh, const SE3& T_file_map) {

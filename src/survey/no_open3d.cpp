@@ -5,7 +5,7 @@
 
 namespace apvi::survey {
 
-Mesh fuse(const mapping::Map&, const std::vector<gaussians::View>&, const ColorRule&, double,
+Mesh fuse(const mapping::Map&, const std::vector<SurveyView>&, const ColorRule&, double,
           const Progress&) {
   fail_input("mesh: this build has no Open3D; install libopen3d-dev and build again");
 }

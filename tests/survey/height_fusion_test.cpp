@@ -15,8 +15,8 @@ namespace {
 using torch::Tensor;
 
 /// Cameras at the origin's height, looking down and a little to the east.
-std::vector<gaussians::View> views_of(int count) {
-  std::vector<gaussians::View> views;
+std::vector<SurveyView> views_of(int count) {
+  std::vector<SurveyView> views;
   for (int i = 0; i < count; ++i) {
     gaussians::View view;
     view.intrinsics = {
@@ -26,7 +26,7 @@ std::vector<gaussians::View> views_of(int count) {
                                          {0.6, 0.0, -0.8, 0.06 * i},
                                          {0.0, 0.0, 0.0, 1.0}},
                                         torch::kFloat64);
-    views.push_back(view);
+    views.push_back({view});
   }
   return views;
 }
@@ -71,11 +71,12 @@ TEST(HeightFusion, WhereNoViewLooksNothingIsKnown) {
 TEST(HeightFusion, ViewsFromBelowDoNotCount) {
   Ground ground;
   const Tensor clear = HeightFusion(ground.map, views_of(5))(ground.truth, ground.grid);
-  std::vector<gaussians::View> views = views_of(5);
+  std::vector<SurveyView> views = views_of(5);
   for (int i = 0; i < 3; ++i) {
     views.push_back(views.front());
-    views.back().T_camera_world = views.front().T_camera_world.clone();
-    views.back().T_camera_world[2][3] = -6.0;
+    gaussians::View& camera = views.back().camera;
+    camera.T_camera_world = camera.T_camera_world.clone();
+    camera.T_camera_world[2][3] = -6.0;
   }
   const Tensor heights = HeightFusion(ground.map, views)(ground.truth, ground.grid);
   EXPECT_LT((heights - clear).abs().max().item<double>(), 1e-4);

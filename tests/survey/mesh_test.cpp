@@ -7,6 +7,7 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -22,7 +23,7 @@ using torch::Tensor;
 constexpr double kVoxel_m = 0.02;
 
 /// A camera at `from` that looks at the origin.
-gaussians::View looking_at_origin(const Eigen::Vector3d& from) {
+SurveyView looking_at_origin(const Eigen::Vector3d& from) {
   const Eigen::Vector3d z = -from.normalized();
   const Eigen::Vector3d x = z.unitOrthogonal();
   Eigen::Matrix3d R;
@@ -35,7 +36,7 @@ gaussians::View looking_at_origin(const Eigen::Vector3d& from) {
     for (int j = 0; j < 3; ++j) view.T_camera_world[i][j] = R(i, j);
     view.T_camera_world[i][3] = t[i];
   }
-  return view;
+  return {view};
 }
 
 /// Flat Gaussians on a sphere around the origin, by a Fibonacci lattice.
@@ -65,7 +66,7 @@ Tensor corner(const Mesh& mesh, std::int64_t which) {
 }
 
 TEST(Fuse, AHemisphereHasItsRadiusColorAndOutside) {
-  std::vector<gaussians::View> views;
+  std::vector<SurveyView> views;
   for (int k = 0; k < 8; ++k) {
     const double azimuth = k * std::numbers::pi / 4.0;
     views.push_back(looking_at_origin({std::cos(azimuth), std::sin(azimuth), 1.0}));
@@ -96,6 +97,19 @@ TEST(Fuse, AHoleInThePlaneStaysAHole) {
   EXPECT_GT(at.min().item<double>(), 0.1);
   EXPECT_LT(at.min().item<double>(), 0.25);
   EXPECT_LT(mesh.vertices.select(1, 2).abs().mean().item<double>(), 0.001);
+}
+
+TEST(Fuse, TheSurfaceIsWhereTheViewsSayAndAHoleWhereTheyConfirmNone) {
+  const SurveyMap plane = test::plane_map({.side_m = 1.2, .height_m = 0.0});
+  SurveyView view = looking_at_origin({0.0, 0.0, 1.0});
+  view.depth_change = torch::full({60, 80}, 0.05F);
+  view.depth_change.slice(1, 0, 40) = std::numeric_limits<float>::quiet_NaN();
+  view.depth_change = view.depth_change.to(torch::kHalf);
+  const Mesh mesh = fuse(plane.map, {view}, {}, kVoxel_m, [](double) {});
+  EXPECT_NEAR(mesh.vertices.select(1, 2).median().item<double>(), -0.05, 0.002);
+  const Tensor right = mesh.vertices.to(torch::kFloat64)
+                           .mm(view.camera.T_camera_world.slice(0, 0, 1).slice(1, 0, 3).t());
+  EXPECT_GT(right.min().item<double>(), -2.0 * kVoxel_m);
 }
 
 TEST(Fuse, AMapWithNothingInItHasAnEmptyMesh) {
