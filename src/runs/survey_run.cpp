@@ -200,10 +200,11 @@ void export_survey(const SurveyRequest& request) {
   std::error_code error;
   fs::create_directories(request.out, error);
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
-  StatusLine status("exporting");
   if (request.compare_images && product->measures_depth) {
-    compare_survey_images(source, progress_of(request, status, "comparing images"));
+    StatusLine status("comparing images");
+    compare_survey_images(source, progress_of(request, status, ""));
   }
+  StatusLine status("exporting");
   product->make({request, source, visible, progress_of(request, status, request.product)});
 }
 
