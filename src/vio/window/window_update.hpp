@@ -40,9 +40,8 @@ double reprojection_error_px(const Landmark& landmark, const Landmark::Observati
 /// rejected.
 void reject_outliers(Window& window, const Rig& rig, double max_error_px);
 /// The mean reprojection error above which a landmark is an outlier: several times the median of
-/// all, at most `max_error_px`. Corners where things
-/// at different distances cross (a grating in front of a wall) move like no point does, but by
-/// little from image to image.
+/// all, at most `max_error_px`. Corners where things at different distances cross (a grating in
+/// front of a wall) move like no point does, but by little from image to image.
 double outlier_limit_px(const Window& window, const Rig& rig, double max_error_px);
 /// Removes the landmarks of rejected tracks, once no term refers to them.
 void remove_rejected(Window& window);
