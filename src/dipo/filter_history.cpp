@@ -20,11 +20,9 @@ constexpr double kSparse_s = 0.05;
 constexpr double kSparseTurnRate = 0.03;     // [rad/s]
 constexpr double kSparseAcceleration = 0.1;  // [m/s²]
 
-// Assumed turn rate and acceleration during a gap in the inertial data.
-constexpr double kGapTurnRate = 0.2;      // [rad/s]
-constexpr double kGapAcceleration = 0.3;  // [m/s²]
-constexpr double kGapMaxTurn = 1.0;       // [rad]
-constexpr double kGapMaxSpeed = 2.0;      // [m/s]
+// Limits of the assumed motion during a gap in the inertial data.
+constexpr double kGapMaxTurn = 1.0;   // [rad]
+constexpr double kGapMaxSpeed = 2.0;  // [m/s]
 
 struct Mean {
   Vector3d sum = Vector3d::Zero();
@@ -90,8 +88,8 @@ void FilterHistory::move(Eskf& filter, Stamp from, Stamp to, std::size_t step) c
   const Step& begin = steps_[step - 1];
   const double dt = span.seconds();
   if (end.sample.stamp - begin.sample.stamp > max_step_) {
-    filter.coast(dt, {std::min(kGapTurnRate * dt, kGapMaxTurn),
-                      std::min(kGapAcceleration * dt, kGapMaxSpeed)});
+    filter.coast(dt, {std::min(imu::kGapTurnRate * dt, kGapMaxTurn),
+                      std::min(imu::kGapAcceleration * dt, kGapMaxSpeed)});
     return;
   }
   filter.propagate(0.5 * (begin.sample.gyro + end.sample.gyro),

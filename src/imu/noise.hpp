@@ -11,4 +11,8 @@ struct Noise {
   double accel_walk = 1e-4;  ///< bias random walk [m/s³/sqrt(Hz)]
 };
 
+// Assumed turn rate and acceleration during a gap in the inertial data, one sigma.
+inline constexpr double kGapTurnRate = 0.2;      // [rad/s]
+inline constexpr double kGapAcceleration = 0.3;  // [m/s²]
+
 }  // namespace apvi::imu

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "imu/preintegration.hpp"
 
+#include <cmath>
+
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
 
@@ -10,18 +12,27 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+namespace {
+
+// Variance density of white noise that has the effect of an unknown constant `value` at the end of
+// a gap: density² T = (value T)².
+double with_gap(double noise_density, double value, double gap_s) {
+  return noise_density * noise_density + value * value * gap_s;
+}
+
+}  // namespace
+
 Preintegration::Preintegration(const Noise& noise, const Vector3d& gyro_bias,
                                const Vector3d& accel_bias)
     : noise_(noise), gyro_bias_(gyro_bias), accel_bias_(accel_bias) {}
 
-void Preintegration::integrate(const ImuSample& from, const ImuSample& to, double noise_factor) {
+void Preintegration::integrate(const ImuSample& from, const ImuSample& to, double gap_s) {
   APVI_CHECK(to.stamp > from.stamp);
   step(0.5 * (from.gyro + to.gyro) - gyro_bias_, 0.5 * (from.accel + to.accel) - accel_bias_,
-       seconds_between(from.stamp, to.stamp), noise_factor * noise_factor);
+       seconds_between(from.stamp, to.stamp), gap_s);
 }
 
-void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt,
-                          double variance_factor) {
+void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt, double gap_s) {
   const Vector3d phi = gyro * dt;
   const Quaterniond R_mid = delta_.rotation * so3::exp(0.5 * phi);
   const Vector3d acceleration = R_mid * accel;
@@ -51,9 +62,13 @@ void Preintegration::step(const Vector3d& gyro, const Vector3d& accel, double dt
   covariance_ = F * covariance_ * F.transpose();
   const Eigen::Matrix<double, 9, 3> from_gyro = F.block<9, 3>(0, kGyroBias);
   const Eigen::Matrix<double, 9, 3> from_accel = F.block<9, 3>(0, kAccelBias);
-  covariance_.topLeftCorner<9, 9>() +=
-      (variance_factor * noise_.gyro * noise_.gyro / dt) * from_gyro * from_gyro.transpose() +
-      (variance_factor * noise_.accel * noise_.accel / dt) * from_accel * from_accel.transpose();
+  const double gyro_variance = with_gap(noise_.gyro, kGapTurnRate, gap_s) / dt;
+  const double accel_variance = with_gap(noise_.accel, kGapAcceleration, gap_s) / dt;
+  covariance_.topLeftCorner<9, 9>() += gyro_variance * from_gyro * from_gyro.transpose() +
+                                       accel_variance * from_accel * from_accel.transpose();
+  // Noise within the step: without it, position and velocity would move alike, and the covariance
+  // of a single step would have no inverse.
+  covariance_.diagonal().segment<3>(kPosition).array() += accel_variance * std::pow(dt, 4) / 12.0;
   covariance_.diagonal().segment<3>(kGyroBias).array() += noise_.gyro_walk * noise_.gyro_walk * dt;
   covariance_.diagonal().segment<3>(kAccelBias).array() +=
       noise_.accel_walk * noise_.accel_walk * dt;

@@ -32,8 +32,10 @@ class Preintegration {
                  const Eigen::Vector3d& accel_bias);
 
   /// Integrates the interval between two consecutive samples. Throws std::logic_error unless the
-  /// stamps increase. `noise_factor` scales the noise densities of this interval.
-  void integrate(const ImuSample& from, const ImuSample& to, double noise_factor = 1.0);
+  /// stamps increase. `gap_s` is the length of the gap in the data when the samples are
+  /// interpolated within one: the motion there is unknown, and the noise grows by that of an
+  /// unknown constant rate and acceleration over the gap.
+  void integrate(const ImuSample& from, const ImuSample& to, double gap_s = 0.0);
 
   double duration_s() const { return duration_s_; }
   /// At the biases given to the constructor.
@@ -48,8 +50,7 @@ class Preintegration {
   const Eigen::Vector3d& accel_bias() const { return accel_bias_; }
 
  private:
-  void step(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt,
-            double variance_factor);
+  void step(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel, double dt, double gap_s);
 
   Noise noise_;
   Eigen::Vector3d gyro_bias_;

@@ -15,6 +15,10 @@ bool is_older(const ImuSample& sample, Stamp stamp) {
   return sample.stamp < stamp;
 }
 
+bool is_newer(Stamp stamp, const ImuSample& sample) {
+  return stamp < sample.stamp;
+}
+
 }  // namespace
 
 bool SampleBuffer::add(const ImuSample& sample) {
@@ -44,6 +48,12 @@ std::optional<ImuSample> SampleBuffer::at(Stamp stamp) const {
   if (next->stamp == stamp) return *next;
   if (next == samples_.begin()) return std::nullopt;
   return interpolate(*std::prev(next), *next, stamp);
+}
+
+double SampleBuffer::step_at(Stamp stamp) const {
+  const auto next = std::upper_bound(samples_.begin(), samples_.end(), stamp, is_newer);
+  if (next == samples_.begin() || next == samples_.end()) return 0.0;
+  return seconds_between(std::prev(next)->stamp, next->stamp);
 }
 
 std::vector<ImuSample> SampleBuffer::between(Stamp from, Stamp to) const {

@@ -25,6 +25,8 @@ class SampleBuffer {
 
   /// The sample interpolated at `stamp`; nullopt outside the buffered span.
   std::optional<ImuSample> at(Stamp stamp) const;
+  /// Time between the measured samples around `stamp` [s]; 0 outside the buffered span.
+  double step_at(Stamp stamp) const;
   /// The samples of a span with both ends interpolated, at least two. Empty when the buffer does
   /// not cover the span or `to` is not after `from`.
   std::vector<ImuSample> between(Stamp from, Stamp to) const;

@@ -29,11 +29,10 @@ constexpr double kStaleAccelBias = 0.05;  // [m/s²]
 constexpr double kMinOffsetStep_s = 0.002;
 constexpr double kMaxOffsetStep = 0.25;
 
-// Gaps in the inertial data: a step longer than this many sample periods gets inflated noise.
+// A step longer than this many sample periods is a gap in the inertial data.
 constexpr double kMissingSamples = 4.0;
 constexpr double kMinMaxStep_s =
     0.05;  // lower limit, in case the nominal rate of the rig is too high
-constexpr double kGapNoiseFactor = 100.0;
 
 // Appends a measurement and drops those older than the history; nothing else removes them before
 // initialization.
@@ -379,8 +378,9 @@ std::shared_ptr<imu::Preintegration> Estimator::preintegrate(Stamp from, Stamp t
   const Eigen::Map<const Eigen::Vector3d> accel_bias(state.motion.data() + 6);
   auto sum = std::make_shared<imu::Preintegration>(noise_, gyro_bias, accel_bias);
   for (std::size_t k = 1; k < samples.size(); ++k) {
-    const bool bridged = seconds_between(samples[k - 1].stamp, samples[k].stamp) > max_step_s_;
-    sum->integrate(samples[k - 1], samples[k], bridged ? kGapNoiseFactor : 1.0);
+    // Not the time between these two: the first and the last may be interpolated within a gap.
+    const double step_s = imu_.step_at(samples[k - 1].stamp);
+    sum->integrate(samples[k - 1], samples[k], step_s > max_step_s_ ? step_s : 0.0);
   }
   return sum;
 }

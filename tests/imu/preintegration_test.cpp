@@ -101,6 +101,30 @@ TEST(Preintegration, CovarianceMatchesMonteCarlo) {
   }
 }
 
+ImuSample at_rest(double seconds) {
+  return {{Duration::from_seconds(seconds).ns}, Vector3d::Zero(), {0.0, 0.0, 9.81}};
+}
+
+// White noise a(t) of density q: var(v) = q² T, var(p) = q² T³/3, cov(p, v) = q² T²/2.
+TEST(Preintegration, CovarianceOfOneStepIsThatOfContinuousNoise) {
+  const Noise noise{.gyro = 1e-9, .accel = 0.02};
+  Preintegration sum(noise, Vector3d::Zero(), Vector3d::Zero());
+  sum.integrate(at_rest(0.0), at_rest(0.05));
+  const double q = 0.02 * 0.02;
+  const auto& covariance = sum.covariance();
+  EXPECT_NEAR(covariance(3, 3), q * 0.05, 1e-9 * q);
+  EXPECT_NEAR(covariance(6, 6), q * std::pow(0.05, 3) / 3.0, 1e-9 * q);
+  EXPECT_NEAR(covariance(3, 6), q * std::pow(0.05, 2) / 2.0, 1e-9 * q);
+}
+
+TEST(Preintegration, IsUncertainByTheUnknownMotionAfterAGap) {
+  const Noise noise{.gyro = 1e-4, .accel = 1e-3};
+  Preintegration sum(noise, Vector3d::Zero(), Vector3d::Zero());
+  for (int k = 0; k < 10; ++k) sum.integrate(at_rest(0.05 * k), at_rest(0.05 * (k + 1)), 0.5);
+  EXPECT_NEAR(std::sqrt(sum.covariance()(0, 0)), kGapTurnRate * 0.5, 1e-4);
+  EXPECT_NEAR(std::sqrt(sum.covariance()(5, 5)), kGapAcceleration * 0.5, 1e-4);
+}
+
 TEST(Preintegration, RejectsNonIncreasingStamps) {
   Preintegration sum(Noise{}, Vector3d::Zero(), Vector3d::Zero());
   EXPECT_THROW(sum.integrate({.stamp = {10}}, {.stamp = {10}}), std::logic_error);

@@ -45,6 +45,15 @@ TEST(SampleBuffer, ReturnsNothingOutsideBuffer) {
   EXPECT_FALSE(SampleBuffer(Duration{1}).newest());
 }
 
+TEST(SampleBuffer, TellsTheTimeBetweenMeasuredSamples) {
+  const SampleBuffer buffer = buffer_of({0, 10, 500, 510});
+  EXPECT_DOUBLE_EQ(buffer.step_at({5 * kMillisecond}), 0.01);
+  EXPECT_DOUBLE_EQ(buffer.step_at({10 * kMillisecond}), 0.49);
+  EXPECT_DOUBLE_EQ(buffer.step_at({300 * kMillisecond}), 0.49);
+  EXPECT_DOUBLE_EQ(buffer.step_at({500 * kMillisecond}), 0.01);
+  EXPECT_DOUBLE_EQ(buffer.step_at({510 * kMillisecond}), 0.0);
+}
+
 TEST(SampleBuffer, RejectsNonIncreasingStamps) {
   SampleBuffer buffer = buffer_of({0, 10});
   EXPECT_FALSE(buffer.add(sample_at(10)));
