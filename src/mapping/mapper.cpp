@@ -3,26 +3,20 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
 #include "core/stopwatch.hpp"
 #include "gaussians/device.hpp"
 #include "gaussians/model/archive.hpp"
+#include "mapping/storage/stored_memory.hpp"
 #include "mapping/training/retry_on_oom.hpp"
 
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
-
-gaussians::Gaussians clone(const gaussians::Gaussians& gaussians) {
-  gaussians::Gaussians copy;
-  for (std::size_t k = 0; k < copy.tensors().size(); ++k) {
-    *copy.tensors()[k] = gaussians.tensors()[k]->clone();
-  }
-  return copy;
-}
 
 TrainerOptions optimizer_options(const MapperOptions& options) {
   TrainerOptions trainer = options.trainer;
@@ -45,6 +39,7 @@ PoseSigmas drift_per_second(const OnlineOptions& options) {
 Mapper::Mapper(const MapperOptions& options)
     : options_(options),
       optimizer_(empty_map(options, 0)),
+      region_(stored_memory(options.online).gaussians),
       selection_(options.online),
       poses_(drift_per_second(options.online)),
       aligner_(optimizer_.max_gaussians()),
@@ -74,6 +69,7 @@ KeyframeDecision Mapper::add(const MapperInput& input) {
 void Mapper::move_map(const MapperInput& input) {
   const auto entry = times_.scope("poses");
   const KeyframeMotions updated = poses_.update(input.moved, keyframes_);
+  region_.move(updated);
   retry_on_oom([&] { optimizer_.move(updated); });
 }
 
@@ -82,6 +78,7 @@ void Mapper::correct(const std::vector<LoopCorrection>& loop_corrections) {
   const auto entry = times_.scope("poses");
   const KeyframeMotions corrected = poses_.correct(loop_corrections, keyframes_);
   aligner_.move(corrected, keyframes_);
+  region_.move(corrected);
   retry_on_oom([&] { optimizer_.move(corrected); });
 }
 
@@ -114,6 +111,10 @@ void Mapper::add_training_keyframe(const MapperInput& input) {
   add_keyframe(input.keyframe);
   const std::size_t view = keyframes_.size() - 1;
   training_.add_view(view);
+  {
+    const auto entry = times_.scope("storage");
+    retry_on_oom([&] { region_.follow(view, extent(), keyframes_, optimizer_, training_); });
+  }
   {
     const auto entry = times_.scope("gains");
     retry_on_oom([&] { optimizer_.match_gain(keyframes_, view); });
@@ -215,11 +216,24 @@ void Mapper::estimate_medium() {
 double Mapper::step() {
   TORCH_CHECK(ready(), "mapper: no Gaussians or no keyframes to optimize yet");
   const Stopwatch watch;
+  if (training_.is_final() && region_.stored() > 0) revisit();
   const auto entry = times_.scope("steps");
   training_.step(extent(), optimizer_, keyframes_);
   densify();
   training_.add_final_time(watch.seconds());
   return training_.loss();
+}
+
+// The final refinement goes along the path, so that all parts have their turn on the device.
+void Mapper::revisit() {
+  const std::vector<std::size_t>& views = keyframes_.training();
+  const auto n = static_cast<double>(views.size());
+  const auto due = static_cast<std::size_t>(std::min(n - 1.0, n * training_.progress()));
+  if (revisited_ == views[due]) return;
+  const auto entry = times_.scope("storage");
+  const torch::NoGradGuard no_grad;
+  revisited_ = views[due];
+  retry_on_oom([&] { region_.revisit(views[due], extent(), keyframes_, optimizer_, training_); });
 }
 
 void Mapper::densify() {
@@ -248,10 +262,17 @@ void Mapper::retry_on_oom(const std::function<void()>& work) {
   mapping::retry_on_oom(work, optimizer_, keyframes_);
 }
 
-Map Mapper::snapshot() const {
+Map Mapper::snapshot(const torch::Device& device) const {
+  const torch::NoGradGuard no_grad;
   Map map = this->map();
-  map.gaussians = clone(map.gaussians);
+  map.gaussians = region_.complete(keyframes_, optimizer_, device);
   if (map.log_gains.defined()) map.log_gains = map.log_gains.clone();
+  return map;
+}
+
+Map Mapper::preview() const {
+  Map map = this->map();
+  map.gaussians = region_.preview(keyframes_, optimizer_);
   return map;
 }
 
@@ -261,6 +282,7 @@ Tensor Mapper::pose(std::size_t i) const {
 }
 
 void Mapper::change_scale(const gaussians::ScaleChange& change) {
+  region_.load_all(keyframes_, optimizer_, training_);
   poses_.change_scale(change, keyframes_);
   point_seeder_.change_scale(change);
   aligner_.change_scale(change);
@@ -283,6 +305,9 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   torch::serialize::OutputArchive optimizer;
   optimizer_.save(optimizer);
   archive.write("optimizer", optimizer);
+  torch::serialize::OutputArchive region;
+  region_.save(region, keyframes_, optimizer_);
+  archive.write("region", region);
   gaussians::write_archive(checkpoint, archive);
 }
 
@@ -306,6 +331,9 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     archive.read("optimizer", optimizer);
     read.optimizer_.load(optimizer);
     read.keyframes_.set_tone_curve(read.optimizer_.tone_curve());
+    torch::serialize::InputArchive region;
+    archive.read("region", region);
+    read.region_.load(region, read.keyframes_, read.optimizer_, read.training_);
   });
   *this = std::move(read);
 }

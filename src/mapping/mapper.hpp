@@ -23,6 +23,7 @@
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "mapping/medium/online_medium.hpp"
 #include "mapping/rendering.hpp"
+#include "mapping/storage/active_region.hpp"
 #include "mapping/training/map_optimizer.hpp"
 #include "mapping/training/online_training.hpp"
 
@@ -90,19 +91,25 @@ class Mapper {
   /// Progress of the final refinement, 0 to 1; 0 before it.
   double progress() const { return training_.progress(); }
 
-  /// The current map, empty before the first Gaussian; shares memory with the mapper.
+  /// The part of the current map that is on the device, empty before the first Gaussian; shares
+  /// memory with the mapper. It is the whole map unless the dive is large (see ActiveRegion).
   Map map() const { return optimizer_.full_map(); }
-  /// A deep copy of the current map.
-  Map snapshot() const;
+  /// A copy of the whole map on `device`.
+  Map snapshot(const torch::Device& device = gaussians::active_device()) const;
+  /// The whole map, with fewer Gaussians where it is not on the device; may share memory.
+  Map preview() const;
   const KeyframeStore& keyframes() const { return keyframes_; }
   /// Pose of a keyframe with its learned correction.
   torch::Tensor pose(std::size_t i) const;
-  std::int64_t size() const { return optimizer_.size(); }
-  /// Maximum number of Gaussians: as configured, or less after running out of memory.
+  /// Of the whole map.
+  std::int64_t size() const { return optimizer_.size() + region_.stored(); }
+  /// Number of Gaussians in host memory, which `map` does not contain.
+  std::int64_t stored() const { return region_.stored(); }
+  /// Maximum number of Gaussians on the device: as configured, or less after running out of memory.
   std::int64_t most_gaussians() const { return optimizer_.max_gaussians(); }
   std::int64_t iteration() const { return training_.iteration(); }
   /// Time spent so far: poses, gains, alignment, insertion, depth, depth_insertion, medium,
-  /// densification, steps. On a GPU, time is attributed to the scope that synchronizes.
+  /// densification, steps, storage. On a GPU, time is attributed to the scope that synchronizes.
   const Profiler& times() const { return times_; }
   /// Time spent on estimating depth [s], by which the mapping thread divides its time.
   double depth_s() const { return depth_seeder_.estimation_s(); }
@@ -133,10 +140,12 @@ class Mapper {
   void limit_image_memory();
   void estimate_medium();
   void densify();
+  void revisit();
 
   MapperOptions options_;
   KeyframeStore keyframes_;  ///< with their poses in the map frame
   MapOptimizer optimizer_;
+  ActiveRegion region_;
   KeyframeSelection selection_;
   KeyframePoses poses_;
   MapAligner aligner_;
@@ -147,6 +156,7 @@ class Mapper {
   OnlineDensification densification_;
   OnlineMedium medium_;
   OnlineTraining training_;
+  std::optional<std::size_t> revisited_;  ///< keyframe around which the map was last refined
   Profiler times_;
 };
 

@@ -92,7 +92,7 @@ std::optional<slam::MapCopy> LiveScene::copy_map() {
   if (iteration_ >= 0 && since_copy_.seconds() < kCopyPeriod_s) return std::nullopt;
   const std::scoped_lock lock(mapper_mutex_);
   if (mapper_ == nullptr || mapper_->gaussian_count() == 0) return std::nullopt;
-  slam::MapCopy copy = mapper_->snapshot();
+  slam::MapCopy copy = mapper_->preview();
   since_copy_.reset();
   if (copy.iteration == iteration_ || copy.map.gaussians.size() == 0) return std::nullopt;
   iteration_ = copy.iteration;

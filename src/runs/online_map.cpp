@@ -30,7 +30,8 @@ void OnlineMap::open_files() {
 void OnlineMap::write_periodic_output() {
   const mapping::Mapper& mapper = mapper_.mapper();
   if (log_->due(watch_.seconds()) && mapper.size() > 0) {
-    log_->write(watch_.seconds(), mapper.iteration(), mapper.map(), mapper.keyframes());
+    const mapping::Map whole = mapper.stored() > 0 ? mapper.snapshot() : mapper.map();
+    log_->write(watch_.seconds(), mapper.iteration(), whole, mapper.keyframes());
   }
   const double every = config_.mapping.checkpoint_every_s;
   if (every <= 0.0 || since_save_.seconds() < every) return;
@@ -56,7 +57,7 @@ void OnlineMap::save_map() {
   if (mapper.size() > 0) {
     auto checkpoint =
         std::async(std::launch::async, [&] { mapper.save(options_.folder / kCheckpointFile); });
-    write_map(options_.folder, mapper.map());
+    write_map(options_.folder, mapper.snapshot(torch::kCPU));
     checkpoint.get();
   }
   saving_s_ += watch.seconds();

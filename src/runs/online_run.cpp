@@ -117,7 +117,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   const mapping::Mapper& mapper = async.mapper();
   const auto truth = SimulatedTruth::open(config.dataset.path, rig.cameras.front().model,
                                           config.mapping.image_scale);
-  const mapping::Map made = mapper.map();
+  const mapping::Map made = mapper.snapshot();
   eval::Json figures =
       report_held_out(made, mapper.keyframes(), renders, truth ? &*truth : nullptr);
   // Reads the recording once more: not after Ctrl-C.

@@ -13,6 +13,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
+#include "gaussians/model/rows.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
 #include "sensors/camera_mask.hpp"
 #include "slam/map_access.hpp"
@@ -238,13 +239,24 @@ double AsyncMapper::depth_s() const {
 
 MapCopy AsyncMapper::snapshot() const {
   const std::scoped_lock lock(mutex_);
-  return {.map = mapper_.snapshot(), .keyframes = keyframes(), .iteration = mapper_.iteration()};
+  return {.map = mapper_.snapshot(),
+          .keyframes = keyframes(),
+          .iteration = mapper_.iteration()};
+}
+
+MapCopy AsyncMapper::preview() const {
+  const std::scoped_lock lock(mutex_);
+  MapCopy copy = {
+      .map = mapper_.preview(), .keyframes = keyframes(), .iteration = mapper_.iteration()};
+  copy.map.gaussians = gaussians::join({copy.map.gaussians});
+  if (copy.map.log_gains.defined()) copy.map.log_gains = copy.map.log_gains.clone();
+  return copy;
 }
 
 mapping::MapRendering AsyncMapper::render(const gaussians::View& view) const {
   const std::scoped_lock lock(mutex_);
   if (mapper_.size() == 0) return {};
-  return render_image(mapper_.map(), view);
+  return render_image(mapper_.preview(), view);
 }
 
 std::map<std::string, double> AsyncMapper::times() const {

@@ -107,6 +107,8 @@ class AsyncMapper : public localization::MapSink {
 
   /// A copy of the map; any thread. Empty before the first keyframe.
   MapCopy snapshot() const;
+  /// The same for a look at it: with fewer Gaussians far from the camera if the map is large.
+  MapCopy preview() const;
   /// Renders the map; any thread. Undefined tensors before the first keyframe.
   mapping::MapRendering render(const gaussians::View& view) const;
 

@@ -210,8 +210,10 @@ struct OnlineOptions {
   double recent_fraction = 0.15;     ///< fraction of samples among them
   int uses_per_pyramid_level = 4;    ///< steps per keyframe and reduced size
   double image_memory_mib = 1024.0;  ///< limit for keyframe images
-  int max_heldout_views = 100;       ///< at most, evenly spread over the run
-  int medium_min_keyframes = 5;      ///< before the first medium estimation
+  /// Limit for the Gaussians far from the camera, which are in host memory.
+  double stored_memory_mib = 4096.0;
+  int max_heldout_views = 100;   ///< at most, evenly spread over the run
+  int medium_min_keyframes = 5;  ///< before the first medium estimation
   /// Default of TrainerOptions::sparse_adam. Without it, rarely visible Gaussians take too large
   /// steps, because Adam's second moment decays while they are not visible.
   bool sparse_adam = true;
@@ -251,6 +253,9 @@ struct OnlineOptions {
     v("image_memory_mib", image_memory_mib, Range{1.0, 1e9},
       "memory for keyframe images; beyond it the most redundant ones are removed; held-out images "
       "take at most a quarter of it [MiB]");
+    v("stored_memory_mib", stored_memory_mib, Range{0.0, 1e9},
+      "host memory for the parts of a map far from the camera when max_gaussians of others are on "
+      "the device; about 500 bytes per Gaussian; 0: max_gaussians is the limit of the map [MiB]");
     v("max_heldout_views", max_heldout_views, Range{1, 1000000},
       "maximum number of held-out images, spread over the run");
     v("medium_min_keyframes", medium_min_keyframes, Range{1, 1000000},

@@ -90,8 +90,8 @@ struct MappingOptions {
       "map, at twice the learning rate while VIO fails, without a lamp (the paper)");
     v("lamp", lamp, "with medium: model the light of the rig's lamps if it has any");
     v("max_gaussians", trainer.densify.max_gaussians, Range{0, 100000000},
-      "maximum number of Gaussians; 0: 100,000 on a CPU, 600,000 on a GPU; fewer if GPU memory "
-      "runs out");
+      "maximum number of Gaussians on the device; 0: 100,000 on a CPU, 600,000 on a GPU; fewer if "
+      "GPU memory runs out");
     v("iterations", trainer.iterations, Range{0, 100000000}, "optimization steps; given poses");
     v("final_iterations", trainer.final_iterations, Range{0, 100000000},
       "additional optimization steps at the end, without densification, at decaying learning "

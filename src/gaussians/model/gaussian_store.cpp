@@ -58,18 +58,28 @@ Tensor on_host(const Tensor& values) {
   return values.to(torch::kCPU, values.scalar_type(), /*non_blocking=*/false, /*copy=*/true);
 }
 
-/// Moves the selected rows to the front of the buffer; through CPU memory when the device has no
-/// room for a copy.
-void compact(Tensor& buffer, const Tensor& rows) {
-  Tensor first = buffer.narrow(0, 0, rows.size(0));
-  Tensor chosen;
+/// The selected rows; through CPU memory when the device has no room for a copy.
+Tensor select_rows(const Tensor& buffer, const Tensor& rows) {
   try {
-    chosen = buffer.index_select(0, rows);
+    return buffer.index_select(0, rows);
   } catch (const c10::Error& error) {
     if (!is_out_of_memory(error)) throw;
-    chosen = on_host(buffer).index_select(0, on_host(rows));
+    return on_host(buffer).index_select(0, on_host(rows));
   }
-  first.copy_(chosen);
+}
+
+/// Moves the selected rows to the front of the buffer.
+void compact(Tensor& buffer, const Tensor& rows) {
+  buffer.narrow(0, 0, rows.size(0)).copy_(select_rows(buffer, rows));
+}
+
+Tensor rows_on_host(const Tensor& buffer, const Tensor& rows) {
+  return select_rows(buffer, rows).to(torch::kCPU);
+}
+
+void copy_or_zero(Tensor& buffer, std::int64_t begin, std::int64_t count, const Tensor* values) {
+  Tensor rows = buffer.narrow(0, begin, count);
+  values != nullptr ? rows.copy_(*values) : rows.zero_();
 }
 
 void check_mask(const Tensor& mask, const char* name, std::int64_t size) {
@@ -93,6 +103,14 @@ bool same_shapes(const Gaussians& a, const Gaussians& b) {
 }
 
 }  // namespace
+
+std::int64_t GaussianRows::bytes() const {
+  std::int64_t sum = anchors.nbytes();
+  for (const Gaussians* part : {&parameters, &first, &second}) {
+    for (const Tensor* tensor : part->tensors()) sum += tensor->nbytes();
+  }
+  return sum;
+}
 
 GaussianStore::GaussianStore(const Gaussians& gaussians) : size_(gaussians.size()) {
   check(gaussians);
@@ -128,7 +146,8 @@ Tensor GaussianStore::anchors() const {
   return anchors_.narrow(0, 0, size_);
 }
 
-void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
+void GaussianStore::append(const Gaussians& gaussians, const Tensor& anchors,
+                           const Gaussians* first, const Gaussians* second) {
   check(gaussians);
   TORCH_CHECK(gaussians.sh_degree() == parameters_.sh_degree(), "gaussian store: degree ",
               gaussians.sh_degree(), " does not match a map of degree ", parameters_.sh_degree());
@@ -139,13 +158,36 @@ void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
   reserve(size_ + count);
   for (std::size_t k = 0; k < kTensors; ++k) {
     parameters_.tensors()[k]->narrow(0, size_, count).copy_(*gaussians.tensors()[k]);
-    first_.tensors()[k]->narrow(0, size_, count).zero_();
-    second_.tensors()[k]->narrow(0, size_, count).zero_();
+    copy_or_zero(*first_.tensors()[k], size_, count, first ? first->tensors()[k] : nullptr);
+    copy_or_zero(*second_.tensors()[k], size_, count, second ? second->tensors()[k] : nullptr);
   }
   Tensor new_anchors = anchors_.narrow(0, size_, count);
   anchors.defined() ? new_anchors.copy_(anchors) : new_anchors.fill_(kNoAnchor);
   size_ += count;
   view_ = {};
+}
+
+void GaussianStore::insert(const Gaussians& gaussians, const Tensor& anchors) {
+  append(gaussians, anchors, nullptr, nullptr);
+}
+
+GaussianRows GaussianStore::take(const Tensor& which) {
+  check_mask(which, "the mask of Gaussians to take", size_);
+  const torch::NoGradGuard no_grad;
+  const Tensor rows = which.nonzero().squeeze(1).to(parameters_.means.device());
+  const auto taken = [&](const Gaussians& buffers) {
+    return map_tensors(buffers, [&](const Tensor& t) { return rows_on_host(t, rows); });
+  };
+  GaussianRows out = {.parameters = taken(parameters_),
+                      .first = taken(first_),
+                      .second = taken(second_),
+                      .anchors = rows_on_host(anchors_, rows)};
+  prune(which);
+  return out;
+}
+
+void GaussianStore::put(const GaussianRows& rows) {
+  append(rows.parameters, rows.anchors, &rows.first, &rows.second);
 }
 
 void GaussianStore::prune(const Tensor& remove) {

@@ -34,6 +34,16 @@ struct GaussianLearningRates {
   }
 };
 
+/// Gaussians taken out of a store, in host memory.
+struct GaussianRows {
+  Gaussians parameters;
+  Gaussians first, second;  ///< Adam moments
+  torch::Tensor anchors;    ///< [n] int64
+
+  std::int64_t size() const { return parameters.size(); }
+  std::int64_t bytes() const;
+};
+
 /// A map under optimization: Gaussians and their Adam moments in buffers with spare capacity, so
 /// that insertion and pruning rarely reallocate. When the device runs out of memory, c10::Error is
 /// thrown and the map is unchanged.
@@ -63,6 +73,10 @@ class GaussianStore {
   /// Removes the Gaussians where `remove` [size()] (bool) is set. The others keep their order and
   /// moments.
   void prune(const torch::Tensor& remove);
+  /// Removes the Gaussians where `which` [size()] (bool) is set and returns them.
+  GaussianRows take(const torch::Tensor& which);
+  /// Appends what `take` returned.
+  void put(const GaussianRows& rows);
 
   /// Moves Gaussian order[i], with its moments and anchor, to position i. Throws c10::Error when
   /// `order` [size()] (int64) does not match.
@@ -98,6 +112,9 @@ class GaussianStore {
 
  private:
   void reserve(std::int64_t count);
+  /// With zero moments where they are null.
+  void append(const Gaussians& gaussians, const torch::Tensor& anchors, const Gaussians* first,
+              const Gaussians* second);
   void keep_rows(const torch::Tensor& rows);
   std::vector<AdamGroup> groups(const GaussianLearningRates& rates) const;
 

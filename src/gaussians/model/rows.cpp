@@ -20,9 +20,15 @@ Gaussians select(const Gaussians& gaussians, const torch::Tensor& rows) {
 }
 
 Gaussians join(const Gaussians& a, const Gaussians& b) {
-  Gaussians result = a;
+  return join(std::vector<Gaussians>{a, b});
+}
+
+Gaussians join(const std::vector<Gaussians>& parts) {
+  Gaussians result;
   for (std::size_t k = 0; k < result.tensors().size(); ++k) {
-    *result.tensors()[k] = torch::cat({*a.tensors()[k], *b.tensors()[k]});
+    std::vector<torch::Tensor> tensors;
+    for (const Gaussians& part : parts) tensors.push_back(*part.tensors()[k]);
+    *result.tensors()[k] = torch::cat(tensors);
   }
   return result;
 }

@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <vector>
+
 #include "gaussians/model/gaussians.hpp"
 
 namespace apvi::gaussians {
@@ -13,5 +15,7 @@ Gaussians on_device(const Gaussians& gaussians, const torch::Device& device);
 Gaussians select(const Gaussians& gaussians, const torch::Tensor& rows);
 /// Those of `a`, then those of `b`; of the same degree, type and device.
 Gaussians join(const Gaussians& a, const Gaussians& b);
+/// Those of all, in order; of at least one.
+Gaussians join(const std::vector<Gaussians>& parts);
 
 }  // namespace apvi::gaussians

@@ -62,8 +62,7 @@ struct Sums {
   }
 };
 
-std::vector<std::size_t> select_views(const KeyframeStore& keyframes) {
-  const std::vector<std::size_t>& all = keyframes.training();
+std::vector<std::size_t> select_views(const std::vector<std::size_t>& all) {
   const std::size_t stride =
       std::max<std::size_t>(1, (all.size() + kMaxRecolorViews - 1) / kMaxRecolorViews);
   std::vector<std::size_t> selected;
@@ -83,7 +82,8 @@ Tensor falloff_at(const Map& map, const gaussians::Intrinsics& k, const Tensor& 
 
 }  // namespace
 
-void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
+void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes,
+             const std::vector<std::size_t>& views) {
   const torch::NoGradGuard no_grad;
   const Tensor& means = map.gaussians.means;
   if (means.size(0) == 0) return;
@@ -96,7 +96,7 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes) {
       torch::full({means.size(0)}, std::numeric_limits<float>::infinity(), means.options());
   Tensor nearest_old_gain = torch::ones_like(nearest);
   Tensor nearest_new_gain = torch::ones_like(nearest);
-  for (const std::size_t i : select_views(keyframes)) {
+  for (const std::size_t i : select_views(views)) {
     gaussians::View view = keyframes.view(i, 1);
     view.T_camera_world = view.T_camera_world.to(means.options());
     const ProjectedPoints seen = project(view, means);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "mapping/rendering.hpp"
 
@@ -8,8 +11,9 @@ namespace apvi::mapping {
 
 /// Changes the colors of `map` in place, so that with the medium and camera response of `after` its
 /// keyframe renderings stay the same: a least-squares color per Gaussian and channel over the
-/// keyframes that see it. View-dependent coefficients are scaled alike. `after.gaussians` is not
-/// used.
-void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes);
+/// keyframes `views` that see it. View-dependent coefficients are scaled alike. `after.gaussians`
+/// is not used.
+void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes,
+             const std::vector<std::size_t>& views);
 
 }  // namespace apvi::mapping

@@ -90,11 +90,13 @@ void DensityStatistics::observe(const gaussians::RenderStatistics& statistics) {
       .observe(statistics, {.gradient = gradient_sum_, .views = views_, .max_weight = max_weight_});
 }
 
-void DensityStatistics::extend(std::int64_t count) {
+void DensityStatistics::extend(std::int64_t count, const Tensor& importance) {
   for (Tensor* t : {&gradient_sum_, &views_, &max_weight_}) {
     *t = torch::cat({*t, torch::zeros({count}, t->options())});
   }
-  importance_ = torch::cat({importance_, torch::ones({count}, importance_.options())});
+  const Tensor added = importance.defined() ? importance.to(importance_.options())
+                                            : torch::ones({count}, importance_.options());
+  importance_ = torch::cat({importance_, added});
 }
 
 void DensityStatistics::keep(const Tensor& which) {

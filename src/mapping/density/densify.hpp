@@ -30,8 +30,8 @@ class DensityStatistics {
   void begin_round();
   /// Adds a view's statistics, after its backward pass.
   void observe(const gaussians::RenderStatistics& statistics);
-  /// Appends `count` new Gaussians.
-  void extend(std::int64_t count);
+  /// Appends `count` new Gaussians, of the given importance [count] or one.
+  void extend(std::int64_t count, const torch::Tensor& importance = {});
   /// Keeps the Gaussians where `which` [size()] (bool) is set.
   void keep(const torch::Tensor& which);
   /// Permutes: entry i becomes that of Gaussian order[i] [size()] (int64).

@@ -4,10 +4,12 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
 #include "gaussians/model/archive.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
+#include "mapping/storage/stored_memory.hpp"
 
 namespace apvi::mapping {
 namespace {
@@ -20,21 +22,28 @@ constexpr std::int64_t kLowVisibilityMargin_ns = 700'000'000;
 constexpr std::size_t kMinTrainingKeyframes = 2;  // that are always kept
 constexpr double kMaxHeldOutShare = 0.25;         // of the memory for images
 
-/// The training keyframe whose neighbors in time are closest to each other; neither the first nor
-/// one of the `recent` last ones.
-std::size_t most_redundant(const KeyframeStore& keyframes, std::size_t recent) {
-  const std::vector<std::size_t>& views = keyframes.training();
+/// The keyframe among `views` whose neighbors in time are closest to each other; neither the first
+/// nor one of the `recent` last ones.
+std::size_t most_redundant(const std::vector<std::size_t>& views, const KeyframeStore& keyframes,
+                           std::size_t recent) {
   std::size_t redundant = views[1];
   double min_gap = std::numeric_limits<double>::infinity();
   for (std::size_t k = 1; k + recent < views.size(); ++k) {
-    const Tensor before = camera_center(keyframes[views[k - 1]].T_camera_world);
-    const Tensor after = camera_center(keyframes[views[k + 1]].T_camera_world);
-    const double gap = (after - before).norm().item<double>();
+    const double gap = camera_distance(keyframes[views[k - 1]].T_camera_world,
+                                       keyframes[views[k + 1]].T_camera_world);
     if (gap >= min_gap) continue;
     min_gap = gap;
     redundant = views[k];
   }
   return redundant;
+}
+
+std::vector<std::size_t> training_views(const KeyframeStore& keyframes, bool on_host) {
+  std::vector<std::size_t> views;
+  std::ranges::copy_if(keyframes.training(), std::back_inserter(views), [&](std::size_t view) {
+    return keyframes.on_host().contains(view) == on_host;
+  });
+  return views;
 }
 
 bool matches_camera(const Tensor& image, const gaussians::Intrinsics& camera) {
@@ -69,7 +78,8 @@ std::string_view to_string(KeyframeDecision decision) {
 KeyframeSelection::KeyframeSelection(const OnlineOptions& options)
     : recent_keyframes_(static_cast<std::size_t>(std::max(2, options.recent_keyframes))),
       max_heldout_views_(static_cast<std::size_t>(std::max(1, options.max_heldout_views))),
-      max_image_bytes_(options.image_memory_mib * 1024.0 * 1024.0) {}
+      max_image_bytes_(options.image_memory_mib * 1024.0 * 1024.0),
+      max_host_image_bytes_(stored_memory(options).images) {}
 
 // Visibility degrades gradually, so keyframes just before the loss are dropped as well.
 std::vector<std::size_t> KeyframeSelection::lose_visibility(std::int64_t stamp_ns,
@@ -142,11 +152,19 @@ std::size_t KeyframeSelection::max_held_out(const Keyframe& keyframe) const {
 
 std::vector<std::size_t> KeyframeSelection::limit_image_memory(KeyframeStore& keyframes) const {
   std::vector<std::size_t> dropped;
-  while (static_cast<double>(keyframes.image_bytes()) > max_image_bytes_ &&
-         keyframes.training().size() > recent_keyframes_ + 2) {
-    dropped.push_back(most_redundant(keyframes, recent_keyframes_));
-    keyframes.drop_image(dropped.back());
-  }
+  const auto drop_beyond = [&](double limit, bool on_host, std::size_t recent) {
+    const auto bytes = [&] {
+      return static_cast<double>(on_host ? keyframes.host_image_bytes() : keyframes.image_bytes());
+    };
+    while (bytes() > limit) {
+      const std::vector<std::size_t> views = training_views(keyframes, on_host);
+      if (views.size() <= recent + 2) return;
+      dropped.push_back(most_redundant(views, keyframes, recent));
+      keyframes.drop_image(dropped.back());
+    }
+  };
+  drop_beyond(max_image_bytes_, /*on_host=*/false, recent_keyframes_);
+  drop_beyond(max_host_image_bytes_, /*on_host=*/true, 0);
   return dropped;
 }
 

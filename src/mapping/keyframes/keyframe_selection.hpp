@@ -62,6 +62,7 @@ class KeyframeSelection {
   std::size_t recent_keyframes_;
   std::size_t max_heldout_views_;
   double max_image_bytes_;
+  double max_host_image_bytes_;
   std::map<KeyframeDecision, std::size_t> counts_;
   std::int64_t heldout_stride_ = 1;
   std::int64_t low_visibility_until_ns_ = 0;  ///< images before this stamp are rejected

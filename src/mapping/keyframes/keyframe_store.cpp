@@ -4,6 +4,8 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <utility>
 
 namespace apvi::mapping {
@@ -24,6 +26,16 @@ gaussians::Intrinsics reduced(const gaussians::Intrinsics& full, int factor) {
           .width = full.width / factor,
           .height = full.height / factor,
           .lens_spread = full.lens_spread};
+}
+
+std::array<double, 3> position_of(const Tensor& T_camera_world) {
+  const auto T = T_camera_world.accessor<double, 2>();
+  std::array<double, 3> position = {};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto column = static_cast<std::int64_t>(axis);
+    for (std::int64_t row = 0; row < 3; ++row) position[axis] -= T[row][column] * T[row][3];
+  }
+  return position;
 }
 
 }  // namespace
@@ -71,11 +83,35 @@ void KeyframeStore::set_pose(std::size_t i, const Tensor& T_camera_world) {
 void KeyframeStore::drop_image(std::size_t i) {
   Keyframe& keyframe = keyframes_.at(i);
   if (!keyframe.image.defined()) return;
-  image_bytes_ -= keyframe.image.nbytes();
+  (on_host_.erase(i) > 0 ? host_image_bytes_ : image_bytes_) -= keyframe.image.nbytes();
   keyframe.image = Tensor();
   keyframe.scene = Tensor();
   std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
   views.erase(std::remove(views.begin(), views.end(), i), views.end());
+}
+
+void KeyframeStore::keep_on_host(const std::set<std::size_t>& views) {
+  const auto move = [this](std::size_t i, const torch::Device& device) {
+    Keyframe& keyframe = keyframes_.at(i);
+    keyframe.image = keyframe.image.to(device);
+    if (keyframe.scene.defined()) keyframe.scene = keyframe.scene.to(device);
+    return keyframe.image.nbytes();
+  };
+  const std::set<std::size_t> before = on_host_;
+  for (const std::size_t i : before) {
+    if (views.contains(i)) continue;
+    const std::size_t bytes = move(i, device_);
+    on_host_.erase(i);
+    host_image_bytes_ -= bytes;
+    image_bytes_ += bytes;
+  }
+  for (const std::size_t i : views) {
+    if (on_host_.contains(i) || !keyframes_.at(i).image.defined()) continue;
+    const std::size_t bytes = move(i, torch::kCPU);
+    on_host_.insert(i);
+    image_bytes_ -= bytes;
+    host_image_bytes_ += bytes;
+  }
 }
 
 void KeyframeStore::move_images(const torch::Device& device) {
@@ -159,6 +195,12 @@ double motion_size(const Tensor& motion) {
 Tensor camera_center(const Tensor& T_camera_world) {
   const Tensor R = T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
   return -R.t().mv(T_camera_world.slice(0, 0, 3).select(1, 3));
+}
+
+double camera_distance(const Tensor& a, const Tensor& b) {
+  const auto p = position_of(a);
+  const auto q = position_of(b);
+  return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
 }
 
 double scene_extent(const KeyframeStore& store) {

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -52,8 +53,13 @@ class KeyframeStore {
   /// Moves all images, and those added later, to `device`.
   void move_images(const torch::Device& device);
   const torch::Device& device() const { return device_; }
-  /// Total size of all images.
+  /// Keeps the images of these views, and of no others, in host memory.
+  void keep_on_host(const std::set<std::size_t>& views);
+  const std::set<std::size_t>& on_host() const { return on_host_; }
+  /// Total size of the images, without those that `keep_on_host` keeps.
   std::size_t image_bytes() const { return image_bytes_; }
+  /// Total size of those.
+  std::size_t host_image_bytes() const { return host_image_bytes_; }
 
   std::size_t size() const { return keyframes_.size(); }
   const Keyframe& operator[](std::size_t i) const { return keyframes_.at(i); }
@@ -96,7 +102,9 @@ class KeyframeStore {
   std::vector<std::size_t> training_;
   std::vector<std::size_t> held_out_;
   std::map<std::int64_t, std::size_t> by_stamp_;
+  std::set<std::size_t> on_host_;
   std::size_t image_bytes_ = 0;
+  std::size_t host_image_bytes_ = 0;
   gaussians::ToneCurve tone_curve_;
   torch::Tensor scene_;  ///< [H,W] bool on the active device, or undefined
 };
@@ -117,6 +125,9 @@ double motion_size(const torch::Tensor& motion);
 
 /// Center of a camera in the world [m], float64 [3], from T_camera_world [4,4].
 torch::Tensor camera_center(const torch::Tensor& T_camera_world);
+/// Distance between the centers of two cameras [m], from T_camera_world [4,4] float64 on the CPU.
+/// Without tensor operations, because it is done for all keyframes at each new one.
+double camera_distance(const torch::Tensor& a, const torch::Tensor& b);
 
 /// Scene extent that scales the learning rate of the means: 1.1 times the largest distance of a
 /// training camera from the mean camera center [m] (Kerbl et al., 2023), at least 0.1 m.

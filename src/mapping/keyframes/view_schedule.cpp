@@ -43,30 +43,40 @@ double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_us
   return std::max(1e-9, loss * use);
 }
 
+std::vector<const ViewSchedule::Entry*> ViewSchedule::candidates() const {
+  std::vector<const Entry*> all;
+  std::vector<const Entry*> drawn;
+  for (const Entry& entry : entries_) {
+    all.push_back(&entry);
+    if (!paused_.contains(entry.view)) drawn.push_back(&entry);
+  }
+  return drawn.empty() ? all : drawn;
+}
+
 std::size_t ViewSchedule::draw(Random& random) const {
-  TORCH_CHECK(!entries_.empty(), "view schedule: there are no views");
+  const std::vector<const Entry*> all = candidates();
+  TORCH_CHECK(!all.empty(), "view schedule: there are no views");
   const bool among_recent = random.uniform() < recent_fraction_;
-  const std::size_t count =
-      among_recent ? std::min(recent_count_, entries_.size()) : entries_.size();
-  const auto first = entries_.end() - static_cast<std::ptrdiff_t>(count);
+  const std::size_t count = among_recent ? std::min(recent_count_, all.size()) : all.size();
+  const auto first = all.end() - static_cast<std::ptrdiff_t>(count);
   double loss = 0.0;
   double uses = 0.0;
   double count_with_loss = 0.0;
-  for (auto e = first; e != entries_.end(); ++e) {
-    uses += e->recent_uses;
-    loss += e->loss;
-    count_with_loss += e->loss > 0.0 ? 1.0 : 0.0;
+  for (auto e = first; e != all.end(); ++e) {
+    uses += (*e)->recent_uses;
+    loss += (*e)->loss;
+    count_with_loss += (*e)->loss > 0.0 ? 1.0 : 0.0;
   }
   loss /= std::max(1.0, count_with_loss);
   uses /= static_cast<double>(count);
   double sum = 0.0;
-  for (auto e = first; e != entries_.end(); ++e) sum += weight(*e, loss, uses);
+  for (auto e = first; e != all.end(); ++e) sum += weight(**e, loss, uses);
   double remaining = random.uniform() * sum;
-  for (auto e = first; e != entries_.end(); ++e) {
-    remaining -= weight(*e, loss, uses);
-    if (remaining <= 0.0) return e->view;
+  for (auto e = first; e != all.end(); ++e) {
+    remaining -= weight(**e, loss, uses);
+    if (remaining <= 0.0) return (*e)->view;
   }
-  return entries_.back().view;
+  return all.back()->view;
 }
 
 void ViewSchedule::use(std::size_t view) {

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <set>
 #include <vector>
 
 #include "core/random.hpp"
@@ -30,6 +31,8 @@ class ViewSchedule {
   void remove(std::size_t view);
   std::size_t size() const { return entries_.size(); }
 
+  /// Views that are not drawn for now, unless all are paused.
+  void pause(const std::set<std::size_t>& views) { paused_ = views; }
   /// Draws a view. Throws c10::Error when there is none.
   std::size_t draw(Random& random) const;
   /// Counts a use of the view.
@@ -56,10 +59,12 @@ class ViewSchedule {
   };
   Entry* find(std::size_t view);
   double weight(const Entry& entry, double mean_loss, double mean_uses) const;
+  std::vector<const Entry*> candidates() const;
 
   std::size_t recent_count_;
   double recent_fraction_;
   std::vector<Entry> entries_;  ///< in order of time
+  std::set<std::size_t> paused_;
 };
 
 }  // namespace apvi::mapping

@@ -45,6 +45,16 @@ struct CameraResponse {
   torch::Tensor illumination = {};  ///< [n,3,rows,columns], see Illumination; undefined: unknown
 };
 
+/// Gaussians taken out of a map, with what it takes to put them back after its appearance changed.
+struct DetachedGaussians {
+  gaussians::GaussianRows rows;
+  torch::Tensor importance;               ///< [n] float32 in host memory
+  std::shared_ptr<const Map> appearance;  ///< of the map at that time; without Gaussians
+  int appearance_version = 0;
+  torch::Tensor motions = {};  ///< [m,4,4] float64 of the world since then; undefined: none
+  torch::Tensor which = {};    ///< [n] int64, index of the motion of each
+};
+
 /// Learning rates at `progress` (0 to 1) of a training, for a scene of `extent` [m].
 gaussians::GaussianLearningRates rates_at(const LearningRates& rates, double extent,
                                           double progress);
@@ -76,6 +86,15 @@ class MapOptimizer {
   void insert(const gaussians::Gaussians& gaussians, const torch::Tensor& anchors = {});
   /// Removes the Gaussians where `remove` [size()] (bool) is set.
   void remove(const torch::Tensor& remove);
+  /// Takes the Gaussians where `which` [size()] (bool) is set out of the map, into host memory.
+  DetachedGaussians detach(const torch::Tensor& which);
+  /// Puts them back, in the colors of the present medium and camera response.
+  void attach(const DetachedGaussians& detached, const KeyframeStore& keyframes);
+  /// Counts Gaussians from a checkpoint as taken out of the map, in its present appearance.
+  void adopt(DetachedGaussians& detached);
+  /// Copies them, on the map's device, as `attach` would put them into the map.
+  gaussians::Gaussians in_present_colors(const DetachedGaussians& detached,
+                                         const KeyframeStore& keyframes) const;
   /// Removes the `count` least important Gaussians among those where `among` [size()] (bool) is
   /// set, or among all when undefined.
   void prune_least_important(std::int64_t count, const torch::Tensor& among = {});
@@ -157,6 +176,8 @@ class MapOptimizer {
     DensityStatistics statistics;
     int max_gaussians = 0;
     bool has_sessions = false;
+    std::int64_t detached = 0;   ///< Gaussians that `detach` took and `attach` did not put back
+    int appearance_version = 0;  ///< counts changes that recolored the map
   };
 
   MapOptimizer(std::shared_ptr<SharedGaussians> shared, const TrainerOptions& options,
@@ -189,6 +210,7 @@ class MapOptimizer {
   torch::Tensor without_outliers(std::size_t i, const torch::Tensor& rendered,
                                  const torch::Tensor& image) const;
   void recolor_for(const Map& after, const KeyframeStore& keyframes);
+  Map appearance() const;
   void apply_appearance(const Map& after, const torch::Tensor& resolution,
                         const KeyframeStore& keyframes);
   /// The map with another tone curve, which also scales the logarithms of gains.

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <set>
 
 #include "apvi/mapping/options.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
@@ -21,6 +22,8 @@ class OnlineTraining {
 
   void add_view(std::size_t view) { schedule_.add(view); }
   void remove_view(std::size_t view) { schedule_.remove(view); }
+  /// See ViewSchedule::pause.
+  void pause(const std::set<std::size_t>& views) { schedule_.pause(views); }
   std::size_t views() const { return schedule_.size(); }
   /// Clears the penalties of outlier views, after the map has changed abruptly.
   void reset_penalties() { schedule_.reset_penalties(); }

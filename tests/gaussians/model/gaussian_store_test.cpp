@@ -221,6 +221,27 @@ TEST(GaussianStore, InsertedGaussiansStartWithZeroMoments) {
   expect_equal(rows(grown.view(), torch::arange(17) >= 10), more);
 }
 
+TEST(GaussianStore, TakenGaussiansReturnWithMomentsAndAnchors) {
+  GaussianStore store(make_gaussians(6));
+  GaussianStore untouched(make_gaussians(6));
+  for (GaussianStore* one : {&store, &untouched}) {
+    give_gradients(one->view());
+    one->step({});
+  }
+  const Tensor which = torch::tensor({false, false, false, true, true, true});
+  const GaussianRows taken = store.take(which);
+  EXPECT_EQ(store.size(), 3);
+  EXPECT_EQ(taken.size(), 3);
+  EXPECT_GT(taken.bytes(), 3 * 23 * 3 * 2);
+  store.put(taken);
+  for (GaussianStore* one : {&store, &untouched}) {
+    give_gradients(one->view());
+    one->step({});
+  }
+  expect_equal(store.view(), untouched.view());
+  EXPECT_TRUE(torch::equal(store.anchors(), untouched.anchors()));
+}
+
 TEST(GaussianStore, ReorderMovesMomentsAndAnchors) {
   const Gaussians start = make_gaussians(12);
   GaussianStore moved(Gaussians::empty(1, torch::dtype(torch::kFloat32)));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mapping/keyframes/view_schedule.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
@@ -44,6 +45,17 @@ TEST(ViewSchedule, PrefersHighLossAndFewUses) {
   // Nine uses have decayed to 7.1.
   EXPECT_NEAR(static_cast<double>(drawn[2]) / drawn[0], 8.1 / 2.0, 0.6);
   EXPECT_EQ(schedule.uses(1), 9);
+}
+
+TEST(ViewSchedule, PausedViewsAreNotDrawn) {
+  ViewSchedule schedule(2, 0.5);
+  for (std::size_t view = 0; view < 5; ++view) schedule.add(view);
+  schedule.pause({1, 4});
+  EXPECT_THAT(draws(schedule, 1000),
+              testing::UnorderedElementsAre(testing::Key(0U), testing::Key(2U), testing::Key(3U)));
+  EXPECT_EQ(schedule.size(), 5U);
+  schedule.pause({0, 1, 2, 3, 4});
+  EXPECT_EQ(draws(schedule, 1000).size(), 5U);
 }
 
 TEST(ViewSchedule, OldUsesDecay) {
