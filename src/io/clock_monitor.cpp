@@ -11,6 +11,9 @@ namespace {
 
 constexpr Duration kDay{86'400'000'000'000};
 
+// Sensors whose clock was set at once have their last samples before it within this time.
+constexpr Duration kSameTime{2'000'000'000};
+
 // Samples read ahead to see whether a clock returns.
 constexpr std::size_t kMaxHeld = 256;
 
@@ -111,18 +114,28 @@ bool ClockMonitor::others_ended(const Sensor& sensor) const {
   });
 }
 
-void ClockMonitor::drop_overtaken(Sensor& sensor, Duration progress, const Drop& drop) {
+// Whether another sensor went on to its end on the old clock.
+bool ClockMonitor::others_continued(const Sensor& sensor) const {
+  return std::any_of(sensors_.begin(), sensors_.end(), [&](const Sensor& other) {
+    const bool ended = other.state != State::jumped && other.ended && other.held.empty();
+    return ended && other.last && *other.last - *sensor.last > kSameTime;
+  });
+}
+
+void ClockMonitor::drop_overtaken(Sensor& sensor, Duration progress, bool all, const Drop& drop) {
   while (!sensor.held.empty()) {
     const Duration since_jump = stamp_of(sensor.held.front()) - *sensor.jump;
-    if (!others_ended(sensor) && since_jump + max_jump_ >= progress) return;
+    if (!all && since_jump + max_jump_ >= progress) return;
     drop_front(sensor, drop);
   }
 }
 
 bool ClockMonitor::resolve(Sensor& sensor, const Drop& drop) {
   const Duration progress = progress_of_others(sensor);
-  const bool alone = progress > max_jump_ && (!all_jumped() || others_ended(sensor));
-  if (alone) drop_overtaken(sensor, progress, drop);
+  const bool contradicted = all_jumped() && others_continued(sensor);
+  const bool overtaken = progress > max_jump_ && (!all_jumped() || others_ended(sensor));
+  const bool alone = contradicted || overtaken;
+  if (alone) drop_overtaken(sensor, progress, contradicted || others_ended(sensor), drop);
   if (sensor.held.empty() && sensor.ended) {
     sensor.state = State::regular;
     log::warning("{}: its clock jumped while the others continued; the last {} samples are dropped",

@@ -51,10 +51,11 @@ class ClockMonitor {
   bool is_jump(Stamp from, Stamp to) const;
   bool all_jumped() const;
   bool others_ended(const Sensor& sensor) const;
+  bool others_continued(const Sensor& sensor) const;
   Duration progress_of_others(const Sensor& sensor) const;
   void take(Sensor& sensor, SensorEvent event, const Drop& drop);
   void drop_front(Sensor& sensor, const Drop& drop);
-  void drop_overtaken(Sensor& sensor, Duration progress, const Drop& drop);
+  void drop_overtaken(Sensor& sensor, Duration progress, bool all, const Drop& drop);
   /// False while it is open what the jump of a sensor was.
   bool resolve(Sensor& sensor, const Drop& drop);
   void set_clock();

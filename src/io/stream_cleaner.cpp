@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/stream_cleaner.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "apvi/core/log.hpp"
@@ -85,8 +86,10 @@ void StreamCleaner::push_regular(SensorEvent event) {
   if (stamp < *last_) {
     jump_back_persists_ = jump_back_persists_ || jump_back_.has_value();
     resolve_jump_back(true);
-    if (within_max_jump(stamp, *last_) || jump_back_persists_)
+    if (within_max_jump(stamp, *last_) || jump_back_persists_) {
+      report_->largest_step_back = std::max(report_->largest_step_back, *last_ - stamp);
       return drop(DropReason::out_of_order);
+    }
     jump_back_ = where_();
     return;
   }

@@ -40,6 +40,11 @@ bool in_use(const Evidence& evidence, const std::string& kind) {
   return std::find(use.begin(), use.end(), choice_of(kind)) != use.end();
 }
 
+std::size_t dropped_for(const io::StreamReport& report, io::DropReason reason) {
+  const auto found = report.dropped.find(reason);
+  return found == report.dropped.end() ? 0 : found->second;
+}
+
 void check_stream(const std::string& kind, const io::StreamReport& report, Warnings& warnings) {
   std::size_t dropped = 0;
   std::string reasons;
@@ -55,6 +60,27 @@ void check_stream(const std::string& kind, const io::StreamReport& report, Warni
     warnings.push_back(fmt::format("{}: {} of {} samples were dropped: {}; check the recording",
                                    kind, dropped, dropped + report.delivered, reasons));
   }
+}
+
+// Single samples out of order do no harm; many are a clock. Returns whether they are.
+bool check_clock_of(const std::string& kind, const io::StreamReport& report, Warnings& warnings) {
+  constexpr std::size_t kMany = 5;
+  constexpr double kStep_s = 0.2;
+  const std::size_t jumped = dropped_for(report, io::DropReason::broken_stamp);
+  if (jumped >= kMany) {
+    warnings.push_back(fmt::format(
+        "{}: {} samples were dropped, as their stamps jump away from those before while other "
+        "sensors continue: its clock was set; check the recording",
+        kind, jumped));
+  }
+  const std::size_t back = dropped_for(report, io::DropReason::out_of_order);
+  const double step_s = report.largest_step_back.seconds();
+  if (back < kMany || step_s < kStep_s) return jumped >= kMany;
+  warnings.push_back(fmt::format(
+      "{}: {} samples lie up to {:.1f} s before earlier ones and were dropped (first: {}): if its "
+      "clock was set back, the stamps after it do not fit the other sensors; check the recording",
+      kind, back, step_s, report.first_drop.at(io::DropReason::out_of_order)));
+  return true;
 }
 
 void check_described(const Evidence& evidence, const Rig& rig, Warnings& warnings) {
@@ -101,7 +127,8 @@ void check_scale(const Evidence& evidence, Warnings& warnings) {
         "scale: unknown, as the IMU did not show it: visual-inertial odometry never initialized "
         "and waited for {}; distances are in a unit in which the first scene is "
         "vio.visual.start_distance away{}",
-        evidence.vio->waiting_for, kKnownLength));
+        evidence.vio->waiting_for.empty() ? "more images" : evidence.vio->waiting_for,
+        kKnownLength));
   } else if (evidence.streams.contains("dvl")) {
     warnings.push_back(
         "scale: unknown, as too few velocities of the DVL agree with the images; check its "
@@ -126,6 +153,9 @@ bool check_uniform(const VioService& vio, Warnings& warnings) {
   return true;
 }
 
+// Darkness and silt take less than this part of the images of a dive that is worth mapping.
+constexpr double kMinUsedFrames = 0.2;
+
 void check_vio(const VioService& vio, Warnings& warnings) {
   if (check_uniform(vio, warnings) && vio.used == 0) return;
   if (vio.frames == 0) {
@@ -140,6 +170,11 @@ void check_vio(const VioService& vio, Warnings& warnings) {
         "vio: none of its {} poses was accepted by failure detection; look at the reasons in "
         "health.csv and at the camera's calibration with `apvi doctor`",
         vio.with_pose));
+  } else if (static_cast<double>(vio.used) < kMinUsedFrames * static_cast<double>(vio.frames)) {
+    warnings.push_back(fmt::format(
+        "vio: the poses of only {} of {} images were used; look at the reasons in health.csv, and "
+        "at the image rate and the camera's calibration with `apvi doctor`",
+        vio.used, vio.frames));
   }
 }
 
@@ -196,7 +231,8 @@ void VioService::add_image(const vio::FrameStatistics& image) {
 std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) {
   Warnings warnings;
   for (const auto& [kind, report] : evidence.streams) {
-    if (in_use(evidence, kind)) check_stream(kind, report, warnings);
+    if (!in_use(evidence, kind)) continue;
+    if (!check_clock_of(kind, report, warnings)) check_stream(kind, report, warnings);
   }
   check_described(evidence, rig, warnings);
   check_pauses(evidence.samples, warnings);

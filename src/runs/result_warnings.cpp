@@ -39,6 +39,10 @@ constexpr double kMaxDelay_s = 5.0;
 // The offset of a sensor at the surface is smaller [m].
 constexpr double kMinDepth = -0.1;
 
+// A sensor must report during this part of a recording that is at least so long [s].
+constexpr double kMinCovered = 0.5;
+constexpr double kMinRecording_s = 10.0;
+
 // Of the pings, that may repeat the one before exactly. At rest some do.
 constexpr double kMaxRepeated = 0.2;
 
@@ -60,6 +64,12 @@ void check_gravity(const Evidence& evidence, Warnings& warnings) {
 }
 
 void check_gyro(const Evidence& evidence, Warnings& warnings) {
+  if (evidence.samples.has_zero_gyro()) {
+    warnings.push_back(
+        "imu: all angular rates are exactly zero: the gyro is not recorded, or its columns are "
+        "not those that were read; headings are wrong");
+    return;
+  }
   const auto gyro = evidence.samples.median_gyro();
   if (!gyro || *gyro <= kMaxMedianRate) return;
   warnings.push_back(fmt::format(
@@ -134,6 +144,13 @@ void check_depth_sign(const Evidence& evidence, Warnings& warnings) {
                   *deepest));
 }
 
+void check_constant_depth(const Evidence& evidence, Warnings& warnings) {
+  if (!evidence.samples.has_constant_depth()) return;
+  warnings.push_back(
+      "pressure: all samples are exactly the same: the sensor is stuck, or its value is not "
+      "recorded; remove pressure from sensors.use");
+}
+
 // A wrong unit or sign of the pressure contradicts the vertical velocity of the DVL.
 void check_depths(const AcousticService& acoustic, Warnings& warnings) {
   using dipo::Verdict;
@@ -156,6 +173,42 @@ void check_clocks(const Evidence& evidence, Warnings& warnings) {
       "dvl: begins and ends {:.1f} s {} the IMU: check whether both use the same clock, "
       "and shift the stamps of one",
       std::abs(delay), delay > 0.0 ? "after" : "before"));
+}
+
+// Sensors that served for a part of the recording only.
+void check_spans(const Evidence& evidence, Warnings& warnings) {
+  const auto& spans = evidence.samples.spans();
+  double longest_s = 0.0;
+  for (const auto& [kind, span] : spans) longest_s = std::max(longest_s, span.length_s());
+  const auto imu = spans.find("imu");
+  for (const auto& [kind, span] : spans) {
+    if (kind == "gnss") continue;  // at the surface only
+    const bool apart = kind != "dvl" && imu != spans.end() &&
+                       (span.first > imu->second.last || span.last < imu->second.first);
+    if (apart) {
+      warnings.push_back(
+          fmt::format("{}: none of its stamps lies within the time of the IMU: check whether both "
+                      "use the same clock, and shift the stamps of one",
+                      kind));
+    } else if (longest_s >= kMinRecording_s && span.length_s() < kMinCovered * longest_s) {
+      warnings.push_back(
+          fmt::format("{}: its {} samples cover {:.1f} of {:.1f} s; the rest is without it", kind,
+                      span.count, span.length_s(), longest_s));
+    }
+  }
+}
+
+// Images bridge gaps in the inertial data; a DVL alone does not tell how the vehicle turned.
+void check_gaps(const Evidence& evidence, Warnings& warnings) {
+  const auto& gaps = evidence.samples.gaps();
+  if (gaps.empty() || vio_served(evidence)) return;
+  const auto longest = std::ranges::max_element(
+      gaps, {}, [](const SampleStatistics::Pause& gap) { return gap.length_s; });
+  warnings.push_back(fmt::format(
+      "imu: no samples for {:.1f} s after {:.2f} s{}: how the vehicle turned is unknown; heading "
+      "and position are uncertain from there on",
+      longest->length_s, seconds_between(*evidence.samples.first(), longest->since),
+      gaps.size() == 1 ? "" : fmt::format(", the longest of {} gaps", gaps.size())));
 }
 
 // Innovations too large even for the maximum accelerometer noise have another cause.
@@ -209,7 +262,10 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
   check_clocks(evidence, warnings);
+  check_spans(evidence, warnings);
+  check_gaps(evidence, warnings);
   check_depth_sign(evidence, warnings);
+  check_constant_depth(evidence, warnings);
   if (evidence.acoustic) check_acceptance(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_depths(*evidence.acoustic, warnings);
   if (evidence.acoustic) check_agreement(*evidence.acoustic, warnings);

@@ -7,6 +7,14 @@
 namespace apvi::runs {
 namespace {
 
+constexpr double kMinGap_s = 0.5;
+constexpr std::size_t kMinConstant = 50;  // samples
+
+bool is_constant(const std::vector<float>& values) {
+  if (values.size() < kMinConstant) return false;
+  return std::all_of(values.begin(), values.end(), [&](float v) { return v == values.front(); });
+}
+
 std::optional<double> quantile(std::vector<float> values, double q) {
   if (values.empty()) return std::nullopt;
   const auto place =
@@ -23,16 +31,20 @@ void SampleStatistics::add(const SensorEvent& event) {
   const double step_s = last_ ? seconds_between(*last_, stamp) : 0.0;
   if (step_s > segment_gap_s_) silent_s_ += step_s;
   last_ = stamp;
+  SampleSpan& span =
+      spans_.try_emplace(std::string(kind_of(event)), SampleSpan{stamp, stamp, 0}).first->second;
+  span.last = stamp;
+  ++span.count;
   if (const auto* imu = std::get_if<ImuSample>(&event)) {
     add_pause(imu->stamp);
-    imu_.add(imu->stamp);
     accel_.push_back(static_cast<float>(imu->accel.norm()));
     gyro_.push_back(static_cast<float>(imu->gyro.norm()));
   } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
-    dvl_.add(ping->stamp);
     const auto speed = static_cast<float>(ping->velocity.norm());
     if (ping->valid) dvl_speed_.push_back(speed);
     if (!ping->valid && speed > 0.0F) unlocked_speed_.push_back(speed);
+  } else if (const auto* pressure = std::get_if<PressureSample>(&event)) {
+    pressure_.push_back(static_cast<float>(pressure->pressure_pa));
   } else if (const auto* depth = std::get_if<PressureDepthSample>(&event)) {
     depth_.push_back(static_cast<float>(depth->depth_m));
   }
@@ -40,19 +52,28 @@ void SampleStatistics::add(const SensorEvent& event) {
 
 void SampleStatistics::add_pause(Stamp stamp) {
   const double step_s = last_imu_ ? seconds_between(*last_imu_, stamp) : 0.0;
-  if (step_s > segment_gap_s_) pauses_.push_back({*last_imu_, step_s});
+  if (step_s > segment_gap_s_) {
+    pauses_.push_back({*last_imu_, step_s});
+  } else if (step_s > kMinGap_s) {
+    gaps_.push_back({*last_imu_, step_s});
+  }
   last_imu_ = stamp;
 }
 
-void SampleStatistics::Span::add(Stamp stamp) {
-  if (!first) first = stamp;
-  last = stamp;
+bool SampleStatistics::has_zero_gyro() const {
+  return is_constant(gyro_) && gyro_.front() == 0.0F;
+}
+
+bool SampleStatistics::has_constant_depth() const {
+  return is_constant(depth_) || is_constant(pressure_);
 }
 
 double SampleStatistics::dvl_delay_s() const {
-  if (!imu_.first || !dvl_.first) return 0.0;
-  const double begin = seconds_between(*imu_.first, *dvl_.first);
-  const double end = seconds_between(*imu_.last, *dvl_.last);
+  const auto imu = spans_.find("imu");
+  const auto dvl = spans_.find("dvl");
+  if (imu == spans_.end() || dvl == spans_.end()) return 0.0;
+  const double begin = seconds_between(imu->second.first, dvl->second.first);
+  const double end = seconds_between(imu->second.last, dvl->second.last);
   if (begin * end <= 0.0) return 0.0;
   return std::abs(begin) < std::abs(end) ? begin : end;
 }

@@ -1,13 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <limits>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apvi/sensors/samples.hpp"
 
 namespace apvi::runs {
+
+/// First and last stamp of a sensor.
+struct SampleSpan {
+  Stamp first;
+  Stamp last;
+  std::size_t count = 0;
+
+  double length_s() const { return seconds_between(first, last); }
+};
 
 /// Magnitudes of the samples of a run: evidence of wrong units. Four bytes per value are kept.
 class SampleStatistics {
@@ -38,18 +50,19 @@ class SampleStatistics {
   double dvl_delay_s() const;
 
   const std::vector<Pause>& pauses() const { return pauses_; }
+  /// Gaps between IMU samples that are shorter, but long enough for the vehicle to turn in.
+  const std::vector<Pause>& gaps() const { return gaps_; }
+  /// Time from the first to the last sample of each kind of sensor.
+  const std::map<std::string, SampleSpan>& spans() const { return spans_; }
+  /// Whether there are many samples of the gyro, all of them zero.
+  bool has_zero_gyro() const;
+  /// Whether there are many samples of pressure or depth, all of them the same.
+  bool has_constant_depth() const;
   /// Time in which no sensor reported, in steps longer than the limit of a pause [s].
   double silent_s() const { return silent_s_; }
   std::optional<Stamp> first() const { return first_; }  ///< sample
 
  private:
-  /// Of one sensor.
-  struct Span {
-    std::optional<Stamp> first;
-    std::optional<Stamp> last;
-    void add(Stamp stamp);
-  };
-
   void add_pause(Stamp stamp);
 
   double segment_gap_s_;
@@ -58,11 +71,12 @@ class SampleStatistics {
   double silent_s_ = 0.0;
   std::optional<Stamp> last_imu_;
   std::vector<Pause> pauses_;
-  Span imu_;
-  Span dvl_;
+  std::vector<Pause> gaps_;
+  std::map<std::string, SampleSpan> spans_;
   std::vector<float> accel_;
   std::vector<float> gyro_;
   std::vector<float> depth_;
+  std::vector<float> pressure_;
   std::vector<float> dvl_speed_;
   std::vector<float> unlocked_speed_;
 };

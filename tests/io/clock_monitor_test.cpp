@@ -117,6 +117,21 @@ TEST(ClockMonitor, SamplesOfOneWrongClockAreDroppedUntilItReturns) {
   }
 }
 
+TEST(ClockMonitor, AClockSetShortlyBeforeTheEndIsThatOfOneSensorIfTheOthersContinue) {
+  for (const double jump : {-3600.0, -5.0 * kDay}) {
+    for (const double since : {250.0, 290.0}) {
+      const auto dvl = [=](double t) { return regular(t) + (t < since ? 0.0 : jump); };
+      const Outcome out = read(regular, dvl);
+      EXPECT_EQ(out.delivered.at("imu"), 3000U) << jump;
+      EXPECT_EQ(out.delivered.at("dvl"), static_cast<std::size_t>(2.0 * since)) << jump;
+      EXPECT_NEAR(out.stamps.back() - out.stamps.front(), 300.0, 1.0) << jump;
+      const Outcome other = read(dvl, regular);
+      EXPECT_EQ(other.delivered.at("imu"), static_cast<std::size_t>(10.0 * since)) << jump;
+      EXPECT_EQ(other.delivered.at("dvl"), 600U) << jump;
+    }
+  }
+}
+
 TEST(ClockMonitor, SamplesOfAClockThatNeverReturnsAreDropped) {
   for (const double jump : {-5.0 * kDay, 17000.0 * kDay}) {
     const auto dvl = [=](double t) { return regular(t) + (t >= 100.0 ? jump : 0.0); };

@@ -185,6 +185,19 @@ TEST(DatasetFolder, DecodesImagesOnDemand) {
   EXPECT_THROW(std::get<ImageFrame>(out.events[1]).decode(), RunError);
 }
 
+TEST(DatasetFolder, FindsImagesThatWereMovedOrConverted) {
+  const TmpDir dir;
+  dir.write(
+      "mav0/cam0/data.csv",
+      "#timestamp [ns],filename\n1,data/a.png\n2,data\\a.png\n3,/home/me/dive/a.png\n4,b.png\n"
+      "5,c.png\n");
+  dir.write("mav0/cam0/data/a.png", "not decoded");
+  dir.write("mav0/cam0/data/b.jpg", "not decoded");
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_EQ(out.delivered("camera"), 4U);
+  EXPECT_EQ(out.dropped("camera", DropReason::malformed), 1U);
+}
+
 TEST(DatasetFolder, AppliesConfiguredSpanAndBlackout) {
   const TmpDir dir;
   std::string rows;

@@ -56,6 +56,15 @@ TEST(ForeignTrajectories, AreReadByTheNamesOfTheirHeaders) {
       rows(a, b, ";1;2;3;0;0;0.7071;0.7071"));
 }
 
+TEST(ForeignTrajectories, NamesMayBeThoseOfTopics) {
+  const std::string pose = "/odom/pose/pose/";
+  std::string header = "__time";
+  for (const char* axis : {"x", "y", "z"}) header += "," + pose + "position/" + axis;
+  for (const char* axis : {"x", "y", "z", "w"}) header += "," + pose + "orientation/" + axis;
+  expect_poses(header + "\n" +
+               rows("1403636581.838555", "1403636581.888555", ",1,2,3,0,0,0.7071,0.7071"));
+}
+
 TEST(ForeignTrajectories, SpreadsheetsMayHaveDecimalCommasAndRowNumbers) {
   expect_poses("t;x;y;z;qx;qy;qz;qw\n" +
                rows("1403636581,838555", "1403636581,888555", ";1,0;2;3;0;0;0,7071;0,7071"));

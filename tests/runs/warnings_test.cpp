@@ -85,6 +85,28 @@ TEST(InputWarnings, NameStreamsWithoutUsableSamples) {
   EXPECT_THAT(warnings_of(evidence), IsEmpty());
 }
 
+TEST(InputWarnings, NameAClockThatWasSet) {
+  Evidence evidence = good_evidence();
+  io::StreamReport& imu = evidence.streams["imu"];
+  imu.dropped[io::DropReason::out_of_order] = 40;
+  imu.first_drop[io::DropReason::out_of_order] = "data.csv:4002";
+  EXPECT_THAT(warnings_of(evidence), IsEmpty());  // neighbors that were swapped
+  imu.largest_step_back = Duration::from_seconds(2.0);
+  EXPECT_THAT(warnings_of(evidence),
+              ElementsAre(AllOf(HasSubstr("imu: 40 samples lie up to 2.0 s before earlier ones"),
+                                HasSubstr("data.csv:4002"))));
+  imu = {.delivered = 100,
+         .dropped = {{io::DropReason::broken_stamp, 20}},
+         .first_drop = {{io::DropReason::broken_stamp, "data.csv:7"}}};
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("its clock was set")));
+}
+
+TEST(InputWarnings, NameVioThatServedFewImages) {
+  Evidence evidence = good_evidence();
+  evidence.vio = VioService{.frames = 9, .with_pose = 3, .used = 1};
+  EXPECT_THAT(warnings_of(evidence), ElementsAre(HasSubstr("only 1 of 9 images")));
+}
+
 TEST(InputWarnings, NameRecordedSensorsThatTheRigDoesNotDescribe) {
   Rig rig = full_rig();
   rig.depth.reset();
@@ -199,9 +221,56 @@ TEST(ResultWarnings, NameClocksOfDvlAndImuThatDiffer) {
   EXPECT_THAT(warnings_of_delay(-18.0), ElementsAre(HasSubstr("18.0 s before the IMU")));
 }
 
+// IMU and depth for 40 s; the camera for a part of it.
+Evidence forty_seconds(double camera_from_s, double camera_to_s, int imu_gap_samples = 0) {
+  Evidence evidence = good_evidence();
+  evidence.samples = SampleStatistics(3.0);
+  for (int i = 0; i <= 400; ++i) {
+    const Stamp stamp{100'000'000LL * i};
+    if (i <= 200 || i > 200 + imu_gap_samples) {
+      evidence.samples.add(ImuSample{stamp, {0.0, 0.001 * (i % 7), 0.0}, {0.0, 0.0, 9.8}});
+    }
+    evidence.samples.add(PressureDepthSample{stamp, 5.0 + 0.01 * (i % 3)});
+  }
+  for (double t = camera_from_s; t <= camera_to_s; t += 0.1) {
+    evidence.samples.add(ImageFrame{Stamp{} + Duration::from_seconds(t), 0, {}, {}});
+  }
+  return evidence;
+}
+
+TEST(ResultWarnings, NameSensorsThatServedForAPart) {
+  EXPECT_THAT(check_result(forty_seconds(1.0, 39.0), straight(0.5)), IsEmpty());
+  EXPECT_THAT(check_result(forty_seconds(1.0, 9.0), straight(0.5)),
+              ElementsAre(HasSubstr("samples cover 8.0 of 40.0 s")));
+  EXPECT_THAT(check_result(forty_seconds(1e6, 1e6 + 40.0), straight(0.5)),
+              ElementsAre(HasSubstr("camera: none of its stamps lies within the time of the IMU")));
+}
+
+TEST(ResultWarnings, NameGapsOfTheImuThatNoImagesBridge) {
+  Evidence evidence = forty_seconds(1.0, 39.0, 9);
+  EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
+  evidence.vio.reset();
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("imu: no samples for 1.0 s after 20.00 s")));
+}
+
+TEST(ResultWarnings, NameSensorsThatRepeatOneValue) {
+  Evidence evidence = good_evidence();
+  evidence.samples = SampleStatistics();
+  for (int i = 0; i < 100; ++i) {
+    evidence.samples.add(ImuSample{Stamp{i}, {0.0, 0.0, 0.0}, {0.0, 0.0, 9.8}});
+    evidence.samples.add(PressureSample{Stamp{i}, 150'000.0});
+  }
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("all angular rates are exactly zero"),
+                          HasSubstr("all samples are exactly the same")));
+}
+
 TEST(ResultWarnings, NameDepthsThatAreHeights) {
   Evidence evidence = good_evidence();
-  for (int i = 0; i < 200; ++i) evidence.samples.add(PressureDepthSample{Stamp{i}, -0.2});
+  for (int i = 0; i < 200; ++i) {
+    evidence.samples.add(PressureDepthSample{Stamp{i}, i % 2 == 0 ? -0.2 : -0.25});
+  }
   EXPECT_THAT(check_result(evidence, straight(0.5)),
               ElementsAre(HasSubstr("depth: never below the surface (-0.20 m at most)")));
   for (int i = 0; i < 200; ++i) evidence.samples.add(PressureDepthSample{Stamp{i}, 0.2});

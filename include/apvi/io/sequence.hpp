@@ -116,6 +116,7 @@ struct StreamReport {
   std::size_t delivered = 0;
   std::map<DropReason, std::size_t> dropped;
   std::map<DropReason, std::string> first_drop;  ///< "file:line" or stamp of the first of each kind
+  Duration largest_step_back = {};  ///< of a sample that was dropped for being out of order
 };
 
 /// A recording as one chronological stream of samples. Reading is lazy: memory does not grow with

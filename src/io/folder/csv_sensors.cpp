@@ -289,6 +289,28 @@ std::unique_ptr<SampleSource> csv_gnss(CsvFile file) {
   });
 }
 
+namespace {
+
+bool is_file(const fs::path& path) {
+  std::error_code unreadable;
+  return fs::is_regular_file(path, unreadable);
+}
+
+// Names may have the folder of the computer that recorded them, or the ending that the images had
+// before they were converted.
+std::optional<fs::path> find_image(const fs::path& images, const std::string& name) {
+  if (is_file(images / name)) return images / name;
+  const fs::path plain = images / name.substr(name.find_last_of("/\\") + 1);
+  if (is_file(plain)) return plain;
+  for (const char* ending : {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"}) {
+    const fs::path other = fs::path(plain).replace_extension(ending);
+    if (is_file(other)) return other;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 std::unique_ptr<SampleSource> csv_camera(CsvFile file, const fs::path& images, int camera) {
   const std::size_t column = file.require_column({"filename"});
   const auto depth = std::make_shared<BitDepth>();
@@ -297,10 +319,10 @@ std::unique_ptr<SampleSource> csv_camera(CsvFile file, const fs::path& images, i
   return make_source(
       std::move(file), [=](const CsvFile& row, Stamp stamp) -> std::optional<SensorEvent> {
         if (row.cell(column).empty()) return std::nullopt;
-        const fs::path path = images / std::string(row.cell(column));
-        std::error_code unreadable;
-        if (!fs::is_regular_file(path, unreadable)) return std::nullopt;
-        ImageFrame frame{stamp, camera, [path, depth] { return decode_image_file(path, *depth); }};
+        const auto path = find_image(images, std::string(row.cell(column)));
+        if (!path) return std::nullopt;
+        ImageFrame frame{stamp, camera,
+                         [file = *path, depth] { return decode_image_file(file, *depth); }};
         if (!has_masks) return frame;
         if (const auto mask = find_mask(masks, std::string(row.cell(column)))) {
           frame.mask = [file = *mask] { return read_mask(file); };

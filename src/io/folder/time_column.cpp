@@ -10,9 +10,9 @@
 namespace apvi::io {
 namespace {
 
-constexpr std::array<std::string_view, 14> kNames = {
-    "timestamp", "timestamps", "time", "t",  "stamp", "stamps", "sec",
-    "secs",      "seconds",    "ns",   "us", "ms",    "utime",  "header.stamp"};
+constexpr std::array<std::string_view, 15> kNames = {
+    "timestamp", "timestamps", "time", "t",  "stamp", "stamps",       "sec",   "secs",
+    "seconds",   "ns",         "us",   "ms", "utime", "header.stamp", "__time"};
 
 }  // namespace
 

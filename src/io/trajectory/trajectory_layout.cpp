@@ -64,7 +64,7 @@ bool is_time(const Column& column) {
 std::optional<std::string> stem_of(const std::string& name, char axis) {
   if (name.empty() || name.back() != axis) return std::nullopt;
   std::string stem = name.substr(0, name.size() - 1);
-  while (!stem.empty() && (stem.back() == '_' || stem.back() == '.')) stem.pop_back();
+  while (!stem.empty() && is_in(stem.substr(stem.size() - 1), {"_", ".", "/"})) stem.pop_back();
   return stem;
 }
 
