@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -183,6 +184,14 @@ const Product* find_product(const std::string& word) {
   return found == kProducts.end() ? nullptr : found;
 }
 
+// Several exports at a time must share them: threads that wait for each other take the time of those
+// that work.
+int processors() {
+  const char* const limit = std::getenv("OMP_NUM_THREADS");
+  const int asked = limit == nullptr ? 0 : std::atoi(limit);
+  return asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
 }  // namespace
 
 bool is_survey_product(const std::string& word) {
@@ -192,7 +201,7 @@ bool is_survey_product(const std::string& word) {
 void export_survey(const SurveyRequest& request) {
   const Product* const product = find_product(request.product);
   if (product == nullptr) fail_input("--format: {} is no product of a survey", request.product);
-  torch::set_num_threads(static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
+  torch::set_num_threads(processors());
   SurveySource source = load_survey(request);
   const survey::SurveyMap visible =
       product->shows_ground ? survey::seen_from_above(source.map, survey::cameras_of(source.views))

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <utility>
 
+#include "mapping/keyframes/keyframe_store.hpp"
+
 namespace apvi::survey {
 namespace {
 
@@ -51,11 +53,11 @@ double score(const gaussians::View& view, const Tensor& points, const Tensor& ra
 /// Indices of the other views, nearest first.
 std::vector<std::size_t> nearest_views(const std::vector<gaussians::View>& views,
                                        std::size_t reference) {
-  const Tensor center = Camera(views[reference]).center;
   std::vector<std::pair<double, std::size_t>> by_distance;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (i == reference) continue;
-    by_distance.emplace_back((Camera(views[i]).center - center).norm().item<double>(), i);
+    by_distance.emplace_back(
+        mapping::camera_distance(views[i].T_camera_world, views[reference].T_camera_world), i);
   }
   std::sort(by_distance.begin(), by_distance.end());
   by_distance.resize(std::min(by_distance.size(), kMaxCandidates));
