@@ -3,7 +3,8 @@
 """Fails when a code block or link in README.md, CONTRIBUTING.md or docs/ refers to something that does not exist.
 
 Checks scripts and configuration files of this repository, CMake presets, subcommands of apvi (if it is
-built), relative links, and the version in CITATION.cff and CHANGELOG.md.
+built), relative links, the version in CITATION.cff and CHANGELOG.md, and the lengths of README.md and of
+docs/decisions.
 """
 import json
 import pathlib
@@ -12,6 +13,8 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+README_LINES = 149
+DECISIONS = 10
 APVI = ROOT / "build" / "cpu" / "bin" / "apvi"
 OUR_FILE = re.compile(r"(?<![\w/.-])((?:scripts|configs|examples|\.ci|docs|tests)/[\w./-]*\w)")
 
@@ -63,11 +66,21 @@ def version_problems():
             yield f"{name}: version {version} of CMakeLists.txt is missing"
 
 
+def size_problems():
+    """Messages about documents that grew beyond what a reader takes in."""
+    lines = len((ROOT / "README.md").read_text(encoding="utf-8").splitlines())
+    if lines > README_LINES:
+        yield f"README.md: {lines} lines, at most {README_LINES} allowed"
+    decisions = len(list((ROOT / "docs" / "decisions").glob("*.md")))
+    if decisions > DECISIONS:
+        yield f"docs/decisions: {decisions} pages, at most {DECISIONS} allowed"
+
+
 def main():
     presets = {preset["name"] for preset in
                json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]}
     known = subcommands()
-    messages = list(version_problems())
+    messages = [*version_problems(), *size_problems()]
     for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         text, name = path.read_text(encoding="utf-8"), path.relative_to(ROOT)
         messages += [f"{name}:{number}: {what}" for number, line in code_lines(text)

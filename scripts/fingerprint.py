@@ -18,7 +18,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-POSES = ["trajectory.tum", "vio.tum", "dipo.tum"]
+POSES = ["trajectory.tum", "trajectory_smoothed.tum", "dipo.tum", "vio.tum", "health.csv"]
 MAP = ["map.ply", "medium.json", "keyframes.tum", "renders/*"]
 SMALL_DIVE = ["--set", "duration_s=20", "--set", "rig.cam0.resolution=[320, 240]",
               "--set", "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]"]

@@ -46,7 +46,7 @@ void add_view_options(CLI::App& command, ViewOptions& options) {
 
 void report(const runs::RunResult& result) {
   if (result.interrupted) log::warning("interrupted; results so far are saved");
-  log::info("{} poses of {:.1f} s in {:.2f} s ({:.0f} times real time)", result.poses,
+  log::info("{} poses of {:.1f} s in {:.2f} s ({:.1f} times real time)", result.poses,
             result.sequence_s, result.wall_s, result.sequence_s / std::max(1e-9, result.wall_s));
   std::fputs(eval::to_table(result.metrics).c_str(), stdout);
 }
