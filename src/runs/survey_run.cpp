@@ -4,9 +4,9 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
@@ -184,8 +184,8 @@ const Product* find_product(const std::string& word) {
   return found == kProducts.end() ? nullptr : found;
 }
 
-// Several exports at a time must share them: threads that wait for each other take the time of those
-// that work.
+// Several exports at a time must share them: threads that wait for each other take the time of
+// those that work.
 int processors() {
   const char* const limit = std::getenv("OMP_NUM_THREADS");
   const int asked = limit == nullptr ? 0 : std::atoi(limit);

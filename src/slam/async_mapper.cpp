@@ -239,9 +239,7 @@ double AsyncMapper::depth_s() const {
 
 MapCopy AsyncMapper::snapshot() const {
   const std::scoped_lock lock(mutex_);
-  return {.map = mapper_.snapshot(),
-          .keyframes = keyframes(),
-          .iteration = mapper_.iteration()};
+  return {.map = mapper_.snapshot(), .keyframes = keyframes(), .iteration = mapper_.iteration()};
 }
 
 MapCopy AsyncMapper::preview() const {

@@ -189,7 +189,7 @@ TEST(DatasetFolder, FindsImagesThatWereMovedOrConverted) {
   const TmpDir dir;
   dir.write(
       "mav0/cam0/data.csv",
-      "#timestamp [ns],filename\n1,data/a.png\n2,data\\a.png\n3,/home/me/dive/a.png\n4,b.png\n"
+      "#timestamp [ns],filename\n1,data/a.png\n2,data\\a.png\n3,/recorder/dive/a.png\n4,b.png\n"
       "5,c.png\n");
   dir.write("mav0/cam0/data/a.png", "not decoded");
   dir.write("mav0/cam0/data/b.jpg", "not decoded");

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -128,6 +129,17 @@ void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes,
   sh_dc.copy_(gaussians::color_to_sh_dc(color.clamp_min(0.0)));
   Tensor sh_rest = map.gaussians.sh_rest;
   if (sh_rest.numel() > 0) sh_rest.mul_(factor.unsqueeze(1));
+}
+
+std::vector<std::size_t> anchor_views(const Tensor& anchors, const KeyframeStore& keyframes) {
+  const Tensor unique = std::get<0>(at::_unique(anchors.to(torch::kCPU)));
+  const auto* const first = unique.data_ptr<std::int64_t>();
+  const auto count = static_cast<std::int64_t>(keyframes.size());
+  std::vector<std::size_t> views;
+  for (std::int64_t k = 0; k < unique.numel(); ++k) {
+    if (first[k] >= 0 && first[k] < count) views.push_back(static_cast<std::size_t>(first[k]));
+  }
+  return views.empty() ? keyframes.training() : views;
 }
 
 }  // namespace apvi::mapping

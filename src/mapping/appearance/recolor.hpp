@@ -16,4 +16,8 @@ namespace apvi::mapping {
 void recolor(const Map& map, const Map& after, const KeyframeStore& keyframes,
              const std::vector<std::size_t>& views);
 
+/// The keyframes that Gaussians are anchored to, from `anchors` [n] int64; all training keyframes
+/// if there are none.
+std::vector<std::size_t> anchor_views(const torch::Tensor& anchors, const KeyframeStore& keyframes);
+
 }  // namespace apvi::mapping

@@ -275,34 +275,6 @@ void MapOptimizer::prune_least_important(std::int64_t count, const Tensor& among
   remove(pruned);
 }
 
-DetachedGaussians MapOptimizer::detach(const Tensor& which) {
-  const torch::NoGradGuard no_grad;
-  DetachedGaussians out = {
-      .rows = {},
-      .importance = shared_->statistics.importance().index({which}).to(torch::kCPU),
-      .appearance = std::make_shared<const Map>(appearance()),
-      .appearance_version = shared_->appearance_version};
-  out.rows = shared_->store.take(which);
-  shared_->statistics.keep(which.logical_not());
-  shared_->detached += out.rows.size();
-  return out;
-}
-
-void MapOptimizer::adopt(DetachedGaussians& detached) {
-  detached.appearance = std::make_shared<const Map>(appearance());
-  detached.appearance_version = shared_->appearance_version;
-  shared_->detached += detached.rows.size();
-}
-
-void MapOptimizer::attach(const DetachedGaussians& detached, const KeyframeStore& keyframes) {
-  const torch::NoGradGuard no_grad;
-  gaussians::GaussianRows rows = detached.rows;
-  rows.parameters = in_present_colors(detached, keyframes);
-  shared_->store.put(rows);
-  shared_->statistics.extend(rows.size(), detached.importance);
-  shared_->detached -= rows.size();
-}
-
 void MapOptimizer::keep_most_important(int count) {
   const torch::NoGradGuard no_grad;
   shared_->max_gaussians = count;

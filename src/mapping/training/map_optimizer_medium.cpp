@@ -7,7 +7,6 @@
 
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
-#include "gaussians/model/similarity.hpp"
 #include "mapping/appearance/recolor.hpp"
 #include "mapping/training/map_optimizer.hpp"
 
@@ -37,34 +36,6 @@ std::vector<double> seconds_of(const KeyframeStore& keyframes) {
   return seconds;
 }
 
-medium::Medium cloned(const medium::Medium& medium) {
-  return {.beta_d = medium.beta_d.clone(),
-          .beta_b = medium.beta_b.clone(),
-          .b_inf = medium.b_inf.clone(),
-          .lamp = medium.lamp};
-}
-
-gaussians::Gaussians copied(const gaussians::Gaussians& gaussians, const torch::Device& device) {
-  gaussians::Gaussians copy;
-  for (std::size_t k = 0; k < copy.tensors().size(); ++k) {
-    const Tensor& from = *gaussians.tensors()[k];
-    *copy.tensors()[k] = from.to(device, from.scalar_type(), /*non_blocking=*/false, /*copy=*/true);
-  }
-  return copy;
-}
-
-// The keyframes that Gaussians are anchored to; all when there are none.
-std::vector<std::size_t> views_of(const Tensor& anchors, const KeyframeStore& keyframes) {
-  const Tensor unique = std::get<0>(at::_unique(anchors.to(torch::kCPU)));
-  const auto* const first = unique.data_ptr<std::int64_t>();
-  const auto count = static_cast<std::int64_t>(keyframes.size());
-  std::vector<std::size_t> views;
-  for (std::int64_t k = 0; k < unique.numel(); ++k) {
-    if (first[k] >= 0 && first[k] < count) views.push_back(static_cast<std::size_t>(first[k]));
-  }
-  return views.empty() ? keyframes.training() : views;
-}
-
 double median_of(const Tensor& values, const std::vector<std::size_t>& among) {
   const std::vector<std::int64_t> rows(among.begin(), among.end());
   return values.index_select(0, torch::tensor(rows, torch::kInt64)).median().item<double>();
@@ -82,33 +53,8 @@ void MapOptimizer::recolor_for(const Map& after, const KeyframeStore& keyframes)
   // Of a part of the map, only the views there say something.
   const bool is_part = shared_->detached > 0;
   recolor(full_map(), after, keyframes,
-          is_part ? views_of(shared_->store.anchors(), keyframes) : keyframes.training());
+          is_part ? anchor_views(shared_->store.anchors(), keyframes) : keyframes.training());
   ++shared_->appearance_version;
-}
-
-// A copy that the optimizer does not change.
-Map MapOptimizer::appearance() const {
-  Map copy = full_map();
-  copy.gaussians = {};
-  copy.illumination = Tensor();
-  if (copy.log_gains.defined()) copy.log_gains = copy.log_gains.clone();
-  if (copy.medium) copy.medium = cloned(*copy.medium);
-  return copy;
-}
-
-gaussians::Gaussians MapOptimizer::in_present_colors(const DetachedGaussians& detached,
-                                                     const KeyframeStore& keyframes) const {
-  const torch::NoGradGuard no_grad;
-  Map before = *detached.appearance;
-  before.gaussians = copied(detached.rows.parameters, gaussians::active_device());
-  if (detached.motions.defined()) {
-    before.gaussians = gaussians::transformed(
-        before.gaussians, gaussians::rigid_transforms(detached.motions), detached.which);
-  }
-  if (detached.appearance_version != shared_->appearance_version) {
-    recolor(before, full_map(), keyframes, views_of(detached.rows.anchors, keyframes));
-  }
-  return before.gaussians;
 }
 
 void MapOptimizer::start_medium(const medium::Medium& medium, const KeyframeStore& keyframes) {
