@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numbers>
 
 #include "apvi/core/constants.hpp"
@@ -133,6 +134,20 @@ TEST(PressureUnit, FirstReadingApartFromTheRestIsDropped) {
           << factor << " " << garbage;
     }
   }
+}
+
+TEST(PressureUnit, ZerosOfASensorThatDoesNotAnswerAreDropped) {
+  const TmpDir dir;
+  std::vector<double> periodic = dive();
+  for (std::size_t i = 3; i < periodic.size(); i += 7) periodic[i] = 0.0;
+  EXPECT_NEAR(first_pressure(dir, periodic, 1.0, 0.0, 57), dive()[0], 0.1);
+  std::vector<double> late = dive();
+  std::fill_n(late.begin(), 100, 0.0);
+  EXPECT_NEAR(first_pressure(dir, late, 1e2, 0.0, 100), dive()[100], 0.1);
+  // Above the atmosphere, zero is the surface.
+  std::vector<double> gauge = dive();
+  for (double& pascal : gauge) pascal = std::max(101325.0, pascal - 7000.0);
+  EXPECT_NEAR(first_pressure(dir, gauge, 1.0, 101325.0, 0, "pressure [Pa]"), 101325.0, 0.1);
 }
 
 TEST(PressureUnit, DeepPartOfADiveIsKept) {

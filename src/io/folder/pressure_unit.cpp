@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -20,6 +21,8 @@ constexpr double kPascalPerMeter = 9806.65;
 constexpr double kGap = 10.0 * kPascalPerMeter;  // between readings that belong together
 constexpr double kMaxApart = 0.01;               // fraction of the readings that is dropped
 constexpr double kShallow = 0.1;                 // quantile of the shallow readings
+// Zeros are placeholders when the lowest other reading is above this part of the median.
+constexpr double kPlaceholderGap = 0.5;
 // Where a vehicle that dives from the surface is found in a tenth of a recording [m].
 constexpr double kHighest = -1.5;
 constexpr double kLowest = 3.0;
@@ -95,6 +98,16 @@ PressureUnit infer_unit(const std::vector<double>& sorted, const std::string& na
       name, median, shallow);
 }
 
+// Zeros among readings that are all far from zero are no measurements: drivers write them while the
+// sensor does not answer.
+void remove_placeholders(std::vector<double>& sorted) {
+  const auto first = std::upper_bound(sorted.begin(), sorted.end(), 0.0);
+  const auto zeros = first - std::lower_bound(sorted.begin(), sorted.end(), 0.0);
+  if (zeros == 0 || 2 * zeros >= std::ssize(sorted) || sorted.front() < 0.0) return;
+  if (*first < kPlaceholderGap * quantile(sorted, 0.5)) return;
+  sorted.erase(sorted.begin(), first);
+}
+
 // The part of the sorted readings around their median without a gap; nothing is cut when more than
 // kMaxApart of them would be.
 void set_limits(const std::vector<double>& sorted, PressureScale& scale) {
@@ -162,6 +175,7 @@ PressureUnit unit_of(double to_pascal) {
 PressureScale evaluate_pressure(std::vector<double> values, const PressureSource& source) {
   std::erase_if(values, [](double v) { return !std::isfinite(v); });
   std::sort(values.begin(), values.end());
+  remove_placeholders(values);
   const bool guess = source.unit == PressureUnit::automatic;
   if (values.empty()) return {};
   const PressureUnit unit = guess ? infer_unit(values, source.name) : source.unit;
