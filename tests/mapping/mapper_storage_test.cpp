@@ -9,6 +9,7 @@
 #include "mapping/evaluation.hpp"
 #include "mapping/mapper.hpp"
 #include "mapping/mapper_scene.hpp"
+#include "medium/medium_initialization.hpp"
 #include "support/posed_scene.hpp"
 #include "support/tmp_dir.hpp"
 
@@ -190,6 +191,25 @@ TEST(MapperStorage, APreviewHasFewerGaussiansOfTheStoredParts) {
   EXPECT_LT(preview.means.select(1, 0).min().item<double>(), 1.0);
   const Mapper whole = along_the_wall(world, options_with(0.0));
   EXPECT_EQ(whole.preview().gaussians.size(), whole.size());
+}
+
+TEST(MapperStorage, PartsOfDifferentTimesReturnTogetherInAnyOrder) {
+  const gaussians::Gaussians world = test::gaussian_wall();
+  const KeyframeStore keyframes = test::render_keyframes(world);
+  MapOptimizer optimizer(gaussians::Gaussians::empty(0, torch::kFloat32), TrainerOptions{}, 3);
+  optimizer.insert(world, torch::arange(world.size(), torch::kInt64) % 9);
+  GaussianStorage storage;
+  storage.add(optimizer.detach(optimizer.anchors() == 1));
+  while (optimizer.full_map().log_gains.size(0) < 9) optimizer.add_view();
+  storage.add(optimizer.detach(optimizer.anchors() == 7));
+  const std::vector<DetachedGaussians> parts = storage.take({7, 1});
+  ASSERT_EQ(parts.size(), 1U);
+  EXPECT_EQ(parts[0].appearance->log_gains.size(0), 9);
+  EXPECT_EQ(storage.size(), 0);
+  EXPECT_EQ(storage.bytes(), 0);
+  optimizer.start_medium(medium::coastal_medium(), keyframes);
+  optimizer.attach(parts[0], keyframes);
+  EXPECT_EQ(optimizer.size(), world.size());
 }
 
 TEST(MapperStorage, StoredGaussiansGetTheColorsOfAMediumFoundLater) {

@@ -288,14 +288,15 @@ gaussians::Gaussians ActiveRegion::preview(const KeyframeStore& keyframes,
                                            const MapOptimizer& optimizer) const {
   const torch::NoGradGuard no_grad;
   if (storage_.size() == 0) return optimizer.map();
-  if (!thinned_ || thinned_version_ != storage_.version()) {
+  const std::pair now(storage_.version(), optimizer.appearance_version());
+  if (!thinned_ || thinned_version_ != now) {
     std::vector<gaussians::Gaussians> parts;
     for (const DetachedGaussians& part : storage_.read(storage_.anchors(), kPreviewStride)) {
       parts.push_back(optimizer.in_present_colors(part, keyframes));
       parts.back().log_scales += 0.5 * std::log(kPreviewStride);  // the same area
     }
     thinned_ = gaussians::join(parts);
-    thinned_version_ = storage_.version();
+    thinned_version_ = now;
   }
   return gaussians::join(optimizer.map(), *thinned_);
 }

@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "mapping/alignment/keyframe_poses.hpp"
@@ -81,8 +82,8 @@ class ActiveRegion {
   /// Keyframes with stored Gaussians, by the keyframe that sees them.
   std::map<std::size_t, std::set<std::int64_t>> missing_;
   std::size_t look_again_ = 0;  ///< keyframe before which no distant parts are looked for
-  mutable std::optional<gaussians::Gaussians> thinned_;  ///< of the storage, for `preview`
-  mutable std::int64_t thinned_version_ = -1;
+  mutable std::optional<gaussians::Gaussians> thinned_;   ///< of the storage, for `preview`
+  mutable std::pair<std::int64_t, int> thinned_version_;  ///< of the storage and the appearance
 };
 
 }  // namespace apvi::mapping

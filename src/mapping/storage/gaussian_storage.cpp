@@ -3,6 +3,7 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -29,9 +30,14 @@ DetachedGaussians map_tensors(DetachedGaussians detached, Function function) {
   return detached;
 }
 
-/// Of at least one.
+std::int64_t known_keyframes(const DetachedGaussians& detached) {
+  const Tensor& gains = detached.appearance->log_gains;
+  return gains.defined() ? gains.size(0) : 0;
+}
+
+/// Of at least one, in the appearance that knows the gains of all their keyframes.
 DetachedGaussians concatenated(std::vector<DetachedGaussians> parts) {
-  DetachedGaussians out = parts.back();  // the newest appearance knows the most keyframes
+  DetachedGaussians out = *std::ranges::max_element(parts, {}, known_keyframes);
   std::vector<std::vector<Tensor>> columns(tensors_of(out).size());
   for (DetachedGaussians& part : parts) {
     const std::vector<Tensor*> tensors = tensors_of(part);

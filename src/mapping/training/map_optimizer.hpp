@@ -92,6 +92,8 @@ class MapOptimizer {
   void attach(const DetachedGaussians& detached, const KeyframeStore& keyframes);
   /// Counts Gaussians from a checkpoint as taken out of the map, in its present appearance.
   void adopt(DetachedGaussians& detached);
+  /// Counts the changes of the medium and the camera response that recolored the map.
+  int appearance_version() const { return shared_->appearance_version; }
   /// Copies them, on the map's device, as `attach` would put them into the map.
   gaussians::Gaussians in_present_colors(const DetachedGaussians& detached,
                                          const KeyframeStore& keyframes) const;
