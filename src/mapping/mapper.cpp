@@ -273,6 +273,7 @@ Map Mapper::snapshot(const torch::Device& device) const {
 Map Mapper::preview() const {
   Map map = this->map();
   map.gaussians = region_.preview(keyframes_, optimizer_);
+  if (map.log_gains.defined()) map.log_gains = map.log_gains.clone();
   return map;
 }
 

@@ -96,7 +96,8 @@ class Mapper {
   Map map() const { return optimizer_.full_map(); }
   /// A copy of the whole map on `device`.
   Map snapshot(const torch::Device& device = gaussians::active_device()) const;
-  /// The whole map, with fewer Gaussians where it is not on the device; may share memory.
+  /// The whole map, with fewer Gaussians where it is not on the device; a copy unless all are
+  /// there.
   Map preview() const;
   const KeyframeStore& keyframes() const { return keyframes_; }
   /// Pose of a keyframe with its learned correction.

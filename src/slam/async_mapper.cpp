@@ -13,7 +13,6 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
-#include "gaussians/model/rows.hpp"
 #include "mapping/keyframes/image_visibility.hpp"
 #include "sensors/camera_mask.hpp"
 #include "slam/map_access.hpp"
@@ -244,11 +243,9 @@ MapCopy AsyncMapper::snapshot() const {
 
 MapCopy AsyncMapper::preview() const {
   const std::scoped_lock lock(mutex_);
-  MapCopy copy = {
-      .map = mapper_.preview(), .keyframes = keyframes(), .iteration = mapper_.iteration()};
-  copy.map.gaussians = gaussians::join({copy.map.gaussians});
-  if (copy.map.log_gains.defined()) copy.map.log_gains = copy.map.log_gains.clone();
-  return copy;
+  return {.map = mapper_.stored() == 0 ? mapper_.snapshot() : mapper_.preview(),
+          .keyframes = keyframes(),
+          .iteration = mapper_.iteration()};
 }
 
 mapping::MapRendering AsyncMapper::render(const gaussians::View& view) const {

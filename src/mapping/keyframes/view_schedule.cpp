@@ -44,13 +44,17 @@ double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_us
 }
 
 std::vector<const ViewSchedule::Entry*> ViewSchedule::candidates() const {
-  std::vector<const Entry*> all;
+  const bool all_paused =
+      std::ranges::all_of(entries_, [](const Entry& entry) { return entry.paused; });
   std::vector<const Entry*> drawn;
   for (const Entry& entry : entries_) {
-    all.push_back(&entry);
-    if (!paused_.contains(entry.view)) drawn.push_back(&entry);
+    if (all_paused || !entry.paused) drawn.push_back(&entry);
   }
-  return drawn.empty() ? all : drawn;
+  return drawn;
+}
+
+void ViewSchedule::pause(const std::set<std::size_t>& views) {
+  for (Entry& entry : entries_) entry.paused = views.contains(entry.view);
 }
 
 std::size_t ViewSchedule::draw(Random& random) const {

@@ -32,7 +32,7 @@ class ViewSchedule {
   std::size_t size() const { return entries_.size(); }
 
   /// Views that are not drawn for now, unless all are paused.
-  void pause(const std::set<std::size_t>& views) { paused_ = views; }
+  void pause(const std::set<std::size_t>& views);
   /// Draws a view. Throws c10::Error when there is none.
   std::size_t draw(Random& random) const;
   /// Counts a use of the view.
@@ -56,6 +56,7 @@ class ViewSchedule {
     std::int64_t uses_since_reset = 0;  ///< uses since the last reset_penalties()
     double loss = 0.0;                  ///< 0: unknown
     double recent_uses = 0.0;           ///< exponentially decaying count
+    bool paused = false;
   };
   Entry* find(std::size_t view);
   double weight(const Entry& entry, double mean_loss, double mean_uses) const;
@@ -64,7 +65,6 @@ class ViewSchedule {
   std::size_t recent_count_;
   double recent_fraction_;
   std::vector<Entry> entries_;  ///< in order of time
-  std::set<std::size_t> paused_;
 };
 
 }  // namespace apvi::mapping
