@@ -10,6 +10,11 @@ work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 
+fail() {
+  echo "$*" >&2
+  exit 1
+}
+
 "$apvi" -q sim "$source_dir/configs/scenes/seabed_easy.yaml" -o dive --set duration_s=8 \
   --set 'rig.cam0.resolution=[320, 240]' --set 'rig.cam0.intrinsics=[210, 210, 159.5, 119.5]'
 "$apvi" -q run dive -o plain
@@ -18,8 +23,10 @@ cd "$work"
 for file in trajectory.tum trajectory_smoothed.tum keyframes.tum map.ply medium.json; do
   cmp "plain/$file" "named/$file"
 done
-[[ -s plain/report.html ]]
-grep -q 'kind: quadtree' plain/resolved.yaml
+[[ -s plain/report.html ]] || fail "the run of a folder has no report"
+for setting in 'densification: quadtree' 'medium: true'; do
+  grep -q "^  $setting$" plain/resolved.yaml || fail "resolved.yaml has no line '$setting'"
+done
 python3 - <<'END'
 import json
 
