@@ -34,7 +34,7 @@
 #include "apvi/sensors/rig.hpp"
 #include "core/stopwatch.hpp"
 #include "depth/depth.hpp"
-#include "runs/image_files.hpp"
+#include "runs/views/image_files.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi {

@@ -14,7 +14,7 @@
 
 #include "apvi/core/error.hpp"
 #include "core/stopwatch.hpp"
-#include "sim/renderer.hpp"
+#include "sim/render/renderer.hpp"
 #include "sim/simulation.hpp"
 
 namespace {

@@ -6,7 +6,7 @@
 #include "apvi/io/tum.hpp"
 #include "gaussians/model/point_cloud.hpp"
 #include "map_io/map_file.hpp"
-#include "runs/export.hpp"
+#include "runs/survey/export.hpp"
 #include "slam/map_access.hpp"
 
 namespace apvi::python {

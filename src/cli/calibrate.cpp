@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "runs/calibrate.hpp"
+#include "runs/calibrate/calibrate.hpp"
 
 #include <cstdio>
 #include <map>

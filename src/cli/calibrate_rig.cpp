@@ -9,7 +9,7 @@
 #include "cli/configurations.hpp"
 #include "cli/run_support.hpp"
 #include "core/interrupt.hpp"
-#include "runs/rig_calibration.hpp"
+#include "runs/calibrate/rig_calibration.hpp"
 
 namespace apvi::cli {
 namespace {

@@ -5,7 +5,7 @@
 #include "cli/commands.hpp"
 #include "cli/report.hpp"
 #include "core/interrupt.hpp"
-#include "runs/diff_run.hpp"
+#include "runs/diff/diff_run.hpp"
 
 namespace apvi::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include "apvi/core/error.hpp"
 #include "cli/mapping_support.hpp"
 #include "eval/metrics_file.hpp"
-#include "runs/patch_colors.hpp"
+#include "runs/quality/patch_colors.hpp"
 
 namespace apvi::cli {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "runs/export.hpp"
+#include "runs/survey/export.hpp"
 
 #include <filesystem>
 #include <memory>

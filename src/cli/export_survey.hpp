@@ -3,7 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "runs/survey_run.hpp"
+#include "runs/survey/survey_run.hpp"
 
 namespace apvi::cli {
 

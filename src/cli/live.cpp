@@ -14,7 +14,7 @@
 #include "cli/report.hpp"
 #include "cli/run_support.hpp"
 #include "core/interrupt.hpp"
-#include "runs/live_run.hpp"
+#include "runs/live/live_run.hpp"
 #include "runs/run.hpp"
 #include "runs/run_folder.hpp"
 

@@ -6,9 +6,9 @@
 
 #include "apvi/core/log.hpp"
 #include "cli/mapping_support.hpp"
-#include "runs/live_view.hpp"
-#include "runs/mapping_run.hpp"
-#include "runs/online_run.hpp"
+#include "runs/live/live_view.hpp"
+#include "runs/maps/mapping_run.hpp"
+#include "runs/maps/online_run.hpp"
 
 namespace apvi::cli {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "runs/merge_run.hpp"
+#include "runs/merge/merge_run.hpp"
 
 #include <cmath>
 #include <memory>

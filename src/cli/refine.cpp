@@ -8,7 +8,7 @@
 #include "cli/commands.hpp"
 #include "core/child_process.hpp"
 #include "core/interrupt.hpp"
-#include "runs/refine_run.hpp"
+#include "runs/refine/refine_run.hpp"
 
 namespace apvi::cli {
 namespace {

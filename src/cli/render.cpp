@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "runs/render_run.hpp"
+#include "runs/views/render_run.hpp"
 
 #include <memory>
 #include <optional>

@@ -4,7 +4,7 @@
 
 #include "cli/commands.hpp"
 #include "core/interrupt.hpp"
-#include "runs/view_run.hpp"
+#include "runs/views/view_run.hpp"
 
 namespace apvi::cli {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "eval/metrics_file.hpp"
 #include "localization/map_sink.hpp"
-#include "runs/live_hooks.hpp"
+#include "runs/live/live_hooks.hpp"
 #include "runs/run_config.hpp"
 #include "runs/run_observer.hpp"
 #include "vio/window/calibration.hpp"

@@ -22,11 +22,11 @@
 #include "map_io/map_file.hpp"
 #include "map_io/ply.hpp"
 #include "mapping/surface_depth.hpp"
-#include "runs/export.hpp"
-#include "runs/local_origin.hpp"
+#include "runs/maps/local_origin.hpp"
+#include "runs/maps/stored_map.hpp"
 #include "runs/run_config.hpp"
 #include "runs/run_folder.hpp"
-#include "runs/stored_map.hpp"
+#include "runs/survey/export.hpp"
 
 namespace apvi::runs {
 namespace {

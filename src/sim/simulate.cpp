@@ -8,8 +8,8 @@
 #include "core/interrupt.hpp"
 #include "core/stopwatch.hpp"
 #include "core/text_file.hpp"
-#include "sim/formats.hpp"
-#include "sim/frames.hpp"
+#include "sim/sensors/frames.hpp"
+#include "sim/writers/formats.hpp"
 
 namespace apvi::sim {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "sim/dataset_writer.hpp"
 #include "sim/scene_config.hpp"
+#include "sim/writers/dataset_writer.hpp"
 
 namespace apvi::sim {
 

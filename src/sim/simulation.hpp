@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "geometry/spline.hpp"
-#include "sim/imu_sim.hpp"
-#include "sim/ray_caster.hpp"
+#include "sim/render/ray_caster.hpp"
 #include "sim/scene_config.hpp"
+#include "sim/sensors/imu_sim.hpp"
 
 namespace apvi::sim {
 

@@ -12,9 +12,9 @@
 #include "eval/metrics_file.hpp"
 #include "loop_closure/place_map.hpp"
 #include "map_io/map_file.hpp"
-#include "runs/mapping_run.hpp"
-#include "runs/render_run.hpp"
-#include "runs/wall_recording.hpp"
+#include "runs/maps/mapping_run.hpp"
+#include "runs/views/render_run.hpp"
+#include "support/wall_recording.hpp"
 
 namespace apvi::runs {
 namespace {

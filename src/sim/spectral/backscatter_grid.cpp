@@ -6,9 +6,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/clones.hpp"
 #include "sim/spectral/light_field.hpp"
 #include "sim/spectral/phase_function.hpp"
+#include "sim/world/clones.hpp"
 
 namespace apvi::sim {
 namespace {

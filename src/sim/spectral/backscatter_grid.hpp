@@ -6,9 +6,9 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-#include "sim/lens_rays.hpp"
-#include "sim/ray_caster.hpp"
-#include "sim/shading.hpp"
+#include "sim/render/lens_rays.hpp"
+#include "sim/render/ray_caster.hpp"
+#include "sim/render/shading.hpp"
 #include "sim/spectral/sea_state.hpp"
 
 namespace apvi::sim {

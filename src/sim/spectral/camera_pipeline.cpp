@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "sim/noise_texture.hpp"
+#include "sim/world/noise_texture.hpp"
 
 namespace apvi::sim {
 namespace {

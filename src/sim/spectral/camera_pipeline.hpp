@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
 
-#include "sim/camera_effects.hpp"
-#include "sim/lens_rays.hpp"
+#include "sim/render/camera_effects.hpp"
+#include "sim/render/lens_rays.hpp"
 #include "sim/spectral/development.hpp"
 #include "sim/spectral/spectral_config.hpp"
 

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sim/water.hpp"
+#include "sim/render/water.hpp"
 
 namespace apvi::sim {
 

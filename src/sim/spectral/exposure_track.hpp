@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "sim/camera_effects.hpp"
+#include "sim/render/camera_effects.hpp"
 #include "sim/spectral/development.hpp"
 #include "sim/spectral/spectral_config.hpp"
 

@@ -7,8 +7,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "sim/clones.hpp"
 #include "sim/spectral/phase_function.hpp"
+#include "sim/world/clones.hpp"
 
 namespace apvi::sim {
 namespace {

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sim/ray_caster.hpp"
+#include "sim/render/ray_caster.hpp"
 #include "sim/spectral/sea_state.hpp"
 
 namespace apvi::sim {

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "apvi/geometry/se3.hpp"
-#include "sim/disturbance.hpp"
-#include "sim/light.hpp"
-#include "sim/silt.hpp"
+#include "sim/motion/disturbance.hpp"
+#include "sim/render/light.hpp"
+#include "sim/render/silt.hpp"
 #include "sim/spectral/spectral_config.hpp"
 #include "sim/spectral/water_optics.hpp"
 

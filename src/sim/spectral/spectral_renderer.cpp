@@ -5,13 +5,13 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-#include "sim/frame_poses.hpp"
-#include "sim/moving_scene.hpp"
-#include "sim/snow.hpp"
+#include "sim/render/frame_poses.hpp"
+#include "sim/render/snow.hpp"
 #include "sim/spectral/effective_medium.hpp"
 #include "sim/spectral/exposure_track.hpp"
 #include "sim/spectral/forward_blur.hpp"
 #include "sim/spectral/phase_function.hpp"
+#include "sim/world/moving_scene.hpp"
 
 namespace apvi::sim {
 namespace {

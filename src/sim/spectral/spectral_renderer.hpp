@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "sim/lens_rays.hpp"
-#include "sim/renderer.hpp"
+#include "sim/render/lens_rays.hpp"
+#include "sim/render/renderer.hpp"
 #include "sim/spectral/backscatter_grid.hpp"
 #include "sim/spectral/camera_pipeline.hpp"
 #include "sim/spectral/spectral_shading.hpp"

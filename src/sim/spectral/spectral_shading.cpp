@@ -5,10 +5,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/caustics.hpp"
-#include "sim/clones.hpp"
+#include "sim/render/caustics.hpp"
 #include "sim/spectral/light_field.hpp"
-#include "sim/surface_patch.hpp"
+#include "sim/world/clones.hpp"
+#include "sim/world/surface_patch.hpp"
 
 namespace apvi::sim {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "sim/shading.hpp"
+#include "sim/render/shading.hpp"
 #include "sim/spectral/lamp_shadow.hpp"
 #include "sim/spectral/sea_state.hpp"
 

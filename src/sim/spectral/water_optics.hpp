@@ -3,8 +3,8 @@
 
 #include <optional>
 
+#include "sim/render/water.hpp"
 #include "sim/spectral/spectrum.hpp"
-#include "sim/water.hpp"
 
 namespace apvi::sim {
 

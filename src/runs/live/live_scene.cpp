@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "runs/live/live_scene.hpp"
+
+#include <torch/torch.h>
+
+#include <utility>
+
+#include "runs/maps/stored_map.hpp"
+#include "runs/views/stored_scene.hpp"
+#include "viewer/message.hpp"
+
+namespace apvi::runs {
+namespace {
+
+constexpr double kCopyPeriod_s = 0.5;
+constexpr double kVersionPeriod_s = 1.0;
+
+}  // namespace
+
+LiveScene::LiveScene(std::string name) {
+  description_.name = std::move(name);
+  description_.live = true;
+}
+
+void LiveScene::set_rig(const Rig& rig) {
+  const std::scoped_lock lock(mutex_);
+  description_.up = -rig.gravity(1.0);
+  if (rig.cameras.empty()) return;
+  const CameraCalibration& camera = rig.cameras.front();
+  describe_camera({slam::Undistorter(camera.model, 1.0).intrinsics(), camera.T_body_camera},
+                  description_);
+}
+
+void LiveScene::set_mapper(slam::AsyncMapper* mapper) {
+  const std::scoped_lock lock(mapper_mutex_, mutex_);
+  mapper_ = mapper;
+  description_.can_pause = mapper != nullptr;
+}
+
+void LiveScene::add(const StampedPose& pose, const std::string& state) {
+  const std::scoped_lock lock(mutex_);
+  trace_.add(pose, state);
+}
+
+void LiveScene::add(const localization::FrameOutput& output) {
+  const std::scoped_lock lock(mutex_);
+  if (trace_.rewrite(output)) rewritten_ = true;
+  if (const auto pose = output.fused()) trace_.add(*pose, std::string(output.pose_source()));
+}
+
+std::optional<std::vector<viewer::TracePose>> LiveScene::take_new_poses() {
+  const std::scoped_lock lock(mutex_);
+  const std::vector<viewer::TracePose>& trace = trace_.poses();
+  const std::size_t from = std::exchange(taken_, trace.size());
+  if (std::exchange(rewritten_, false)) return std::nullopt;
+  return std::vector(trace.begin() + static_cast<std::ptrdiff_t>(from), trace.end());
+}
+
+std::string LiveScene::take_map_message() {
+  const std::scoped_lock lock(mutex_);
+  return std::exchange(map_is_new_, false) ? viewer::map_message(description_) : "";
+}
+
+std::int64_t LiveScene::keyframes() const {
+  const std::scoped_lock lock(mapper_mutex_);
+  return mapper_ == nullptr ? 0 : mapper_->keyframe_count();
+}
+
+bool LiveScene::paused() const {
+  const std::scoped_lock lock(mapper_mutex_);
+  return mapper_ != nullptr && mapper_->paused();
+}
+
+void LiveScene::pause(bool paused) {
+  const std::scoped_lock lock(mapper_mutex_);
+  if (mapper_ != nullptr) mapper_->pause(paused);
+}
+
+std::uint64_t LiveScene::version() const {
+  return static_cast<std::uint64_t>(since_start_.seconds() / kVersionPeriod_s);
+}
+
+viewer::SceneDescription LiveScene::description() const {
+  const std::scoped_lock lock(mutex_);
+  viewer::SceneDescription description = description_;
+  description.trace = trace_.poses();
+  return description;
+}
+
+// Nothing when there is no newer map. `set_mapper` waits for the lock.
+std::optional<slam::MapCopy> LiveScene::copy_map() {
+  if (iteration_ >= 0 && since_copy_.seconds() < kCopyPeriod_s) return std::nullopt;
+  const std::scoped_lock lock(mapper_mutex_);
+  if (mapper_ == nullptr || mapper_->gaussian_count() == 0) return std::nullopt;
+  slam::MapCopy copy = mapper_->preview();
+  since_copy_.reset();
+  if (copy.iteration == iteration_ || copy.map.gaussians.size() == 0) return std::nullopt;
+  iteration_ = copy.iteration;
+  return copy;
+}
+
+void LiveScene::refresh() {
+  auto copy = copy_map();
+  if (!copy) return;
+  const MapExtent extent = extent_of(copy->map);
+  painter_.set_map(std::move(copy->map), {});
+  const std::scoped_lock lock(mutex_);
+  description_.gaussians = extent.gaussians;
+  description_.medium = extent.medium;
+  description_.center = extent.center;
+  description_.radius_m = extent.radius_m;
+  description_.keyframes.clear();
+  for (const StampedPose& pose : copy->keyframes.poses) {
+    description_.keyframes.push_back(pose.T_world_body);
+  }
+  map_is_new_ = true;
+  if (trace_.follow(copy->keyframes)) rewritten_ = true;
+}
+
+std::optional<viewer::Rendering> LiveScene::render(const viewer::View& view) {
+  torch::set_num_threads(1);  // of this thread: the others are for the run
+  refresh();
+  return painter_.render(view);
+}
+
+std::optional<double> LiveScene::depth(const viewer::Viewpoint& viewpoint, int column, int row) {
+  return painter_.depth(viewpoint, column, row);
+}
+
+}  // namespace apvi::runs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apvi/sensors/rig.hpp"
+#include "core/stopwatch.hpp"
+#include "localization/fusion_stage.hpp"
+#include "runs/live/live_trace.hpp"
+#include "runs/views/map_painter.hpp"
+#include "slam/async_mapper.hpp"
+
+namespace apvi::runs {
+
+/// The map and the trajectory of a run while it is made. Views are drawn from copies of the map, so
+/// that the mapper waits for the copy only.
+class LiveScene : public viewer::Scene {
+ public:
+  explicit LiveScene(std::string name);
+
+  void set_rig(const Rig& rig);
+  /// Null: there is none any more.
+  void set_mapper(slam::AsyncMapper* mapper);
+  void add(const StampedPose& pose, const std::string& state);
+  /// Adds the pose of a frame and what it changes about earlier ones.
+  void add(const localization::FrameOutput& output);
+
+  /// Poses since the last call; nothing when earlier ones have changed, too: then the whole scene
+  /// is needed.
+  std::optional<std::vector<viewer::TracePose>> take_new_poses();
+  /// {"type": "map", ...} when the copy of the map is newer than at the last call, else empty.
+  std::string take_map_message();
+  /// Figures of the mapper for the page.
+  std::int64_t keyframes() const;
+  bool paused() const;
+
+  std::optional<viewer::Rendering> render(const viewer::View& view) override;
+  std::optional<double> depth(const viewer::Viewpoint& viewpoint, int column, int row) override;
+  std::uint64_t version() const override;
+  viewer::SceneDescription description() const override;
+  void pause(bool paused) override;
+
+ private:
+  void refresh();
+  std::optional<slam::MapCopy> copy_map();
+
+  // Of `mapper_`; held while the map is copied, which may wait for a step of the mapper. The other
+  // one is for moments only: the threads of the run wait for it.
+  mutable std::mutex mapper_mutex_;
+  slam::AsyncMapper* mapper_ = nullptr;
+  mutable std::mutex mutex_;
+  viewer::SceneDescription description_;  // without the trace
+  LiveTrace trace_;
+  std::size_t taken_ = 0;   // poses of the trace
+  bool rewritten_ = false;  // earlier poses have changed
+  bool map_is_new_ = false;
+  Stopwatch since_start_;
+
+  // Of the thread that draws.
+  MapPainter painter_;
+  std::int64_t iteration_ = -1;
+  Stopwatch since_copy_;
+};
+
+}  // namespace apvi::runs
