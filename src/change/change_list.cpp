@@ -134,7 +134,7 @@ std::vector<Change> relief_changes(const Surface& surface, Kind kind, double min
     const Tensor rows = as_tensor(members, surface.moved);
     auto change =
         change_at(surface, rows, strong.index_select(0, rows), kCertainRelief, min_size_m);
-    if (!change || correlation(surface.looks, rows) > kSameThing) continue;
+    if (!change || correlation(surface.colors, rows) > kSameThing) continue;
     const Tensor inner = rows.index({strong.index_select(0, rows)});
     const Votes& v = surface.votes;
     const Tensor through = v.through.index_select(0, inner);
@@ -165,12 +165,12 @@ std::vector<Change> look_changes(const Surface& surface, double other_black, Kin
     if (!change) continue;
     const Tensor inner = some.index({strong.index_select(0, some)});
     const Tensor logarithms = std::get<0>(colors.residual.index_select(0, inner).median(0));
-    const bool same_thing = correlation(surface.looks, cells) > kSameThing;
+    const bool same_thing = correlation(surface.colors, cells) > kSameThing;
     if (same_thing && (logarithms.max() - logarithms.min()).item<double>() < kShade) continue;
     const double distance = colors.distance.index_select(0, some).mean().item<double>();
     change->confidence = std::max(0.0, 1.0 - 4.0 / (distance * distance));
-    const auto own = mean_light(surface.looks.own.index_select(0, cells), surface.black);
-    const auto other = mean_light(surface.looks.other.index_select(0, cells), other_black);
+    const auto own = mean_light(surface.colors.own.index_select(0, cells), surface.black);
+    const auto other = mean_light(surface.colors.other.index_select(0, cells), other_black);
     change->kind = !same_thing && stands_out(surface, cells) ? standing_out : Kind::color;
     if (change->kind == Kind::color) {
       change->before = later ? other : own;
@@ -189,17 +189,18 @@ void append(std::vector<Change>& changes, std::vector<Change> more) {
   std::move(more.begin(), more.end(), std::back_inserter(changes));
 }
 
-void append_looks(std::vector<Change>& changes, std::vector<Change> looks, double min_size_m) {
-  const auto is_at_one = [&](const Change& look) {
+void append_color_changes(std::vector<Change>& changes, std::vector<Change> more,
+                          double min_size_m) {
+  const auto is_at_one = [&](const Change& change) {
     return std::any_of(changes.begin(), changes.end(), [&](const Change& other) {
-      return other.kind != Kind::color && touches(look, other, min_size_m);
+      return other.kind != Kind::color && touches(change, other, min_size_m);
     });
   };
   // Those that stand out first: the others can be their rims.
-  std::stable_partition(looks.begin(), looks.end(),
+  std::stable_partition(more.begin(), more.end(),
                         [](const Change& c) { return c.kind != Kind::color; });
-  for (Change& look : looks) {
-    if (!is_at_one(look)) changes.push_back(std::move(look));
+  for (Change& change : more) {
+    if (!is_at_one(change)) changes.push_back(std::move(change));
   }
 }
 

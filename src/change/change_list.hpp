@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "change/change_map.hpp"
+#include "change/color_comparison.hpp"
 #include "change/color_residuals.hpp"
-#include "change/looks.hpp"
 #include "change/surface_cells.hpp"
 #include "change/votes.hpp"
 
@@ -20,7 +20,7 @@ struct Surface {
   SurfaceCells cells;
   torch::Tensor moved{};  ///< [n,3] the points in the frame of the earlier session [m]
   Votes votes{};
-  Looks looks{};
+  ColorComparison colors{};
 };
 
 /// The changes that consist of cells of the surface that the other session's views see through, at
@@ -39,9 +39,10 @@ std::vector<Change> look_changes(const Surface& surface, double other_black, Kin
 
 void append(std::vector<Change>& changes, std::vector<Change> more);
 
-/// Appends changes of look, but those that are at one that has appeared or vanished: they are the
+/// Appends changes of color, but those that are at one that has appeared or vanished: they are the
 /// same, or its rim.
-void append_looks(std::vector<Change>& changes, std::vector<Change> looks, double min_size_m);
+void append_color_changes(std::vector<Change>& changes, std::vector<Change> more,
+                          double min_size_m);
 
 /// Orders the changes by kind and size, and pairs what vanished with what appeared in its size and
 /// color elsewhere.

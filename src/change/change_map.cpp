@@ -8,8 +8,8 @@
 
 #include "apvi/core/error.hpp"
 #include "change/change_list.hpp"
+#include "change/color_comparison.hpp"
 #include "change/color_residuals.hpp"
-#include "change/looks.hpp"
 #include "change/surface_cells.hpp"
 #include "change/view_selection.hpp"
 #include "change/votes.hpp"
@@ -108,7 +108,7 @@ struct Compared {
 };
 Compared compared(const Surface& surface, double cell_m, double radius_m) {
   const Tensor support =
-      torch::minimum(surface.looks.views, surface.votes.through + surface.votes.near);
+      torch::minimum(surface.colors.views, surface.votes.through + surface.votes.near);
   const Tensor rows =
       (surface.votes.decided() & (support >= surface.votes.enough)).nonzero().squeeze(1);
   if (rows.numel() == 0) return {rows, {}};
@@ -116,14 +116,14 @@ Compared compared(const Surface& surface, double cell_m, double radius_m) {
   // Of the surface's own session after those of the other one.
   return {rows, color_residuals({.keys = kept(surface.cells.keys),
                                  .points = kept(surface.moved),
-                                 .before = kept(surface.looks.other),
-                                 .after = kept(surface.looks.own),
+                                 .before = kept(surface.colors.other),
+                                 .after = kept(surface.colors.own),
                                  .support = kept(support)},
                                 cell_m, radius_m)};
 }
 
 /// What looks different: on the later surface all of it, on the earlier one what has vanished.
-std::vector<Change> changed_looks(ChangeMap& map, const Surface& before, const Surface& after,
+std::vector<Change> color_changes(ChangeMap& map, const Surface& before, const Surface& after,
                                   double min_size_m) {
   std::vector<Change> out;
   const Compared later = compared(after, map.cell_m, 0.5 * min_size_m);
@@ -187,16 +187,16 @@ ChangeMap find_changes(const Session& before, const Session& after, const Option
   const auto back = [&forth](const Eigen::Vector3d& near) {
     return mapping::rigid_inverse(forth(near));
   };
-  second.looks = looks_of(second.cells, second.views, {before.map, first.black, forth},
-                          [&](double done) { progress(0.7 + 0.15 * done, "comparing"); });
-  first.looks = looks_of(first.cells, first.views, {after.map, second.black, back},
-                         [&](double done) { progress(0.85 + 0.15 * done, "comparing"); });
+  second.colors = compare_colors(second.cells, second.views, {before.map, first.black, forth},
+                                 [&](double done) { progress(0.7 + 0.15 * done, "comparing"); });
+  first.colors = compare_colors(first.cells, first.views, {after.map, second.black, back},
+                                [&](double done) { progress(0.85 + 0.15 * done, "comparing"); });
   map.enough_views = {first.votes.enough, second.votes.enough};
   add_coverage(map, first, second);
   map.changes = relief_changes(second, Kind::appeared, options.min_size_m);
   append(map.changes, relief_changes(first, Kind::vanished, options.min_size_m));
-  append_looks(map.changes, changed_looks(map, first, second, options.min_size_m),
-               options.min_size_m);
+  append_color_changes(map.changes, color_changes(map, first, second, options.min_size_m),
+                       options.min_size_m);
   finish(map.changes);
   return map;
 }

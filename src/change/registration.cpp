@@ -177,27 +177,27 @@ void summarize(Registration& r, const SurfaceCells& cells, const std::vector<Sur
   if (r.cells == 0) return;
   const Tensor common = seen.nonzero().squeeze(1);
   r.shift_m = (points - cells.points).index_select(0, common).norm(2, 1).median().item<double>();
-  const Tensor bent = r.bend(cells.points).index_select(0, common);
-  r.bend_m = (bent - bent.mean(0)).norm(2, 1).median().item<double>();
+  const Tensor deformed = r.deformation(cells.points).index_select(0, common);
+  r.deformation_m = (deformed - deformed.mean(0)).norm(2, 1).median().item<double>();
 }
 
 }  // namespace
 
 Tensor Registration::to_before(const Tensor& points) const {
   const Tensor moved = points.mm(R.t().to(points.options())) + t.to(points.options());
-  return moved + bend(moved);
+  return moved + deformation(moved);
 }
 
 Tensor Registration::to_after(const Tensor& points) const {
-  return (points - bend(points) - t.to(points.options())).mm(R.to(points.options()));
+  return (points - deformation(points) - t.to(points.options())).mm(R.to(points.options()));
 }
 
 Tensor Registration::motion_at(const Eigen::Vector3d& point) const {
   const Tensor p = torch::tensor({{point.x(), point.y(), point.z()}}, torch::kFloat64);
-  const auto device = bend.empty() ? torch::Device(torch::kCPU) : bend.device();
+  const auto device = deformation.empty() ? torch::Device(torch::kCPU) : deformation.device();
   Tensor T = torch::eye(4, torch::kFloat64);
   T.slice(0, 0, 3).slice(1, 0, 3).copy_(R);
-  T.slice(0, 0, 3).select(1, 3).copy_(t + bend(p.to(device, torch::kFloat32))[0].cpu());
+  T.slice(0, 0, 3).select(1, 3).copy_(t + deformation(p.to(device, torch::kFloat32))[0].cpu());
   return T;
 }
 
@@ -215,12 +215,12 @@ Registration align(const SurfaceCells& after, const std::vector<SurfaceView>& be
   summarize(r, after, before);
   if (r.cells == 0) return r;
   const double range = std::max(kTukey * r.residual_m, 0.01);
-  r.bend = Bend(r.to_before(after.points), kSpacing_m);
+  r.deformation = DeformationField(r.to_before(after.points), kSpacing_m);
   for (int i = 0; i < kBends; ++i) {
     const PointEquations e = equations(range, i == 0 ? 0 : 1);
     const Tensor moved =
         after.points.mm(r.R.t().to(after.points.options())) + r.t.to(after.points.options());
-    r.bend.update(moved, e, kStep_m);
+    r.deformation.update(moved, e, kStep_m);
   }
   summarize(r, after, before);
   return r;

@@ -9,24 +9,24 @@
 namespace apvi::change {
 namespace {
 
-TEST(Bend, AddsTheDisplacementThatItsEquationsAskFor) {
+TEST(DeformationField, AddsTheDisplacementThatItsEquationsAskFor) {
   const torch::Tensor points = test::lattice({0.0, 0.0, 0.0}, 2, 4.0, 4.0, 0.1).to(torch::kFloat32);
   const torch::Tensor x = points.select(1, 0);
   const torch::Tensor wanted = torch::stack({0.02 * (0.5 * x).sin(), 0.005 * x, 0.01 + 0.0 * x}, 1);
   const torch::Tensor H = 1e4 * torch::eye(3).expand({points.size(0), 3, 3});
-  Bend bend(points, 1.0);
-  bend.update(points, {H, 1e4 * wanted}, 0.01);
-  EXPECT_LT((bend(points) - wanted).norm(2, 1).max().item<double>(), 2.5e-3);
+  DeformationField deformation(points, 1.0);
+  deformation.update(points, {H, 1e4 * wanted}, 0.01);
+  EXPECT_LT((deformation(points) - wanted).norm(2, 1).max().item<double>(), 2.5e-3);
 }
 
-TEST(Bend, WithoutEvidenceItStaysAtItsNeighbors) {
+TEST(DeformationField, WithoutEvidenceItStaysAtItsNeighbors) {
   const torch::Tensor points = test::lattice({0.0, 0.0, 0.0}, 2, 4.0, 4.0, 0.1).to(torch::kFloat32);
   const torch::Tensor known = (points.select(1, 0) < 0.0).to(torch::kFloat32);
   const torch::Tensor H = 1e4 * known.view({-1, 1, 1}) * torch::eye(3);
   const torch::Tensor g = 1e4 * known.unsqueeze(1) * torch::tensor({0.03F, 0.0F, -0.02F});
-  Bend bend(points, 1.0);
-  bend.update(points, {H, g}, 0.01);
-  const torch::Tensor error = bend(points) - torch::tensor({0.03F, 0.0F, -0.02F});
+  DeformationField deformation(points, 1.0);
+  deformation.update(points, {H, g}, 0.01);
+  const torch::Tensor error = deformation(points) - torch::tensor({0.03F, 0.0F, -0.02F});
   EXPECT_LT(error.abs().max().item<double>(), 1e-3);
 }
 

@@ -101,7 +101,7 @@ Json summary_json(const DiffHeader& h, const change::ChangeMap& map) {
           {"registration",
            {{"shift_m", rounded(r.shift_m)},
             {"turn_deg", rounded(turn_deg(r.R))},
-            {"bend_m", rounded(r.bend_m)},
+            {"deformation_m", rounded(r.deformation_m)},
             {"residual_m", rounded(r.residual_m)}}},
           {"color_transfer",
            {{"slope", rounded_list(map.color_slope)}, {"offset", rounded_list(map.color_offset)}}}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "change/looks.hpp"
+#include "change/color_comparison.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>
@@ -25,9 +25,9 @@ Seen seen(const Session& session) {
   return out;
 }
 
-Looks looks(const Seen& own, const Session& other) {
+ColorComparison compared(const Seen& own, const Session& other) {
   const auto same_frame = [](const Eigen::Vector3d&) { return torch::eye(4, torch::kFloat64); };
-  return looks_of(own.cells, own.views, {other.map, kBlack, same_frame}, [](double) {});
+  return compare_colors(own.cells, own.views, {other.map, kBlack, same_frame}, [](double) {});
 }
 
 torch::Tensor all_rows(const Seen& own) {
@@ -46,37 +46,37 @@ gaussians::Gaussians speckled(std::uint64_t seed) {
   return g;
 }
 
-TEST(Looks, OfOneMapAreAlike) {
+TEST(ColorComparison, OfOneMapIsEqual) {
   const Session session = test::session(test::floor_at(-2.0));
   const Seen own = seen(session);
-  const Looks l = looks(own, session);
-  EXPECT_LT((l.own - l.other).abs().max().item<double>(), 1e-4);
-  EXPECT_GT(correlation(l, all_rows(own)), 0.999);
+  const ColorComparison c = compared(own, session);
+  EXPECT_LT((c.own - c.other).abs().max().item<double>(), 1e-4);
+  EXPECT_GT(correlation(c, all_rows(own)), 0.999);
 }
 
-TEST(Looks, OfASurfaceAtAnotherDepthStayThere) {
+TEST(ColorComparison, StaysTheSameForASurfaceAtAnotherDepth) {
   // Two centimeters move nothing by a pixel here, but are almost a cell.
   const Seen own = seen(test::session(test::floor_at(-2.0)));
-  const Looks l = looks(own, test::session(test::floor_at(-2.02)));
-  EXPECT_LT((l.own - l.other).abs().median().item<double>(), 0.02);
-  EXPECT_GT(correlation(l, all_rows(own)), 0.8);
+  const ColorComparison c = compared(own, test::session(test::floor_at(-2.02)));
+  EXPECT_LT((c.own - c.other).abs().median().item<double>(), 0.02);
+  EXPECT_GT(correlation(c, all_rows(own)), 0.8);
 }
 
-TEST(Looks, OfAnotherThingAreNotCorrelated) {
+TEST(ColorComparison, DoesNotCorrelateDifferentTextures) {
   const Seen own = seen(test::session(speckled(1)));
-  EXPECT_GT(correlation(looks(own, test::session(speckled(1))), all_rows(own)), 0.99);
-  EXPECT_LT(correlation(looks(own, test::session(speckled(2))), all_rows(own)), 0.5);
+  EXPECT_GT(correlation(compared(own, test::session(speckled(1))), all_rows(own)), 0.99);
+  EXPECT_LT(correlation(compared(own, test::session(speckled(2))), all_rows(own)), 0.5);
 }
 
-TEST(Looks, AreUnknownWhereTheOtherMapShowsNothing) {
+TEST(ColorComparison, IsUnknownWhereTheOtherMapShowsNothing) {
   const Seen own = seen(test::session(test::floor_at(-2.0)));
   Session other = test::session(test::floor_at(-2.0));
   const torch::Tensor west = other.map.gaussians.means.select(1, 0) < 0.0;
   other.map.gaussians.logit_opacities.masked_fill_(west, -10.0F);
-  const Looks l = looks(own, other);
+  const ColorComparison c = compared(own, other);
   const torch::Tensor x = own.cells.points.select(1, 0);
-  EXPECT_EQ(l.views.index({x < -0.1}).max().item<double>(), 0.0);
-  EXPECT_GT(l.views.index({(x > 0.1) & (x < 0.8)}).min().item<double>(), 0.0);
+  EXPECT_EQ(c.views.index({x < -0.1}).max().item<double>(), 0.0);
+  EXPECT_GT(c.views.index({(x > 0.1) & (x < 0.8)}).min().item<double>(), 0.0);
 }
 
 TEST(EnoughViews, AreAThirdOfTheMedianWithinLimits) {

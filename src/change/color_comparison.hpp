@@ -12,10 +12,10 @@
 
 namespace apvi::change {
 
-/// How n cells look in both sessions: both maps are drawn from the same views, those of the session
-/// that the cells belong to. An error of a surface moves what is seen there little, while it would
-/// put colors of one map next to the wrong ones of the other.
-struct Looks {
+/// The colors of n cells in both sessions: both maps are drawn from the same views, those of the
+/// session that the cells belong to. An error of a surface moves what is seen there little, while
+/// it would put colors of one map next to the wrong ones of the other.
+struct ColorComparison {
   torch::Tensor own;    ///< [n,3] mean logarithm of the light in the cells' own map
   torch::Tensor other;  ///< [n,3] in the other map
   torch::Tensor views;  ///< [n] number of views that show the cell, and something in the other map
@@ -30,11 +30,11 @@ struct OtherMap {
   /// Its frame from that of the cells [4,4], as it is near a point of the cells.
   std::function<torch::Tensor(const Eigen::Vector3d&)> motion_at;
 };
-Looks looks_of(const SurfaceCells& cells, const std::vector<SurfaceView>& views,
-               const OtherMap& other, const std::function<void(double)>& progress);
+ColorComparison compare_colors(const SurfaceCells& cells, const std::vector<SurfaceView>& views,
+                               const OtherMap& other, const std::function<void(double)>& progress);
 
 /// Correlation of the details of cells in the two sessions, -1 to 1: large where the same thing
 /// is seen, though perhaps in other light; about zero where there is another one.
-double correlation(const Looks& looks, const torch::Tensor& rows);
+double correlation(const ColorComparison& colors, const torch::Tensor& rows);
 
 }  // namespace apvi::change

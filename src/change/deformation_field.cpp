@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "change/bend.hpp"
+#include "change/deformation_field.hpp"
 
 #include <torch/torch.h>
 
@@ -77,7 +77,7 @@ Tensor solved(const Triplets& triplets, const Tensor& right) {
 
 }  // namespace
 
-Bend::Bend(const Tensor& points, double spacing_m) : spacing_m_(spacing_m) {
+DeformationField::DeformationField(const Tensor& points, double spacing_m) : spacing_m_(spacing_m) {
   low_ = std::get<0>(points.min(0)) - 0.5 * spacing_m;
   const Tensor extent = (std::get<0>(points.max(0)) - low_).to(torch::kCPU, torch::kFloat64);
   do {
@@ -90,7 +90,7 @@ Bend::Bend(const Tensor& points, double spacing_m) : spacing_m_(spacing_m) {
   nodes_ = torch::zeros({count(), 3}, points.options());
 }
 
-Bend::Corners Bend::corners(const Tensor& points) const {
+DeformationField::Corners DeformationField::corners(const Tensor& points) const {
   std::array<Tensor, 3> base;
   std::array<Tensor, 3> part;
   for (std::int64_t i = 0; i < 3; ++i) {
@@ -117,7 +117,7 @@ Bend::Corners Bend::corners(const Tensor& points) const {
   return out;
 }
 
-Tensor Bend::operator()(const Tensor& points) const {
+Tensor DeformationField::operator()(const Tensor& points) const {
   Tensor out = torch::zeros_like(points);
   if (empty()) return out;
   const Corners at = corners(points);
@@ -127,7 +127,8 @@ Tensor Bend::operator()(const Tensor& points) const {
   return out;
 }
 
-void Bend::update(const Tensor& points, const PointEquations& equations, double step_sigma_m) {
+void DeformationField::update(const Tensor& points, const PointEquations& equations,
+                              double step_sigma_m) {
   const Corners at = corners(points);
   const auto host = [](const Tensor& t) { return t.to(torch::kCPU, torch::kFloat64); };
   const Tensor H = host(equations.H);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "change/looks.hpp"
+#include "change/color_comparison.hpp"
 
 #include <torch/torch.h>
 
@@ -41,14 +41,14 @@ gaussians::View moved(gaussians::View view, const OtherMap& other, const Eigen::
 
 }  // namespace
 
-Looks looks_of(const SurfaceCells& cells, const std::vector<SurfaceView>& views,
-               const OtherMap& other, const std::function<void(double)>& progress) {
+ColorComparison compare_colors(const SurfaceCells& cells, const std::vector<SurfaceView>& views,
+                               const OtherMap& other, const std::function<void(double)>& progress) {
   const torch::NoGradGuard no_grad;
-  Looks looks{.own = torch::zeros_like(cells.points),
-              .other = torch::zeros_like(cells.points),
-              .views = torch::zeros_like(cells.points.select(1, 0)),
-              .own_detail = {},
-              .other_detail = {}};
+  ColorComparison colors{.own = torch::zeros_like(cells.points),
+                         .other = torch::zeros_like(cells.points),
+                         .views = torch::zeros_like(cells.points.select(1, 0)),
+                         .own_detail = {},
+                         .other_detail = {}};
   double done = 0.0;
   for (const SurfaceView& view : views) {
     progress(done++ / static_cast<double>(views.size()));
@@ -58,23 +58,23 @@ Looks looks_of(const SurfaceCells& cells, const std::vector<SurfaceView>& views,
         view_light(other.map, moved(view.view, other, mean_point(cells, s.rows)), other.black);
     const Tensor known = drawn.solid.index_select(0, s.pixels).to(torch::kFloat32);
     const Tensor weight = known.unsqueeze(1);
-    looks.views.index_add_(0, s.rows, known);
-    looks.own.index_add_(0, s.rows, weight * view.color.index_select(0, s.pixels));
-    looks.other.index_add_(0, s.rows, weight * drawn.color.index_select(0, s.pixels));
+    colors.views.index_add_(0, s.rows, known);
+    colors.own.index_add_(0, s.rows, weight * view.color.index_select(0, s.pixels));
+    colors.other.index_add_(0, s.rows, weight * drawn.color.index_select(0, s.pixels));
   }
-  const Tensor count = looks.views.clamp_min(1.0).unsqueeze(1);
-  looks.own = looks.own / count;
-  looks.other = looks.other / count;
-  looks.own_detail = details(cells, looks.own);
-  looks.other_detail = details(cells, looks.other);
-  return looks;
+  const Tensor count = colors.views.clamp_min(1.0).unsqueeze(1);
+  colors.own = colors.own / count;
+  colors.other = colors.other / count;
+  colors.own_detail = details(cells, colors.own);
+  colors.other_detail = details(cells, colors.other);
+  return colors;
 }
 
-double correlation(const Looks& looks, const Tensor& rows) {
-  const Tensor known = rows.index({looks.views.index_select(0, rows) > 0.0});
+double correlation(const ColorComparison& colors, const Tensor& rows) {
+  const Tensor known = rows.index({colors.views.index_select(0, rows) > 0.0});
   if (known.numel() < 2) return 0.0;
-  const Tensor a = looks.own_detail.index_select(0, known);
-  const Tensor b = looks.other_detail.index_select(0, known);
+  const Tensor a = colors.own_detail.index_select(0, known);
+  const Tensor b = colors.other_detail.index_select(0, known);
   const double scale = (a.square().sum() * b.square().sum()).sqrt().item<double>();
   return scale > 0.0 ? (a * b).sum().item<double>() / scale : 0.0;
 }

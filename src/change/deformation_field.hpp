@@ -13,11 +13,11 @@ struct PointEquations {
 };
 
 /// A smooth field of displacements: trilinear between the nodes of a regular grid.
-class Bend {
+class DeformationField {
  public:
-  Bend() = default;  ///< no displacement anywhere
+  DeformationField() = default;  ///< no displacement anywhere
   /// Nodes at `spacing_m` around the points [n,3], or farther apart if that were more than 20 000.
-  Bend(const torch::Tensor& points, double spacing_m);
+  DeformationField(const torch::Tensor& points, double spacing_m);
 
   bool empty() const { return !nodes_.defined(); }
   torch::Device device() const { return nodes_.device(); }
