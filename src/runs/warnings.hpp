@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/geometry/trajectory.hpp"
 #include "apvi/io/sequence.hpp"
 #include "apvi/sensors/rig.hpp"
@@ -47,7 +48,7 @@ struct Evidence {
   std::optional<VioService> vio;                    ///< with a camera
   std::optional<AcousticService> acoustic;          ///< with a DVL
   SampleStatistics samples;
-  double gravity = 9.80665;  ///< [m/s²]
+  double gravity = kStandardGravity;  ///< [m/s²]
 };
 
 /// Sensors that are recorded and in use but did not serve, each with the reason and what to look

@@ -3,13 +3,13 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <numbers>
+
+#include "apvi/core/constants.hpp"
 
 namespace apvi::survey {
 
 Georeference georeference(const GeoreferenceOptions& options, bool z_down) {
-  const double heading =
-      options.heading_deg.value_or(z_down ? 0.0 : 90.0) * std::numbers::pi / 180.0;
+  const double heading = options.heading_deg.value_or(z_down ? 0.0 : 90.0) * kRadiansPerDegree;
   const double s = std::sin(heading);
   const double c = std::cos(heading);
   Eigen::Matrix3d R;

@@ -4,9 +4,9 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <numbers>
 #include <utility>
 
+#include "apvi/core/constants.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 
 namespace apvi::survey {
@@ -15,10 +15,10 @@ namespace {
 using torch::Tensor;
 
 constexpr std::size_t kMaxCandidates = 200;  // the nearest cameras
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kBestParallax = 10.0 * kDegree;
-constexpr double kNarrow = 4.0 * kDegree;  // standard deviations of the weight below and above it
-constexpr double kWide = 12.0 * kDegree;
+constexpr double kBestParallax = 10.0 * kRadiansPerDegree;
+// Standard deviations of the weight below and above it.
+constexpr double kNarrow = 4.0 * kRadiansPerDegree;
+constexpr double kWide = 12.0 * kRadiansPerDegree;
 constexpr double kMinScore = 0.02;
 
 struct Camera {

@@ -4,7 +4,8 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <numbers>
+
+#include "apvi/core/constants.hpp"
 
 namespace apvi::survey {
 namespace {
@@ -37,7 +38,7 @@ void TerrainStatistics::add(const Tensor& elevation) {
                           triangle_areas(d - c, d - b, resolution_m_));
   const Tensor by_x = (b + d - a - c) / (2.0 * resolution_m_);
   const Tensor by_y = (c + d - a - b) / (2.0 * resolution_m_);
-  slope_sum_deg_ += sum(torch::hypot(by_x, by_y).atan()) * 180.0 / std::numbers::pi;
+  slope_sum_deg_ += sum(torch::hypot(by_x, by_y).atan()) * kDegreesPerRadian;
   height_sum_m_ += sum(0.25 * (a + b + c + d));
   const Tensor corners = torch::stack({a, b, c, d});
   lowest_m_ = std::min(lowest_m_, corners.min().item<double>());

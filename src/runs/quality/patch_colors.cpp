@@ -7,9 +7,9 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <opencv2/core.hpp>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/sequence.hpp"
@@ -166,7 +166,7 @@ double color_angle_deg(const Color& a, const Color& b) {
     squares_b += b[c] * b[c];
   }
   const double cosine = dot / std::max(1e-12, std::sqrt(squares_a * squares_b));
-  return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180.0 / std::numbers::pi;
+  return std::acos(std::clamp(cosine, -1.0, 1.0)) * kDegreesPerRadian;
 }
 
 PatchErrors errors_of(const std::vector<PatchColor>& patches) {

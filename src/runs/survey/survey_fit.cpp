@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "geometry/umeyama.hpp"
 
@@ -56,7 +56,7 @@ FittedGeoreference fit_georeference(const Trajectory& trajectory, const Trajecto
   }
   FittedGeoreference fit{.reference = {epsg, *T * level.T_crs_world}};
   const Eigen::Vector3d x = fit.reference.T_crs_world.rotation * Eigen::Vector3d::UnitX();
-  fit.heading_deg = std::atan2(x.x(), x.y()) * 180.0 / std::numbers::pi;
+  fit.heading_deg = std::atan2(x.x(), x.y()) * kDegreesPerRadian;
   add_residuals(pairs, *T, fit);
   return fit;
 }

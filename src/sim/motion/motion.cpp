@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "sim/motion/file_motion.hpp"
 #include "sim/motion/path.hpp"
@@ -17,7 +18,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kDegree = kPi / 180.0;
 // Short enough that the smoothing of the control points by the B-spline does not damp 1 Hz
 // oscillations.
 constexpr double kKnotPeriod_s = 0.1;
@@ -70,7 +70,7 @@ double smooth_step(double u) {
 // rate.
 std::vector<double> speed_along(const std::vector<Vector3d>& path, const MotionConfig& config) {
   std::vector<double> speed(path.size(), config.speed_m_s);
-  const double max_rate = config.max_turn_deg_s * kDegree;
+  const double max_rate = config.max_turn_deg_s * kRadiansPerDegree;
   for (std::size_t i = 1; i + 1 < path.size(); ++i) {
     const Vector3d before = path[i] - path[i - 1];
     const Vector3d after = path[i + 1] - path[i];
@@ -113,7 +113,7 @@ void follow_path(const MotionConfig& config, const std::vector<Vector3d>& path, 
 }
 
 double heading_along(const MotionConfig& config, const Plan& plan, std::size_t i) {
-  if (config.path == PathKind::hover) return config.heading_deg * kDegree;
+  if (config.path == PathKind::hover) return config.heading_deg * kRadiansPerDegree;
   // At rest, use the direction of the upcoming motion.
   for (std::size_t j = i + 1; j < plan.size(); ++j) {
     const Vector3d step = plan.position[j] - plan.position[i];
@@ -125,7 +125,7 @@ double heading_along(const MotionConfig& config, const Plan& plan, std::size_t i
 double target_yaw(const MotionConfig& config, const Plan& plan, std::size_t i) {
   switch (config.look) {
     case HeadingMode::fixed:
-      return config.look_heading_deg * kDegree;
+      return config.look_heading_deg * kRadiansPerDegree;
     case HeadingMode::point: {
       const Vector3d& p = plan.position[i];
       return std::atan2(config.look_at[1] - p.y(), config.look_at[0] - p.x());
@@ -159,9 +159,10 @@ void set_roll_and_pitch(const MotionConfig& config, const MotionContext& context
     const double turn = (plan.yaw[b] - plan.yaw[a]) / span;
     const double speed = velocity.head<2>().norm();
     const double slope = std::clamp(velocity.z() / std::max(speed, 0.1), -kMaxSlope, kMaxSlope);
-    plan.roll.push_back(attitude.trim_roll_deg * kDegree -
+    plan.roll.push_back(attitude.trim_roll_deg * kRadiansPerDegree -
                         attitude.bank_gain * std::atan(speed * turn / context.gravity));
-    plan.nose_up.push_back(attitude.trim_pitch_deg * kDegree + attitude.climb_gain * slope);
+    plan.nose_up.push_back(attitude.trim_pitch_deg * kRadiansPerDegree +
+                           attitude.climb_gain * slope);
   }
 }
 
@@ -174,7 +175,7 @@ void add_oscillation(const MotionConfig& config, Random random, Plan& plan) {
   const SmoothNoise x(random, 1.7 * period);
   const SmoothNoise y(random, 1.7 * period);
   const SmoothNoise z(random, 2.1 * period);
-  const double tilt = attitude.oscillation_deg * kDegree;
+  const double tilt = attitude.oscillation_deg * kRadiansPerDegree;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const double t = plan.t[i];
     plan.roll[i] += tilt * roll.at(t);
