@@ -3,11 +3,13 @@
 """Plays a dataset folder as a vehicle: a Water Linked DVL on TCP, an autopilot with MAVLink on UDP.
 
     vehicle.py DATASET [--dvl-port 16171] [--mavlink-port 14550] [--duration SECONDS]
+               [--dvl-skew-ppm PPM] [--dvl-step SECONDS --dvl-step-at SECONDS]
 
     apvi live waterlinked://127.0.0.1 mavlink://udp:14550 --rig DATASET/rig.yaml
 
 The autopilot stamps by its time since boot, the DVL by Unix time of a clock of its own. Pings are
-sent --dvl-delay seconds after their time of validity, and say so. Waits for a client of the DVL.
+sent --dvl-delay seconds after their time of validity, and say so. The clock of the DVL may run too
+fast (--dvl-skew-ppm) and be set once (--dvl-step). Waits for a client of the DVL.
 """
 import argparse
 import csv
@@ -58,8 +60,12 @@ def pressure_payload(t_ns, row):
     return struct.pack("<Iffhh", t_ns // 1_000_000, row["pressure"] / 100, 0.0, 0, 0)
 
 
-def dvl_report(t_ns, row, delay_s):
-    us = DVL_EPOCH_US + t_ns // 1000
+def dvl_clock_us(t_ns, skew_ppm, step_s, step_at_s):
+    step_us = round(1e6 * step_s) if t_ns >= 1e9 * step_at_s else 0
+    return DVL_EPOCH_US + round(t_ns * (1 + 1e-6 * skew_ppm)) // 1000 + step_us
+
+
+def dvl_report(us, row, delay_s):
     beams = [{"id": i, "velocity": row[f"beam{i}_v"], "distance": row.get(f"beam{i}_range", -1),
               "beam_valid": row.get(f"beam{i}_valid") == 1} for i in range(4) if f"beam{i}_v" in row]
     report = {"vx": row.get("v_x", 0.0), "vy": row.get("v_y", 0.0), "vz": row.get("v_z", 0.0),
@@ -88,6 +94,9 @@ def main():
     parser.add_argument("--dvl-port", type=int, default=16171)
     parser.add_argument("--mavlink-port", type=int, default=14550)
     parser.add_argument("--dvl-delay", type=float, default=0.1)
+    parser.add_argument("--dvl-skew-ppm", type=float, default=0.0)
+    parser.add_argument("--dvl-step", type=float, default=0.0)
+    parser.add_argument("--dvl-step-at", type=float, default=0.0)
     parser.add_argument("--duration", type=float, default=1e9)
     arguments = parser.parse_args()
 
@@ -107,7 +116,8 @@ def main():
             break
         time.sleep(max(0.0, start + 1e-9 * due_ns - time.monotonic()))
         if kind == "dvl":
-            dvl.sendall(dvl_report(stamp, row, arguments.dvl_delay))
+            us = dvl_clock_us(stamp, arguments.dvl_skew_ppm, arguments.dvl_step, arguments.dvl_step_at)
+            dvl.sendall(dvl_report(us, row, arguments.dvl_delay))
         elif kind == "imu":
             autopilot.send(mavlink_frame(HIGHRES_IMU, sequence, imu_payload(stamp, row)))
         else:
