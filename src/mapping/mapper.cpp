@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
@@ -38,8 +39,10 @@ PoseSigmas drift_per_second(const OnlineOptions& options) {
 
 Mapper::Mapper(const MapperOptions& options)
     : options_(options),
+      storage_folder_(std::make_shared<StorageFolder>(options.storage_folder,
+                                                      stored_memory(options.online).disk)),
       optimizer_(empty_map(options, 0)),
-      region_(stored_memory(options.online).gaussians),
+      region_(stored_memory(options.online).gaussians, storage_folder_),
       selection_(options.online),
       poses_(drift_per_second(options.online)),
       aligner_(optimizer_.max_gaussians()),
@@ -50,6 +53,7 @@ Mapper::Mapper(const MapperOptions& options)
       densification_(options),
       medium_(options),
       training_(options) {
+  keyframes_.set_folder(storage_folder_);
   keyframes_.set_tone_curve(optimizer_.tone_curve());
 }
 
@@ -181,7 +185,7 @@ void Mapper::flush_depth_queue() {
 }
 
 void Mapper::insert_from_depth(std::size_t view) {
-  if (!keyframes_[view].image.defined()) return;
+  if (!keyframes_.has_image(view)) return;
   retry_on_oom([&] {
     const depth::DepthRequest request = depth_seeder_.request(view, keyframes_, poses_, optimizer_);
     depth::DepthEstimate estimate;
@@ -293,7 +297,7 @@ void Mapper::change_scale(const gaussians::ScaleChange& change) {
 
 void Mapper::save(const std::filesystem::path& checkpoint) const {
   torch::serialize::OutputArchive archive;
-  keyframes_.save(archive);
+  StorageFiles files = keyframes_.save(archive);
   selection_.save(archive);
   poses_.save(archive);
   aligner_.save(archive);
@@ -307,17 +311,19 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   optimizer_.save(optimizer);
   archive.write("optimizer", optimizer);
   torch::serialize::OutputArchive region;
-  region_.save(region, keyframes_, optimizer_);
+  std::ranges::move(region_.save(region, optimizer_), std::back_inserter(files));
   archive.write("region", region);
   gaussians::write_archive(checkpoint, archive);
+  storage_folder_->keep(files);
 }
 
 void Mapper::resume(const std::filesystem::path& checkpoint) {
   MapperOptions options = options_;
   options.trainer.densify.max_gaussians = optimizer_.max_gaussians();
   Mapper read(options);
-  gaussians::read_archive(checkpoint, [&read](torch::serialize::InputArchive& archive) {
-    read.keyframes_.load(archive);
+  StorageFiles files;
+  gaussians::read_archive(checkpoint, [&](torch::serialize::InputArchive& archive) {
+    files = read.keyframes_.load(archive);
     read.selection_.load(archive);
     read.poses_.load(archive);
     read.aligner_.load(archive);
@@ -334,8 +340,10 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.keyframes_.set_tone_curve(read.optimizer_.tone_curve());
     torch::serialize::InputArchive region;
     archive.read("region", region);
-    read.region_.load(region, read.keyframes_, read.optimizer_, read.training_);
+    std::ranges::move(read.region_.load(region, read.keyframes_, read.optimizer_, read.training_),
+                      std::back_inserter(files));
   });
+  read.storage_folder_->restore(files);
   *this = std::move(read);
 }
 

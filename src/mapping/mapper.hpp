@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -51,7 +52,7 @@ struct MapperInput {
 /// give bit-identical maps.
 ///
 /// When the device runs out of memory, images move to the host; if that is not enough, the least
-/// important Gaussians are removed and the remaining number becomes the limit (`most_gaussians`).
+/// important Gaussians are removed and the remaining number becomes the limit (`max_gaussians`).
 /// Throws c10::Error when that does not help either.
 ///
 /// Every Gaussian is anchored to the keyframe that created it and moves with it. Input poses are in
@@ -104,10 +105,10 @@ class Mapper {
   torch::Tensor pose(std::size_t i) const;
   /// Of the whole map.
   std::int64_t size() const { return optimizer_.size() + region_.stored(); }
-  /// Number of Gaussians in host memory, which `map` does not contain.
+  /// Number of Gaussians that are not on the device, which `map` does not contain.
   std::int64_t stored() const { return region_.stored(); }
   /// Maximum number of Gaussians on the device: as configured, or less after running out of memory.
-  std::int64_t most_gaussians() const { return optimizer_.max_gaussians(); }
+  std::int64_t max_gaussians() const { return optimizer_.max_gaussians(); }
   std::int64_t iteration() const { return training_.iteration(); }
   /// Time spent so far: poses, gains, alignment, insertion, depth, depth_insertion, medium,
   /// densification, steps, storage. On a GPU, time is attributed to the scope that synchronizes.
@@ -119,10 +120,12 @@ class Mapper {
   /// The underlying optimizer.
   const MapOptimizer& optimizer() const { return optimizer_; }
 
-  /// Saves the full state, images included. Throws RunError when it cannot be written.
+  /// Saves the full state, images included; what is in MapperOptions::storage_folder stays there,
+  /// as part of the checkpoint. Throws RunError when it cannot be written.
   void save(const std::filesystem::path& checkpoint) const;
-  /// Restores the state from `save`, with the same options, or with fewer `max_gaussians`. Throws
-  /// InputError when the file is damaged.
+  /// Restores the state from `save`, with the same options, or with fewer `max_gaussians`. Files of
+  /// the storage folder that the checkpoint does not need are deleted. Throws InputError when the
+  /// checkpoint is damaged.
   void resume(const std::filesystem::path& checkpoint);
 
  private:
@@ -144,6 +147,7 @@ class Mapper {
   void revisit();
 
   MapperOptions options_;
+  std::shared_ptr<StorageFolder> storage_folder_;
   KeyframeStore keyframes_;  ///< with their poses in the map frame
   MapOptimizer optimizer_;
   ActiveRegion region_;

@@ -125,7 +125,7 @@ void prepare_folder(const fs::path& path, bool overwrite) {
         "checkpoint.pt", "map.ply", "medium.json"}) {
     fs::remove(path / stale, error);
   }
-  fs::remove_all(path / "renders", error);
+  for (const char* stale : {"renders", "storage"}) fs::remove_all(path / stale, error);
 }
 
 void copy_files(const fs::path& from, const fs::path& to, std::span<const char* const> names) {

@@ -39,7 +39,8 @@ AsyncMapperOptions async_mapper_options(const Options& options, const Rig& rig) 
           .mapper = {.medium = mapping.medium,
                      .trainer = trainer_options(mapping, run.seed, rig),
                      .online = mapping.online,
-                     .depth = mapping.depth}};
+                     .depth = mapping.depth,
+                     .storage_folder = mapping.storage_folder}};
 }
 
 }  // namespace apvi::slam

@@ -64,9 +64,9 @@ TEST_F(CudaMemory, MovesImagesToTheHostThenShrinksTheMap) {
     for (int number = 1; number < 12; ++number) ASSERT_NO_THROW(learn_from(mapper, number));
   }
   EXPECT_TRUE(mapper.keyframes().device().is_cpu());
-  EXPECT_LT(mapper.most_gaussians(), kMaxGaussians);
+  EXPECT_LT(mapper.max_gaussians(), kMaxGaussians);
   EXPECT_GT(mapper.size(), kGaussians / 2);
-  EXPECT_LE(mapper.size(), mapper.most_gaussians());
+  EXPECT_LE(mapper.size(), mapper.max_gaussians());
   const auto psnr = mean_psnr(mapper.map(), mapper.keyframes(), mapper.keyframes().training());
   EXPECT_GT(psnr.value(), 20.0);
 }

@@ -52,7 +52,7 @@ class MapperMemory : public test::OutOfMemoryTest {
       ASSERT_TRUE(torch::isfinite(*t).all().item<bool>());
     }
     ASSERT_EQ(mapper.optimizer().importance().size(0), mapper.size());
-    ASSERT_LE(mapper.size(), mapper.most_gaussians());
+    ASSERT_LE(mapper.size(), mapper.max_gaussians());
   }
 
   gaussians::Gaussians world_ = gaussian_wall(600);
@@ -80,8 +80,8 @@ TEST_F(MapperMemory, AStepRecoversFromAnyFailedAllocation) {
       for (int k = 0; k < 40; ++k) ASSERT_NO_THROW(mapper.step());
     }
     ++cases;
-    if (mapper.most_gaussians() < 4000) ++smaller;
-    EXPECT_GT(mapper.most_gaussians(), before / 2);
+    if (mapper.max_gaussians() < 4000) ++smaller;
+    EXPECT_GT(mapper.max_gaussians(), before / 2);
     expect_consistent(mapper);
     add(mapper, kKeyframes);
     for (int k = 0; k < 40; ++k) mapper.step();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -210,8 +211,10 @@ struct OnlineOptions {
   double recent_fraction = 0.15;     ///< fraction of samples among them
   int uses_per_pyramid_level = 4;    ///< steps per keyframe and reduced size
   double image_memory_mib = 1024.0;  ///< limit for keyframe images
-  /// Limit for the Gaussians far from the camera, which are in host memory.
+  /// Limit for the Gaussians far from the camera and their images in host memory.
   double stored_memory_mib = 4096.0;
+  /// Limit for what that memory does not hold, in files.
+  double stored_disk_mib = 65536.0;
   int max_heldout_views = 100;   ///< at most, evenly spread over the run
   int medium_min_keyframes = 5;  ///< before the first medium estimation
   /// Default of TrainerOptions::sparse_adam. Without it, rarely visible Gaussians take too large
@@ -255,7 +258,10 @@ struct OnlineOptions {
       "take at most a quarter of it [MiB]");
     v("stored_memory_mib", stored_memory_mib, Range{0.0, 1e9},
       "host memory for the parts of a map far from the camera when max_gaussians of others are on "
-      "the device; about 500 bytes per Gaussian; 0: max_gaussians is the limit of the map [MiB]");
+      "the device; half for Gaussians, about 500 bytes each, half for images; 0: max_gaussians is "
+      "the limit of the map [MiB]");
+    v("stored_disk_mib", stored_disk_mib, Range{0.0, 1e9},
+      "disk space in the run folder for what stored_memory_mib does not hold; 0: none [MiB]");
     v("max_heldout_views", max_heldout_views, Range{1, 1000000},
       "maximum number of held-out images, spread over the run");
     v("medium_min_keyframes", medium_min_keyframes, Range{1, 1000000},
@@ -306,6 +312,9 @@ struct MapperOptions {
   TrainerOptions trainer;
   OnlineOptions online;
   depth::DepthOptions depth;  ///< with a lamp, insertion uses all views and uniform patches
+  /// Folder for OnlineOptions::stored_disk_mib, created when it is needed; empty: nothing is
+  /// written.
+  std::filesystem::path storage_folder = {};
 };
 
 }  // namespace apvi::mapping

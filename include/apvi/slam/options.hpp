@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,9 @@ struct MappingOptions {
   mapping::OnlineOptions online;
   LoopClosureOptions loop_closure;
   depth::DepthOptions depth;
+  /// Where parts of a large map go that memory does not hold (no key); empty: nowhere. `apvi run`
+  /// takes a folder in its run folder.
+  std::filesystem::path storage_folder;
 
   template <typename V>
   void visit(V& v) {
@@ -143,7 +147,7 @@ struct MappingOptions {
     v("report_every_s", report_every_s, Range{0.0, 1e9},
       "interval at which the PSNR of held-out images is written to mapping.csv; 0: never [s]");
     v("checkpoint_every_s", checkpoint_every_s, Range{0.0, 1e9},
-      "interval of checkpoints, from which a later run resumes; 0: at the end only [s]");
+      "interval of checkpoints, at least 20 times the time to write one; 0: at the end only [s]");
   }
 
   /// Throws InputError for contradictory values.

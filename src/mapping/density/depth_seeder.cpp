@@ -46,7 +46,7 @@ depth::DepthRequest DepthSeeder::request(std::size_t view, const KeyframeStore& 
     gaussians::View camera = keyframes.view(i, 1);
     camera.T_camera_world = poses.relative_pose(i, view, keyframes);
     request.views.push_back(
-        {depth::to_gray(keyframes[i].image.to(gaussians::active_device())), camera});
+        {depth::to_gray(keyframes.pixels(i).to(gaussians::active_device())), camera});
   }
   return request;
 }

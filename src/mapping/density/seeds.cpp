@@ -87,7 +87,7 @@ gaussians::Gaussians gaussians_from_seeds(const Seeds& seeds, const KeyframeStor
   const gaussians::Intrinsics& k = camera.intrinsics;
   const Seeds shown = in_scene(seeds, k, keyframes.scene(view, 1, seeds.pixels.device()));
   const std::int64_t n = shown.size();
-  const Tensor bytes = keyframes[view].image.to(gaussians::active_device()).reshape({-1, 3});
+  const Tensor bytes = keyframes.pixels(view).to(gaussians::active_device()).reshape({-1, 3});
   const auto there = [&bytes](const Tensor& t) { return t.to(bytes.device()); };
   const Tensor pixels = there(shown.pixels);
   const Tensor depths = there(shown.depths);

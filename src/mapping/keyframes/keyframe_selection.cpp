@@ -23,7 +23,7 @@ constexpr std::size_t kMinTrainingKeyframes = 2;  // that are always kept
 constexpr double kMaxHeldOutShare = 0.25;         // of the memory for images
 
 /// The keyframe among `views` whose neighbors in time are closest to each other; neither the first
-/// nor one of the `recent` last ones.
+/// nor one of the `recent` last ones, of which there is at least one.
 std::size_t most_redundant(const std::vector<std::size_t>& views, const KeyframeStore& keyframes,
                            std::size_t recent) {
   std::size_t redundant = views[1];
@@ -41,7 +41,7 @@ std::size_t most_redundant(const std::vector<std::size_t>& views, const Keyframe
 std::vector<std::size_t> training_views(const KeyframeStore& keyframes, bool on_host) {
   std::vector<std::size_t> views;
   std::ranges::copy_if(keyframes.training(), std::back_inserter(views), [&](std::size_t view) {
-    return keyframes.on_host().contains(view) == on_host;
+    return keyframes[view].image.defined() && keyframes.on_host().contains(view) == on_host;
   });
   return views;
 }
@@ -92,7 +92,7 @@ std::vector<std::size_t> KeyframeSelection::lose_visibility(std::int64_t stamp_n
   const auto first = by_stamp.lower_bound(stamp_ns - kLowVisibilityMargin_ns);
   for (auto it = first; it != by_stamp.end(); ++it) {
     const std::size_t view = it->second;
-    if (!keyframes[view].image.defined()) continue;
+    if (!keyframes.has_image(view)) continue;
     const bool held_out = keyframes[view].held_out;
     if (!held_out && keyframes.training().size() <= kMinTrainingKeyframes) continue;
     --counts_[held_out ? KeyframeDecision::held_out : KeyframeDecision::accepted];
@@ -164,7 +164,8 @@ std::vector<std::size_t> KeyframeSelection::limit_image_memory(KeyframeStore& ke
     }
   };
   drop_beyond(max_image_bytes_, /*on_host=*/false, recent_keyframes_);
-  drop_beyond(max_host_image_bytes_, /*on_host=*/true, 0);
+  keyframes.write_host_images(max_host_image_bytes_);
+  drop_beyond(max_host_image_bytes_, /*on_host=*/true, 1);
   return dropped;
 }
 

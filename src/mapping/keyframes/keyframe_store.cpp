@@ -8,6 +8,8 @@
 #include <cmath>
 #include <utility>
 
+#include "apvi/core/error.hpp"
+
 namespace apvi::mapping {
 namespace {
 
@@ -65,8 +67,12 @@ void KeyframeStore::add(Keyframe keyframe) {
     if (scene_.defined()) keyframe.scene = keyframe.scene & scene_.to(device_);
   }
   image_bytes_ += keyframe.image.nbytes();
-  (keyframe.held_out ? held_out_ : training_).push_back(keyframes_.size());
   append(std::move(keyframe));
+  list_view(keyframes_.size() - 1);
+}
+
+void KeyframeStore::list_view(std::size_t i) {
+  (keyframes_[i].held_out ? held_out_ : training_).push_back(i);
 }
 
 void KeyframeStore::append(Keyframe keyframe) {
@@ -82,24 +88,39 @@ void KeyframeStore::set_pose(std::size_t i, const Tensor& T_camera_world) {
 
 void KeyframeStore::drop_image(std::size_t i) {
   Keyframe& keyframe = keyframes_.at(i);
-  if (!keyframe.image.defined()) return;
-  (on_host_.erase(i) > 0 ? host_image_bytes_ : image_bytes_) -= keyframe.image.nbytes();
+  if (!has_image(i)) return;
+  if (!is_on_disk(i)) {
+    (on_host_.erase(i) > 0 ? host_image_bytes_ : image_bytes_) -= keyframe.image.nbytes();
+  }
+  files_.erase(i);
   keyframe.image = Tensor();
   keyframe.scene = Tensor();
   std::vector<std::size_t>& views = keyframe.held_out ? held_out_ : training_;
   views.erase(std::remove(views.begin(), views.end(), i), views.end());
 }
 
-void KeyframeStore::keep_on_host(const std::set<std::size_t>& views) {
-  const auto move = [this](std::size_t i, const torch::Device& device) {
-    Keyframe& keyframe = keyframes_.at(i);
-    keyframe.image = keyframe.image.to(device);
-    if (keyframe.scene.defined()) keyframe.scene = keyframe.scene.to(device);
-    return keyframe.image.nbytes();
-  };
-  const std::set<std::size_t> before = on_host_;
-  for (const std::size_t i : before) {
-    if (views.contains(i)) continue;
+std::size_t KeyframeStore::move(std::size_t i, const torch::Device& device) {
+  Keyframe& keyframe = keyframes_.at(i);
+  keyframe.image = keyframe.image.to(device);
+  if (keyframe.scene.defined()) keyframe.scene = keyframe.scene.to(device);
+  return keyframe.image.nbytes();
+}
+
+std::vector<std::size_t> KeyframeStore::keep_off_device(const std::set<std::size_t>& views) {
+  std::vector<std::size_t> lost;
+  std::set<std::size_t> returning;
+  for (const std::size_t i : on_host_) {
+    if (!views.contains(i)) returning.insert(i);
+  }
+  for (const auto& [i, file] : files_) {
+    if (is_on_disk(i) && !views.contains(i)) returning.insert(i);
+  }
+  for (const std::size_t i : returning) {
+    if (is_on_disk(i) && !read_image(i)) {
+      if (!keyframes_[i].held_out) lost.push_back(i);
+      drop_image(i);
+      continue;
+    }
     const std::size_t bytes = move(i, device_);
     on_host_.erase(i);
     host_image_bytes_ -= bytes;
@@ -112,6 +133,57 @@ void KeyframeStore::keep_on_host(const std::set<std::size_t>& views) {
     image_bytes_ -= bytes;
     host_image_bytes_ += bytes;
   }
+  return lost;
+}
+
+void KeyframeStore::write_host_images(double max_bytes) {
+  if (!folder_) return;
+  while (static_cast<double>(host_image_bytes_) > max_bytes && !on_host_.empty()) {
+    const std::size_t i = *on_host_.begin();
+    Tensor& image = keyframes_[i].image;
+    std::shared_ptr<StorageFile>& file = files_[i];
+    if (!file) {
+      torch::serialize::OutputArchive archive;
+      archive.write("image", image);
+      file = folder_->write(archive, static_cast<std::int64_t>(image.nbytes()));
+    }
+    if (!file) {
+      files_.erase(i);
+      return;
+    }
+    host_image_bytes_ -= image.nbytes();
+    image = Tensor();
+    on_host_.erase(i);
+  }
+}
+
+std::size_t KeyframeStore::images_on_disk() const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(files_, [this](const auto& entry) { return is_on_disk(entry.first); }));
+}
+
+// From its file to host memory.
+bool KeyframeStore::read_image(std::size_t i) {
+  Tensor image;
+  const gaussians::Intrinsics& camera = keyframes_[i].intrinsics;
+  const bool is_read = files_.at(i)->read([&](torch::serialize::InputArchive& archive) {
+    archive.read("image", image);
+    TORCH_CHECK(image.sizes() == at::IntArrayRef({camera.height, camera.width, 3}),
+                "the image has another size");
+  });
+  if (!is_read) return false;
+  keyframes_[i].image = image;
+  on_host_.insert(i);
+  host_image_bytes_ += image.nbytes();
+  return true;
+}
+
+Tensor KeyframeStore::pixels(std::size_t i) const {
+  if (!is_on_disk(i)) return keyframes_.at(i).image;
+  Tensor image;
+  const auto read = [&](torch::serialize::InputArchive& archive) { archive.read("image", image); };
+  if (!files_.at(i)->read(read)) fail_run("{}: the image is lost", keyframes_[i].name);
+  return image;
 }
 
 void KeyframeStore::move_images(const torch::Device& device) {
@@ -143,11 +215,11 @@ Tensor KeyframeStore::scene(std::size_t i, int factor, const torch::Device& devi
 }
 
 Tensor KeyframeStore::image(std::size_t i, int factor, const torch::Device& device) const {
-  return to_float_image(keyframes_.at(i).image.to(device), factor, tone_curve_.byte_table(device));
+  return to_float_image(pixels(i).to(device), factor, tone_curve_.byte_table(device));
 }
 
 Tensor KeyframeStore::image_values(std::size_t i, int factor, const torch::Device& device) const {
-  return to_float_image(keyframes_.at(i).image.to(device), factor);
+  return to_float_image(pixels(i).to(device), factor);
 }
 
 gaussians::View KeyframeStore::view(std::size_t i, int factor) const {

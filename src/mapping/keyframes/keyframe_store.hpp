@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "gaussians/device.hpp"
 #include "gaussians/render/tone_curve.hpp"
 #include "gaussians/render/view.hpp"
+#include "mapping/storage/storage_folder.hpp"
 
 namespace torch::serialize {
 class InputArchive;
@@ -27,10 +29,11 @@ struct Keyframe {
   std::string name;  ///< for files and messages
   gaussians::Intrinsics intrinsics;
   torch::Tensor T_camera_world;  ///< [4,4] float64 on the CPU
-  torch::Tensor image;           ///< [H,W,3] uint8 RGB, without distortion
-  bool held_out = false;         ///< for evaluation: never optimized
-  std::int64_t number = 0;       ///< of a held-out image, in the recording's order
-  bool saturates = false;        ///< contains saturated pixels; set by the store
+  /// [H,W,3] uint8 RGB, without distortion; of those in a store see KeyframeStore::pixels.
+  torch::Tensor image;
+  bool held_out = false;    ///< for evaluation: never optimized
+  std::int64_t number = 0;  ///< of a held-out image, in the recording's order
+  bool saturates = false;   ///< contains saturated pixels; set by the store
   /// [H,W] bool, pixels that show the scene; undefined: as `KeyframeStore::set_mask` says.
   torch::Tensor scene = {};
 };
@@ -53,16 +56,28 @@ class KeyframeStore {
   /// Moves all images, and those added later, to `device`.
   void move_images(const torch::Device& device);
   const torch::Device& device() const { return device_; }
-  /// Keeps the images of these views, and of no others, in host memory.
-  void keep_on_host(const std::set<std::size_t>& views);
+  /// Keeps the images of these views, and of no others, off the device. Returns the training views
+  /// among those that return to it whose image is lost (see StorageFile); it is dropped.
+  std::vector<std::size_t> keep_off_device(const std::set<std::size_t>& views);
+  /// Where images off the device go when host memory is full; nullptr: nowhere.
+  void set_folder(std::shared_ptr<StorageFolder> folder) { folder_ = std::move(folder); }
+  /// Writes images off the device to files, the oldest first, until at most `max_bytes` are in host
+  /// memory or there is no room for files.
+  void write_host_images(double max_bytes);
+  /// Views whose image is in host memory because of `keep_off_device`.
   const std::set<std::size_t>& on_host() const { return on_host_; }
-  /// Total size of the images, without those that `keep_on_host` keeps.
+  /// Total size of the images on the device.
   std::size_t image_bytes() const { return image_bytes_; }
-  /// Total size of those.
+  /// Total size of those of `on_host`.
   std::size_t host_image_bytes() const { return host_image_bytes_; }
+  /// Number of images that are only in files.
+  std::size_t images_on_disk() const;
 
   std::size_t size() const { return keyframes_.size(); }
   const Keyframe& operator[](std::size_t i) const { return keyframes_.at(i); }
+  bool has_image(std::size_t i) const { return keyframes_.at(i).image.defined() || is_on_disk(i); }
+  /// The image [H,W,3] uint8, wherever it is kept. Throws RunError when its file is lost.
+  torch::Tensor pixels(std::size_t i) const;
   /// Ascending indices of the training and held-out keyframes that have an image.
   const std::vector<std::size_t>& training() const { return training_; }
   const std::vector<std::size_t>& held_out() const { return held_out_; }
@@ -90,12 +105,20 @@ class KeyframeStore {
   /// The view of the image reduced by `factor`, without pose correction.
   gaussians::View view(std::size_t i, int factor) const;
 
-  void save(torch::serialize::OutputArchive& archive) const;
-  /// Adds the keyframes of an archive. Throws c10::Error when it does not match.
-  void load(torch::serialize::InputArchive& archive);
+  /// Returns the files that the archive refers to.
+  StorageFiles save(torch::serialize::OutputArchive& archive) const;
+  /// Adds the keyframes of an archive; returns the files that it refers to. Throws c10::Error when
+  /// it does not match.
+  StorageFiles load(torch::serialize::InputArchive& archive);
 
  private:
   void append(Keyframe keyframe);
+  void list_view(std::size_t i);
+  bool is_on_disk(std::size_t i) const {
+    return !keyframes_.at(i).image.defined() && files_.contains(i);
+  }
+  bool read_image(std::size_t i);
+  std::size_t move(std::size_t i, const torch::Device& device);
 
   torch::Device device_;
   std::vector<Keyframe> keyframes_;
@@ -103,6 +126,9 @@ class KeyframeStore {
   std::vector<std::size_t> held_out_;
   std::map<std::int64_t, std::size_t> by_stamp_;
   std::set<std::size_t> on_host_;
+  /// Of images that are or were only there: they do not change.
+  std::map<std::size_t, std::shared_ptr<StorageFile>> files_;
+  std::shared_ptr<StorageFolder> folder_;
   std::size_t image_bytes_ = 0;
   std::size_t host_image_bytes_ = 0;
   gaussians::ToneCurve tone_curve_;

@@ -25,10 +25,12 @@ void write(OutputArchive& archive, const Keyframe& keyframe) {
   const auto& [a, b, c] = k.lens_spread;
   archive.write("lens", torch::tensor({k.fx, k.fy, k.cx, k.cy, a, b, c}, torch::kFloat64));
   archive.write("pose", keyframe.T_camera_world);
-  const bool has_image = keyframe.image.defined();
-  archive.write("has_image", c10::IValue(has_image));
-  if (has_image) archive.write("image", keyframe.image);
   if (keyframe.scene.defined()) archive.write("scene", keyframe.scene);
+}
+
+void write_image(OutputArchive& archive, const Tensor& image) {
+  archive.write("has_image", c10::IValue(image.defined()));
+  if (image.defined()) archive.write("image", image);
 }
 
 Keyframe read_keyframe(InputArchive& archive) {
@@ -51,31 +53,54 @@ Keyframe read_keyframe(InputArchive& archive) {
                          .height = static_cast<int>(gaussians::read_int(archive, "height")),
                          .lens_spread = {f[4], f[5], f[6]}};
   archive.read("pose", keyframe.T_camera_world);
-  if (gaussians::read_bool(archive, "has_image")) archive.read("image", keyframe.image);
   archive.try_read("scene", keyframe.scene);
+  if (gaussians::read_bool(archive, "has_image")) archive.read("image", keyframe.image);
   return keyframe;
 }
 
 }  // namespace
 
-void KeyframeStore::save(OutputArchive& archive) const {
+StorageFiles KeyframeStore::save(OutputArchive& archive) const {
+  StorageFiles used;
   archive.write("keyframes", c10::IValue(static_cast<std::int64_t>(size())));
   if (scene_.defined()) archive.write("scene", scene_);
   for (std::size_t i = 0; i < size(); ++i) {
     OutputArchive inner;
     write(inner, keyframes_[i]);
+    const auto file = files_.find(i);
+    if (file == files_.end()) {
+      write_image(inner, keyframes_[i].image);
+    } else {
+      write_image(inner, Tensor());
+      inner.write("file", c10::IValue(file->second->name()));
+      inner.write("saturates", c10::IValue(keyframes_[i].saturates));
+      used.push_back(file->second);
+    }
     archive.write("keyframe" + std::to_string(i), inner);
   }
+  return used;
 }
 
-void KeyframeStore::load(InputArchive& archive) {
+StorageFiles KeyframeStore::load(InputArchive& archive) {
+  StorageFiles used;
   const std::int64_t count = gaussians::read_int(archive, "keyframes");
   if (Tensor scene; archive.try_read("scene", scene)) set_mask(scene);
   InputArchive part;
   for (std::int64_t i = 0; i < count; ++i) {
     archive.read("keyframe" + std::to_string(i), part);
     add(read_keyframe(part));
+    c10::IValue name;
+    if (!part.try_read("file", name)) continue;
+    TORCH_CHECK(folder_ != nullptr, "checkpoint: its images are in files, but there is no folder");
+    Keyframe& keyframe = keyframes_.back();
+    keyframe.saturates = gaussians::read_bool(part, "saturates");
+    const gaussians::Intrinsics& camera = keyframe.intrinsics;
+    used.push_back(
+        folder_->open(name.toStringRef(), std::int64_t{3} * camera.width * camera.height));
+    files_[keyframes_.size() - 1] = used.back();
+    list_view(keyframes_.size() - 1);
   }
+  return used;
 }
 
 }  // namespace apvi::mapping

@@ -126,7 +126,7 @@ OpenWaterCandidates empty_places(const std::vector<SampledView>& views,
     const std::size_t i = views[j].keyframe;
     const torch::Device device = views[j].alpha.device();
     const Tensor image =
-        to_float_image(keyframes[i].image.to(device),
+        to_float_image(keyframes.pixels(i).to(device),
                        observation_reduction(keyframes[i].intrinsics), curve.byte_table(device));
     places.add(static_cast<std::int64_t>(j), views[j].camera, image, views[j].alpha);
   }

@@ -201,7 +201,7 @@ void ObservationCollector::add(const SampledView& view, std::int64_t number, con
   const Tensor x = (pixels.select(1, 0) - k.cx) / k.fx;
   const Tensor y = (pixels.select(1, 1) - k.cy) / k.fy;
   const Tensor level = levels.index_select(0, index);
-  const Tensor image = to_float_image(keyframes_[view.keyframe].image.to(device_),
+  const Tensor image = to_float_image(keyframes_.pixels(view.keyframe).to(device_),
                                       observation_reduction(keyframes_[view.keyframe].intrinsics),
                                       curve_.byte_table(device_));
   const Tensor stack =

@@ -39,7 +39,10 @@ constexpr std::size_t kPatience = 10;
 constexpr double kSwapped = 0.05;
 // Gaussians that are projected to find out what a keyframe sees: every n-th.
 constexpr std::int64_t kProjected = 50000;
-constexpr int kPreviewStride = 8;  // of stored Gaussians
+// Fraction of the memory for stored parts that is left when some were written to files.
+constexpr double kLeftInMemory = 0.8;
+// Gaussians that are read at a time for a copy of the whole map.
+constexpr std::int64_t kReadAtOnce = 500000;
 
 std::vector<std::int64_t> to_vector(const Tensor& values) {
   const Tensor host = values.to(torch::kCPU).contiguous();
@@ -189,7 +192,7 @@ void ActiveRegion::store_far(std::size_t view, double range_m, const KeyframeSto
                              MapOptimizer& optimizer) {
   const auto most = static_cast<double>(optimizer.max_gaussians());
   auto size = static_cast<double>(optimizer.size());
-  if (size < kFull * most || static_cast<double>(storage_.bytes()) >= max_stored_bytes_) return;
+  if (size < kFull * most || !storage_.has_room(max_stored_bytes_)) return;
   if (view < look_again_) return;
   const std::vector<DevicePart> parts = device_parts(optimizer, keyframes.size());
   std::vector<std::int64_t> with_gaussians;
@@ -211,7 +214,19 @@ void ActiveRegion::store_far(std::size_t view, double range_m, const KeyframeSto
     look_again_ = view + kPatience;  // all is near: the least important ones are replaced
   } else {
     store(chosen, range_m, keyframes, optimizer);
+    write_farthest(view, range_m, keyframes);
   }
+}
+
+void ActiveRegion::write_farthest(std::size_t view, double range_m,
+                                  const KeyframeStore& keyframes) {
+  if (static_cast<double>(storage_.bytes()) <= max_stored_bytes_) return;
+  std::vector<std::int64_t> farthest_first;
+  for (const Place& place : places(storage_.anchors(), view, range_m, keyframes)) {
+    farthest_first.push_back(place.anchor);
+  }
+  std::ranges::reverse(farthest_first);
+  storage_.write(farthest_first, kLeftInMemory * max_stored_bytes_);
 }
 
 void ActiveRegion::load(const std::vector<std::int64_t>& anchors, const KeyframeStore& keyframes,
@@ -278,9 +293,21 @@ gaussians::Gaussians ActiveRegion::complete(const KeyframeStore& keyframes,
                                             const torch::Device& device) const {
   const torch::NoGradGuard no_grad;
   std::vector<gaussians::Gaussians> parts = {gaussians::on_device(optimizer.map(), device)};
-  for (const DetachedGaussians& part : storage_.read(storage_.anchors())) {
-    parts.push_back(gaussians::on_device(optimizer.in_present_colors(part, keyframes), device));
+  std::vector<std::int64_t> batch;
+  std::int64_t size = 0;
+  const auto read_batch = [&] {
+    for (const DetachedGaussians& part : storage_.read(batch)) {
+      parts.push_back(gaussians::on_device(optimizer.in_present_colors(part, keyframes), device));
+    }
+    batch.clear();
+    size = 0;
+  };
+  for (const std::int64_t anchor : storage_.anchors()) {
+    batch.push_back(anchor);
+    size += storage_.size(anchor);
+    if (size >= kReadAtOnce) read_batch();
   }
+  read_batch();
   return gaussians::join(parts);
 }
 
@@ -291,9 +318,9 @@ gaussians::Gaussians ActiveRegion::preview(const KeyframeStore& keyframes,
   const std::pair now(storage_.version(), optimizer.appearance_version());
   if (!thinned_ || thinned_version_ != now) {
     std::vector<gaussians::Gaussians> parts;
-    for (const DetachedGaussians& part : storage_.read(storage_.anchors(), kPreviewStride)) {
+    for (const DetachedGaussians& part : storage_.sample()) {
       parts.push_back(optimizer.in_present_colors(part, keyframes));
-      parts.back().log_scales += 0.5 * std::log(kPreviewStride);  // the same area
+      parts.back().log_scales += 0.5 * std::log(GaussianStorage::kSampleStride);  // the same area
     }
     thinned_ = gaussians::join(parts);
     thinned_version_ = now;
@@ -306,20 +333,14 @@ void ActiveRegion::pause(KeyframeStore& keyframes, OnlineTraining& training) con
   std::set<std::size_t> views;
   for (const auto& [view, missing] : missing_) views.insert(view);
   training.pause(views);
-  keyframes.keep_on_host(views);
+  for (const std::size_t lost : keyframes.keep_off_device(views)) training.remove_view(lost);
 }
 
-void ActiveRegion::save(torch::serialize::OutputArchive& archive, const KeyframeStore& keyframes,
-                        const MapOptimizer& optimizer) const {
-  std::int64_t count = 0;
-  for (DetachedGaussians part : storage_.read(storage_.anchors())) {
-    part.rows.parameters =
-        gaussians::on_device(optimizer.in_present_colors(part, keyframes), torch::kCPU);
-    torch::serialize::OutputArchive inner;
-    mapping::save(inner, part);
-    archive.write("stored" + std::to_string(count++), inner);
-  }
-  archive.write("stored_parts", c10::IValue(count));
+StorageFiles ActiveRegion::save(torch::serialize::OutputArchive& archive,
+                                const MapOptimizer& optimizer) const {
+  torch::serialize::OutputArchive storage;
+  StorageFiles files = storage_.save(storage, optimizer.appearance_version());
+  archive.write("storage", storage);
   archive.write("look_again", c10::IValue(static_cast<std::int64_t>(look_again_)));
   std::vector<double> spheres;
   for (const auto& [anchor, sphere] : spheres_) {
@@ -334,20 +355,18 @@ void ActiveRegion::save(torch::serialize::OutputArchive& archive, const Keyframe
     }
   }
   archive.write("missing", torch::tensor(missing, torch::kInt64).reshape({-1, 2}));
+  return files;
 }
 
-void ActiveRegion::load(torch::serialize::InputArchive& archive, KeyframeStore& keyframes,
-                        MapOptimizer& optimizer, OnlineTraining& training) {
-  *this = ActiveRegion(max_stored_bytes_);
-  const std::int64_t count = gaussians::read_int(archive, "stored_parts");
+StorageFiles ActiveRegion::load(torch::serialize::InputArchive& archive, KeyframeStore& keyframes,
+                                MapOptimizer& optimizer, OnlineTraining& training) {
+  spheres_.clear();
+  missing_.clear();
   look_again_ = static_cast<std::size_t>(gaussians::read_int(archive, "look_again"));
-  for (std::int64_t k = 0; k < count; ++k) {
-    torch::serialize::InputArchive inner;
-    archive.read("stored" + std::to_string(k), inner);
-    DetachedGaussians part = load_detached(inner);
-    optimizer.adopt(part);
-    storage_.add(part);
-  }
+  torch::serialize::InputArchive storage;
+  archive.read("storage", storage);
+  StorageFiles files = storage_.load(storage, optimizer.appearance_version());
+  optimizer.adopt(storage_.size());
   Tensor spheres;
   archive.read("spheres", spheres);
   const auto row = spheres.accessor<double, 2>();
@@ -361,6 +380,7 @@ void ActiveRegion::load(torch::serialize::InputArchive& archive, KeyframeStore& 
         missing[k][1].item<std::int64_t>());
   }
   pause(keyframes, training);
+  return files;
 }
 
 }  // namespace apvi::mapping

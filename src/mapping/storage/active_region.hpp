@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
@@ -19,17 +20,19 @@
 
 namespace apvi::mapping {
 
-/// Keeps the part of a map around the camera on the device, and the rest in host memory, so that
-/// `max_gaussians` limits what is on the device and not the map.
+/// Keeps the part of a map around the camera on the device, and the rest in host memory and, when
+/// that is full, in files, so that `max_gaussians` limits what is on the device and not the map.
 ///
 /// A part is the Gaussians of a keyframe. When the device is nearly full, those farthest from what
 /// the camera sees are stored; they return before the camera can see them. Keyframes that
-/// see stored Gaussians are not trained on meanwhile, and their images are in host memory too. When
-/// nothing is far enough away, nothing is stored, and the map is limited as before.
+/// see stored Gaussians are not trained on meanwhile, and their images are not on the device
+/// either. When nothing is far enough away, nothing is stored, and the map is limited as before.
 class ActiveRegion {
  public:
-  /// `max_stored_bytes` of host memory; 0: nothing is stored.
-  explicit ActiveRegion(double max_stored_bytes) : max_stored_bytes_(max_stored_bytes) {}
+  /// `max_stored_bytes` of host memory; 0: nothing is stored. The farthest parts of what memory
+  /// does not hold go to `folder`.
+  ActiveRegion(double max_stored_bytes, std::shared_ptr<StorageFolder> folder)
+      : max_stored_bytes_(max_stored_bytes), storage_(std::move(folder)) {}
 
   /// Prepares the map for keyframe `view`, around which the scene is at distances of about
   /// `range_m`.
@@ -43,17 +46,17 @@ class ActiveRegion {
   /// Moves the stored Gaussians of each keyframe.
   void move(const KeyframeMotions& motions) { storage_.move(motions); }
 
-  /// Number of Gaussians in host memory.
+  /// Number of Gaussians that are not on the device.
   std::int64_t stored() const { return storage_.size(); }
   /// The whole map on `device`: copies, in the present colors.
   gaussians::Gaussians complete(const KeyframeStore& keyframes, const MapOptimizer& optimizer,
                                 const torch::Device& device) const;
   /// The same on the map's device for a look at it, with fewer and larger Gaussians far away.
   gaussians::Gaussians preview(const KeyframeStore& keyframes, const MapOptimizer& optimizer) const;
-  void save(torch::serialize::OutputArchive& archive, const KeyframeStore& keyframes,
-            const MapOptimizer& optimizer) const;
-  void load(torch::serialize::InputArchive& archive, KeyframeStore& keyframes,
-            MapOptimizer& optimizer, OnlineTraining& training);
+  /// Returns the files that the archive refers to; so does `load`.
+  StorageFiles save(torch::serialize::OutputArchive& archive, const MapOptimizer& optimizer) const;
+  StorageFiles load(torch::serialize::InputArchive& archive, KeyframeStore& keyframes,
+                    MapOptimizer& optimizer, OnlineTraining& training);
 
  private:
   struct Place;
@@ -69,6 +72,7 @@ class ActiveRegion {
             MapOptimizer& optimizer);
   void store(const std::vector<std::int64_t>& anchors, double range_m,
              const KeyframeStore& keyframes, MapOptimizer& optimizer);
+  void write_farthest(std::size_t view, double range_m, const KeyframeStore& keyframes);
   void pause_views(const std::vector<std::int64_t>& anchors, const torch::Tensor& which,
                    double range_m, const KeyframeStore& keyframes, const MapOptimizer& optimizer);
   void pause(KeyframeStore& keyframes, OnlineTraining& training) const;

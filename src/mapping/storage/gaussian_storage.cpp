@@ -5,39 +5,22 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
 #include <utility>
 
 #include "gaussians/model/archive.hpp"
 #include "gaussians/model/similarity.hpp"
+#include "mapping/storage/detached_gaussians.hpp"
 
 namespace apvi::mapping {
 namespace {
 
 using torch::Tensor;
 
-std::vector<Tensor*> tensors_of(DetachedGaussians& detached) {
-  gaussians::GaussianRows& rows = detached.rows;
-  std::vector<Tensor*> all = {&rows.anchors, &detached.importance};
-  for (gaussians::Gaussians* part : {&rows.parameters, &rows.first, &rows.second}) {
-    for (Tensor* tensor : part->tensors()) all.push_back(tensor);
-  }
-  return all;
-}
-
-template <typename Function>
-DetachedGaussians map_tensors(DetachedGaussians detached, Function function) {
-  for (Tensor* tensor : tensors_of(detached)) *tensor = function(*tensor);
-  return detached;
-}
-
-std::int64_t known_keyframes(const DetachedGaussians& detached) {
-  const Tensor& gains = detached.appearance->log_gains;
-  return gains.defined() ? gains.size(0) : 0;
-}
-
 /// Of at least one, in the appearance that knows the gains of all their keyframes.
 DetachedGaussians concatenated(std::vector<DetachedGaussians> parts) {
-  DetachedGaussians out = *std::ranges::max_element(parts, {}, known_keyframes);
+  DetachedGaussians out = *std::ranges::max_element(
+      parts, {}, [](const DetachedGaussians& part) { return known_keyframes(*part.appearance); });
   std::vector<std::vector<Tensor>> columns(tensors_of(out).size());
   for (DetachedGaussians& part : parts) {
     const std::vector<Tensor*> tensors = tensors_of(part);
@@ -46,6 +29,12 @@ DetachedGaussians concatenated(std::vector<DetachedGaussians> parts) {
   const std::vector<Tensor*> tensors = tensors_of(out);
   for (std::size_t k = 0; k < tensors.size(); ++k) *tensors[k] = torch::cat(columns[k]);
   return out;
+}
+
+// A copy, so that it does not keep all of them in memory.
+DetachedGaussians thinned(const DetachedGaussians& detached, int stride) {
+  return map_tensors(detached,
+                     [&](const Tensor& t) { return t.slice(0, 0, c10::nullopt, stride).clone(); });
 }
 
 }  // namespace
@@ -65,15 +54,38 @@ void GaussianStorage::add(DetachedGaussians detached) {
   for (std::int64_t k = 0; k < unique.numel(); ++k) {
     const auto count = counts[k].item<std::int64_t>();
     // A copy, so that it does not keep the others in memory.
-    Block block = {.gaussians = map_tensors(
-                       sorted, [&](const Tensor& t) { return t.narrow(0, begin, count).clone(); }),
-                   .motion = {}};
-    size_ += count;
-    bytes_ += block.gaussians.rows.bytes();
-    blocks_[unique[k].item<std::int64_t>()].push_back(std::move(block));
+    const auto part = [&](const Tensor& t) { return t.narrow(0, begin, count).clone(); };
+    insert(unique[k].item<std::int64_t>(), {.gaussians = map_tensors(sorted, part), .size = count});
     begin += count;
   }
   ++version_;
+}
+
+void GaussianStorage::insert(std::int64_t anchor, Block block) {
+  size_ += block.size;
+  bytes_ += block.gaussians.rows.bytes();
+  blocks_[anchor].push_back(std::move(block));
+}
+
+void GaussianStorage::write(const std::vector<std::int64_t>& anchors, double max_bytes) {
+  const torch::NoGradGuard no_grad;
+  for (const std::int64_t anchor : anchors) {
+    for (Block& block : blocks_.at(anchor)) {
+      if (static_cast<double>(bytes_) <= max_bytes) return;
+      if (!block.file && !write(block)) return;
+    }
+  }
+}
+
+bool GaussianStorage::write(Block& block) {
+  torch::serialize::OutputArchive archive;
+  mapping::save(archive, block.gaussians);
+  const std::int64_t bytes = block.gaussians.rows.bytes();
+  block.file = folder_->write(archive, bytes);
+  if (!block.file) return false;
+  block.gaussians = thinned(block.gaussians, kSampleStride);
+  bytes_ += block.gaussians.rows.bytes() - bytes;
+  return true;
 }
 
 void GaussianStorage::move(const KeyframeMotions& motions) {
@@ -87,23 +99,30 @@ void GaussianStorage::move(const KeyframeMotions& motions) {
   }
 }
 
+// All of the block; none when its file is lost.
+DetachedGaussians GaussianStorage::content(const Block& block) {
+  if (!block.file) return block.gaussians;
+  DetachedGaussians out = block.gaussians;
+  const bool is_read = block.file->read([&](torch::serialize::InputArchive& archive) {
+    out.rows = load_detached(archive).rows;
+    archive.read("importance", out.importance);
+  });
+  const auto nothing = [](const Tensor& t) { return t.narrow(0, 0, 0); };
+  return is_read ? out : map_tensors(block.gaussians, nothing);
+}
+
 // The moments are not rotated: they decay within a few steps, and corrections rotate little.
-DetachedGaussians GaussianStorage::joined(const std::vector<const Block*>& blocks, int stride) {
-  std::vector<DetachedGaussians> parts;
+DetachedGaussians GaussianStorage::joined(const std::vector<const Block*>& blocks,
+                                          std::vector<DetachedGaussians> parts) {
   std::vector<Tensor> motions;
   std::vector<Tensor> which;
   bool moved = false;
-  for (const Block* block : blocks) {
-    DetachedGaussians part = block->gaussians;
-    if (stride > 1) {
-      part =
-          map_tensors(part, [&](const Tensor& t) { return t.slice(0, 0, c10::nullopt, stride); });
-    }
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const Tensor& motion = blocks[k]->motion;
     which.push_back(
-        torch::full({part.rows.size()}, static_cast<std::int64_t>(parts.size()), torch::kInt64));
-    parts.push_back(std::move(part));
-    motions.push_back(block->motion.defined() ? block->motion : torch::eye(4, torch::kFloat64));
-    moved |= block->motion.defined();
+        torch::full({parts[k].rows.size()}, static_cast<std::int64_t>(k), torch::kInt64));
+    motions.push_back(motion.defined() ? motion : torch::eye(4, torch::kFloat64));
+    moved |= motion.defined();
   }
   DetachedGaussians out = concatenated(std::move(parts));
   if (!moved) return out;
@@ -112,19 +131,42 @@ DetachedGaussians GaussianStorage::joined(const std::vector<const Block*>& block
   return out;
 }
 
-std::vector<DetachedGaussians> GaussianStorage::read(const std::vector<std::int64_t>& anchors,
-                                                     int stride) const {
-  const torch::NoGradGuard no_grad;
-  std::map<int, std::vector<const Block*>> by_version;
+GaussianStorage::BlocksByVersion GaussianStorage::by_version(
+    const std::vector<std::int64_t>& anchors) const {
+  BlocksByVersion out;
   for (const std::int64_t anchor : anchors) {
     const auto found = blocks_.find(anchor);
     if (found == blocks_.end()) continue;
     for (const Block& block : found->second) {
-      by_version[block.gaussians.appearance_version].push_back(&block);
+      out[block.gaussians.appearance_version].push_back(&block);
     }
   }
+  return out;
+}
+
+std::vector<DetachedGaussians> GaussianStorage::read(
+    const std::vector<std::int64_t>& anchors) const {
+  const torch::NoGradGuard no_grad;
   std::vector<DetachedGaussians> out;
-  for (const auto& [version, blocks] : by_version) out.push_back(joined(blocks, stride));
+  for (const auto& [version, blocks] : by_version(anchors)) {
+    std::vector<DetachedGaussians> parts;
+    std::ranges::transform(blocks, std::back_inserter(parts),
+                           [](const Block* block) { return content(*block); });
+    out.push_back(joined(blocks, std::move(parts)));
+  }
+  return out;
+}
+
+std::vector<DetachedGaussians> GaussianStorage::sample() const {
+  const torch::NoGradGuard no_grad;
+  std::vector<DetachedGaussians> out;
+  for (const auto& [version, blocks] : by_version(anchors())) {
+    std::vector<DetachedGaussians> parts;
+    std::ranges::transform(blocks, std::back_inserter(parts), [](const Block* block) {
+      return block->file ? block->gaussians : thinned(block->gaussians, kSampleStride);
+    });
+    out.push_back(joined(blocks, std::move(parts)));
+  }
   return out;
 }
 
@@ -134,13 +176,17 @@ std::vector<DetachedGaussians> GaussianStorage::take(const std::vector<std::int6
     const auto found = blocks_.find(anchor);
     if (found == blocks_.end()) continue;
     for (const Block& block : found->second) {
-      size_ -= block.gaussians.rows.size();
+      size_ -= block.size;
       bytes_ -= block.gaussians.rows.bytes();
     }
     blocks_.erase(found);
     ++version_;
   }
   return out;
+}
+
+bool GaussianStorage::has_room(double max_bytes) const {
+  return static_cast<double>(bytes_) < max_bytes || folder_->has_room();
 }
 
 std::vector<std::int64_t> GaussianStorage::anchors() const {
@@ -153,30 +199,8 @@ std::int64_t GaussianStorage::size(std::int64_t anchor) const {
   const auto found = blocks_.find(anchor);
   std::int64_t sum = 0;
   if (found == blocks_.end()) return sum;
-  for (const Block& block : found->second) sum += block.gaussians.rows.size();
+  for (const Block& block : found->second) sum += block.size;
   return sum;
-}
-
-void save(torch::serialize::OutputArchive& archive, const DetachedGaussians& detached) {
-  gaussians::write_gaussians(archive, "", detached.rows.parameters);
-  gaussians::write_gaussians(archive, "first.", detached.rows.first);
-  gaussians::write_gaussians(archive, "second.", detached.rows.second);
-  archive.write("anchors", detached.rows.anchors);
-  archive.write("importance", detached.importance);
-}
-
-DetachedGaussians load_detached(torch::serialize::InputArchive& archive) {
-  DetachedGaussians out;
-  out.rows = {.parameters = gaussians::read_gaussians(archive, ""),
-              .first = gaussians::read_gaussians(archive, "first."),
-              .second = gaussians::read_gaussians(archive, "second."),
-              .anchors = {}};
-  archive.read("anchors", out.rows.anchors);
-  archive.read("importance", out.importance);
-  for (const Tensor* tensor : tensors_of(out)) {
-    TORCH_CHECK(tensor->size(0) == out.rows.size(), "checkpoint: stored Gaussians do not match");
-  }
-  return out;
 }
 
 }  // namespace apvi::mapping

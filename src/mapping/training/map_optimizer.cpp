@@ -209,7 +209,7 @@ MapOptimizer::Target MapOptimizer::target_of(const KeyframeStore& keyframes, std
                                              const StepSettings& settings) {
   const torch::Device device = rendered.image.device();
   const StepBackend& backend = step_backend(device);
-  TargetInput input = {.image = keyframes[i].image.to(device),
+  TargetInput input = {.image = keyframes.pixels(i).to(device),
                        .reduction = settings.reduction,
                        .falloff = vignetting_.is_none()
                                       ? Tensor()
@@ -349,7 +349,7 @@ std::pair<RenderedView, Tensor> MapOptimizer::gain_images(const KeyframeStore& k
   const MapRendering rendered = render_map(full_map(), camera);
   const torch::Device device = rendered.alpha.device();
   const Tensor image = step_backend(device).target(
-      {.image = keyframes[i].image.to(device),
+      {.image = keyframes.pixels(i).to(device),
        .reduction = kGainReduction,
        .falloff = vignetting_.is_none() ? Tensor() : falloff(camera.intrinsics),
        .log_gain = {},

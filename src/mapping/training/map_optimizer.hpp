@@ -90,8 +90,8 @@ class MapOptimizer {
   DetachedGaussians detach(const torch::Tensor& which);
   /// Puts them back, in the colors of the present medium and camera response.
   void attach(const DetachedGaussians& detached, const KeyframeStore& keyframes);
-  /// Counts Gaussians from a checkpoint as taken out of the map, in its present appearance.
-  void adopt(DetachedGaussians& detached);
+  /// Counts Gaussians of a checkpoint as taken out of the map.
+  void adopt(std::int64_t detached);
   /// Counts the changes of the medium and the camera response that recolored the map.
   int appearance_version() const { return shared_->appearance_version; }
   /// Copies them, on the map's device, as `attach` would put them into the map.

@@ -43,10 +43,8 @@ DetachedGaussians MapOptimizer::detach(const Tensor& which) {
   return out;
 }
 
-void MapOptimizer::adopt(DetachedGaussians& detached) {
-  detached.appearance = std::make_shared<const Map>(appearance());
-  detached.appearance_version = shared_->appearance_version;
-  shared_->detached += detached.rows.size();
+void MapOptimizer::adopt(std::int64_t detached) {
+  shared_->detached += detached;
 }
 
 void MapOptimizer::attach(const DetachedGaussians& detached, const KeyframeStore& keyframes) {

@@ -92,7 +92,7 @@ bool Trainer::done() const {
 
 bool Trainer::reduce_memory() {
   if (!shrink_map(optimizer())) return false;
-  initial_size_ = std::min(initial_size_, most_gaussians());
+  initial_size_ = std::min(initial_size_, max_gaussians());
   return true;
 }
 
@@ -181,7 +181,7 @@ void Trainer::maybe_densify() {
   if (d.kind != Densification::gradient) retry_on_oom([&] { insert_random(); });
   DensifyResult result;
   retry_on_oom([&] {
-    const std::int64_t growth = std::max<std::int64_t>(0, most_gaussians() - initial_size_);
+    const std::int64_t growth = std::max<std::int64_t>(0, max_gaussians() - initial_size_);
     const std::int64_t limit =
         initial_size_ + static_cast<std::int64_t>(part * static_cast<double>(growth));
     result = optimizer().densify(extent_, limit,
@@ -231,7 +231,7 @@ void Trainer::resume(const std::filesystem::path& checkpoint) {
     seconds_ = gaussians::read_double(archive, "seconds");
     medium_estimations_ =
         static_cast<std::size_t>(gaussians::read_int(archive, "medium_estimations"));
-    initial_size_ = std::min(gaussians::read_int(archive, "initial_size"), most_gaussians());
+    initial_size_ = std::min(gaussians::read_int(archive, "initial_size"), max_gaussians());
   });
 }
 

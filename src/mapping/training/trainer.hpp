@@ -30,7 +30,7 @@ struct TrainingSession {
 /// time budget the same options give bit-identical maps, also through `save` and `resume`.
 ///
 /// When the device runs out of memory, the least important Gaussians are removed and the remaining
-/// number becomes the limit (`most_gaussians`). Throws c10::Error when that does not help.
+/// number becomes the limit (`max_gaussians`). Throws c10::Error when that does not help.
 class Trainer {
  public:
   /// Throws c10::Error without keyframes or Gaussians.
@@ -61,7 +61,7 @@ class Trainer {
   Map full_map(std::size_t session = 0) const { return sessions_.at(session).optimizer.full_map(); }
   std::int64_t size() const { return optimizer().size(); }
   /// Maximum number of Gaussians: as configured, or less after running out of memory.
-  std::int64_t most_gaussians() const { return optimizer().max_gaussians(); }
+  std::int64_t max_gaussians() const { return optimizer().max_gaussians(); }
   std::optional<medium::Medium> medium() const { return optimizer().medium(); }
   /// Of the first session; see MapOptimizer.
   const RobustWeights* robust_weights() const { return optimizer().robust_weights(); }

@@ -128,7 +128,8 @@ void write_map_metrics(const std::filesystem::path& file, const MapMetrics& figu
   sections["mapping"] = figures.held_out;
   sections["mapping"]["gaussians"] = figures.gaussians;
   sections["mapping"]["iterations"] = figures.iterations;
-  if (figures.most_gaussians) sections["mapping"]["most_gaussians"] = *figures.most_gaussians;
+  if (figures.reduced_max_gaussians)
+    sections["mapping"]["reduced_max_gaussians"] = *figures.reduced_max_gaussians;
   eval::Json& speed = sections["speed"];
   speed["wall_s"] = figures.wall_s;
   speed["training_s"] = figures.training_s;

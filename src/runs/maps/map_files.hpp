@@ -21,6 +21,8 @@ namespace apvi::runs {
 
 /// Checkpoint that a mapping run resumes from, in the run folder.
 inline constexpr const char* kCheckpointFile = "checkpoint.pt";
+/// Parts of a large map that belong to the checkpoint.
+inline constexpr const char* kStorageFolder = "storage";
 
 /// Creates the folder of the rendered held-out images. Throws RunError on failure.
 std::filesystem::path make_renders_folder(const std::filesystem::path& run);
@@ -77,7 +79,7 @@ std::optional<std::int64_t> reduced_limit(std::int64_t most, const RunConfig& co
 struct MapMetrics {
   eval::Json held_out;  ///< from report_held_out
   std::int64_t gaussians = 0;
-  std::optional<std::int64_t> most_gaussians = std::nullopt;  ///< see reduced_limit
+  std::optional<std::int64_t> reduced_max_gaussians = std::nullopt;  ///< see reduced_limit
   std::int64_t iterations = 0;
   double training_s = 0.0;  ///< in optimization steps
   double wall_s = 0.0;

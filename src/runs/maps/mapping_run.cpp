@@ -155,7 +155,7 @@ MappingRunResult train_map(const RunConfig& config, const MappingRunOptions& opt
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = trainer.size(),
-                     .most_gaussians = reduced_limit(trainer.most_gaussians(), config),
+                     .reduced_max_gaussians = reduced_limit(trainer.max_gaussians(), config),
                      .iterations = trainer.iteration(),
                      .training_s = trainer.seconds(),
                      .wall_s = watch.seconds(),

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <future>
 
 #include "apvi/core/error.hpp"
@@ -13,10 +14,24 @@
 #include "slam/mapper_options.hpp"
 
 namespace apvi::runs {
+namespace {
+
+// Saves take at most about a twentieth of the time.
+constexpr double kSaveIntervalOverDuration = 20.0;
+
+slam::AsyncMapperOptions mapper_options(const RunConfig& config, const MappingRunOptions& options,
+                                        const Rig& rig) {
+  slam::Options all = slam_options(config);
+  all.mapping.storage_folder = options.folder / kStorageFolder;
+  return slam::async_mapper_options(all, rig);
+}
+
+}  // namespace
+
 OnlineMap::OnlineMap(const RunConfig& config, const MappingRunOptions& options, const Rig& rig)
     : config_(config),
       options_(options),
-      mapper_(slam::async_mapper_options(slam_options(config), rig), rig,
+      mapper_(mapper_options(config, options, rig), rig,
               {.interrupted = options.interrupted,
                .progress = [this] { write_periodic_output(); },
                .final_progress = [this](const auto& progress) { show(progress); },
@@ -34,7 +49,8 @@ void OnlineMap::write_periodic_output() {
     log_->write(watch_.seconds(), mapper.iteration(), whole, mapper.keyframes());
   }
   const double every = config_.mapping.checkpoint_every_s;
-  if (every <= 0.0 || since_save_.seconds() < every) return;
+  const double interval = std::max(every, kSaveIntervalOverDuration * last_save_s_);
+  if (every <= 0.0 || since_save_.seconds() < interval) return;
   save_map();
   since_save_.reset();
 }
@@ -60,7 +76,8 @@ void OnlineMap::save_map() {
     write_map(options_.folder, mapper.snapshot(torch::kCPU));
     checkpoint.get();
   }
-  saving_s_ += watch.seconds();
+  last_save_s_ = watch.seconds();
+  saving_s_ += last_save_s_;
 }
 
 void OnlineMap::save() {

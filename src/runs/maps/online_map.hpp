@@ -41,6 +41,7 @@ class OnlineMap {
   Stopwatch watch_;
   Stopwatch since_save_;
   double saving_s_ = 0.0;
+  double last_save_s_ = 0.0;
   std::optional<MappingLog> log_;     // once there is a folder
   std::optional<StatusLine> status_;  // during the work after the last frame
   slam::AsyncMapper mapper_;          // last: its thread ends before what it uses

@@ -130,7 +130,7 @@ MappingRunResult finish_map(const RunConfig& config, const MappingRunOptions& op
   write_map_metrics(options.folder / "metrics.json",
                     {.held_out = figures,
                      .gaussians = mapper.size(),
-                     .most_gaussians = reduced_limit(mapper.most_gaussians(), config),
+                     .reduced_max_gaussians = reduced_limit(mapper.max_gaussians(), config),
                      .iterations = mapper.iteration(),
                      .training_s = async.training_s(),
                      .wall_s = wall_s,

@@ -138,7 +138,7 @@ class Merge {
     write_map_metrics(folder / "metrics.json",
                       {.held_out = figures,
                        .gaussians = trainer_.size(),
-                       .most_gaussians = reduced_limit(trainer_.most_gaussians(), config),
+                       .reduced_max_gaussians = reduced_limit(trainer_.max_gaussians(), config),
                        .iterations = trainer_.iteration(),
                        .training_s = trainer_.seconds(),
                        .wall_s = wall_s,

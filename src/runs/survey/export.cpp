@@ -33,7 +33,7 @@ void make_folder(const fs::path& folder) {
 void write_images(const fs::path& folder, const mapping::KeyframeStore& keyframes) {
   make_folder(folder);
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
-    write_png(folder / (keyframes[i].name + ".png"), keyframes[i].image);
+    write_png(folder / (keyframes[i].name + ".png"), keyframes.pixels(i));
   }
 }
 

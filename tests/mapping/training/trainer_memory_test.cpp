@@ -76,9 +76,9 @@ TEST_F(TrainerMemory, AStepRecoversFromAnyFailedAllocation) {
       ASSERT_NO_THROW(run(small, 20));
     }
     ++cases;
-    if (small.most_gaussians() < kMaxGaussians) ++smaller;
+    if (small.max_gaussians() < kMaxGaussians) ++smaller;
     while (!small.done()) small.step();
-    ASSERT_LE(small.size(), small.most_gaussians());
+    ASSERT_LE(small.size(), small.max_gaussians());
     ASSERT_EQ(small.map().size(), small.size());
     EXPECT_GT(psnr(small), 20.0);
   }

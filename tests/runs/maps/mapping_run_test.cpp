@@ -146,7 +146,8 @@ TEST_F(MappingRunTest, MetricsReportReducedGaussianLimit) {
   const MappingRunResult result = run_mapping(config(60), ends);
   EXPECT_EQ(result.iterations, 60);
   EXPECT_EQ(result.gaussians, 1200);
-  EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["most_gaussians"], 1200);
+  EXPECT_EQ(eval::read_metrics(run_folder() / "metrics.json")["mapping"]["reduced_max_gaussians"],
+            1200);
 }
 
 TEST_F(MappingRunTest, ResumedTrainingGivesSameMap) {

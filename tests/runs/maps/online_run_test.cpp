@@ -226,8 +226,8 @@ TEST_F(OnlineRunTest, MetricsReportReducedGaussianLimit) {
     run_recording(config(), {.folder = folder("run"), .interrupted = ends_in_a_step(memory, 1)});
   }
   const eval::Json map = eval::read_metrics(folder("run") / "metrics.json")["mapping"];
-  EXPECT_LT(map["most_gaussians"].get<int>(), 6000);
-  EXPECT_LE(map["gaussians"].get<int>(), map["most_gaussians"].get<int>());
+  EXPECT_LT(map["reduced_max_gaussians"].get<int>(), 6000);
+  EXPECT_LE(map["gaussians"].get<int>(), map["reduced_max_gaussians"].get<int>());
   EXPECT_GT(map["psnr_db"].get<double>(), map["psnr_median_image_db"].get<double>() + 2.0);
 }
 
