@@ -16,13 +16,6 @@ using mavlink::Id;
 
 constexpr Duration kAskPeriod{1'000'000'000};
 
-// By resolution of stamps and values.
-const std::vector<Id> kImus = {Id::highres_imu, Id::raw_imu, Id::scaled_imu, Id::scaled_imu2,
-                               Id::scaled_imu3};
-// The first barometer is inside the autopilot's housing; the second is in the water.
-const std::vector<Id> kPressures = {Id::scaled_pressure2, Id::scaled_pressure3,
-                                    Id::scaled_pressure};
-
 ClockReading reading_of(const mavlink::Time& time, Stamp arrival) {
   return {.sent = time.stamp, .arrival = arrival, .clock = static_cast<std::size_t>(time.clock)};
 }
@@ -45,8 +38,8 @@ MavlinkLink::MavlinkLink(MavlinkOptions options)
     : options_(std::move(options)),
       socket_(options_.listen ? Socket::bind_udp(options_.address)
                               : Socket::connect_udp(options_.address)),
-      imu_(kImus, options_.imu),
-      pressure_(kPressures, options_.pressure) {}
+      imu_(mavlink::imu_messages(), options_.imu),
+      pressure_(mavlink::pressure_messages(), options_.pressure) {}
 
 bool MavlinkLink::receive(Receiver& receiver) {
   ask(host_now());
@@ -83,12 +76,7 @@ bool MavlinkLink::is_from_vehicle(const mavlink::Frame& frame, const mavlink::Me
 void MavlinkLink::take(const mavlink::Frame& frame, Stamp arrival, Receiver& receiver) {
   const auto message = mavlink::interpret(frame);
   if (!message || !is_from_vehicle(frame, *message)) return;
-  const auto take_one = [&](const auto& m) {
-    if constexpr (!std::is_same_v<std::decay_t<decltype(m)>, mavlink::Heartbeat>) {
-      take(m, arrival, receiver);
-    }
-  };
-  std::visit(take_one, *message);
+  std::visit([&](const auto& m) { take(m, arrival, receiver); }, *message);
 }
 
 void MavlinkLink::take(const mavlink::Imu& imu, Stamp arrival, Receiver& receiver) {

@@ -5,11 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "io/mavlink/messages.hpp"
 #include "live/link.hpp"
-#include "live/mavlink_messages.hpp"
 #include "live/socket.hpp"
 
 namespace apvi::live {
+
+namespace mavlink = io::mavlink;
 
 /// Which of several messages with the same kind of data is used: the given one, else the first of
 /// the list that arrives.
@@ -50,6 +52,8 @@ class MavlinkLink : public Link {
   void take(const mavlink::Pressure& pressure, Stamp arrival, Receiver& receiver);
   void take(const mavlink::SystemTime& time, Stamp arrival, Receiver& receiver);
   void take(const mavlink::TimeSync& sync, Stamp arrival, Receiver& receiver);
+  template <typename Other>
+  void take(const Other&, Stamp, Receiver&) {}  // nothing that a run uses
   bool is_from_vehicle(const mavlink::Frame& frame, const mavlink::Message& message);
   void ask(Stamp now);
   void send(const mavlink::Frame& frame);

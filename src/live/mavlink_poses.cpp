@@ -5,11 +5,13 @@
 
 #include "apvi/geometry/so3.hpp"
 
-namespace apvi::live::mavlink {
+namespace apvi::live {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+using io::mavlink::Frame;
+using io::mavlink::Id;
 
 constexpr std::uint8_t kSystem = 1;
 constexpr std::uint8_t kComponent = 197;  // MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
@@ -66,7 +68,7 @@ Frame frame_of(Id id, Stamp stamp) {
 
 }  // namespace
 
-Frame odometry(const PoseOutput& pose, bool world_is_up) {
+Frame mavlink_odometry(const PoseOutput& pose, bool world_is_up) {
   const Eigen::Quaterniond turn =
       world_is_up ? Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0) : Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond q = turn * pose.T_world_body.rotation;
@@ -85,7 +87,7 @@ Frame odometry(const PoseOutput& pose, bool world_is_up) {
   return frame;
 }
 
-std::optional<Frame> position_delta(const PoseOutput& from, const PoseOutput& to) {
+std::optional<Frame> mavlink_position_delta(const PoseOutput& from, const PoseOutput& to) {
   if (from.resets != to.resets || to.stamp <= from.stamp) return std::nullopt;
   const SE3 motion = from.T_world_body.inverse() * to.T_world_body;
   Frame frame = frame_of(Id::vision_position_delta, to.stamp);
@@ -96,4 +98,4 @@ std::optional<Frame> position_delta(const PoseOutput& from, const PoseOutput& to
   return frame;
 }
 
-}  // namespace apvi::live::mavlink
+}  // namespace apvi::live

@@ -76,15 +76,17 @@ class MavlinkSink : public PoseSink {
       : socket_(Socket::connect_udp(address)), world_is_up_(world_is_up) {}
 
   void write(const PoseOutput& pose) override {
-    send(mavlink::odometry(pose, world_is_up_));
+    send(mavlink_odometry(pose, world_is_up_));
     if (last_) {
-      if (const auto delta = mavlink::position_delta(*last_, pose)) send(*delta);
+      if (const auto delta = mavlink_position_delta(*last_, pose)) send(*delta);
     }
     last_ = pose;
   }
 
  private:
-  void send(const mavlink::Frame& frame) { socket_.send(mavlink::encode(frame, sequence_++)); }
+  void send(const io::mavlink::Frame& frame) {
+    socket_.send(io::mavlink::encode(frame, sequence_++));
+  }
 
   Socket socket_;
   bool world_is_up_;

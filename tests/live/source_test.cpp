@@ -12,9 +12,9 @@
 #include "apvi/core/constants.hpp"
 #include "apvi/core/error.hpp"
 #include "core/stopwatch.hpp"
+#include "io/mavlink/frame.hpp"
 #include "live/host_clock.hpp"
 #include "live/loopback.hpp"
-#include "live/mavlink_frame.hpp"
 #include "live/socket.hpp"
 #include "live/sources.hpp"
 
@@ -117,9 +117,9 @@ TEST(WaterLinkedSource, MalformedLinesAreCountedAndSkipped) {
 }
 
 // An autopilot that was started 100 s ago.
-mavlink::Frame raw_imu() {
+io::mavlink::Frame raw_imu() {
   static const Stamp booted = host_now() - Duration::from_seconds(100.0);
-  mavlink::Frame frame{.system = 1, .component = 1, .id = mavlink::Id::raw_imu};
+  io::mavlink::Frame frame{.system = 1, .component = 1, .id = io::mavlink::Id::raw_imu};
   frame.set<std::uint64_t>(0, static_cast<std::uint64_t>((host_now() - booted).ns / 1000));
   frame.set<std::int16_t>(12, -1000);
   return frame;
@@ -136,7 +136,7 @@ TEST(MavlinkSource, GivesInertialDataByTheHostsClock) {
   });
   Socket autopilot = Socket::connect_udp({"127.0.0.1", port});
   for (const Stopwatch watch; watch.seconds() < 1.5;) {
-    autopilot.send(mavlink::encode(raw_imu(), 0));
+    autopilot.send(io::mavlink::encode(raw_imu(), 0));
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   named.source->stop();

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "live/mavlink_frame.hpp"
+#include "io/mavlink/frame.hpp"
 
 #include <algorithm>
 #include <bit>
 #include <optional>
 
-namespace apvi::live::mavlink {
+namespace apvi::io::mavlink {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
@@ -30,6 +30,8 @@ struct Definition {
 constexpr Definition kDefinitions[] = {
     {Id::heartbeat, 50, 9},
     {Id::system_time, 137, 12},
+    {Id::param_value, 220, 25},
+    {Id::gps_raw_int, 24, 52},
     {Id::scaled_imu, 170, 24},
     {Id::raw_imu, 144, 29},
     {Id::scaled_pressure, 115, 16},
@@ -103,31 +105,38 @@ bool is_intact(Bytes bytes, const Header& header, std::uint8_t crc_extra) {
   return bytes[end] == (crc & 0xFF) && bytes[end + 1] == (crc >> 8);
 }
 
+}  // namespace
+
 bool is_magic(std::uint8_t byte) {
   return byte == kMagic1 || byte == kMagic2;
 }
 
-}  // namespace
+FrameStart frame_at(std::span<const std::uint8_t> bytes) {
+  using Kind = FrameStart::Kind;
+  const auto header = header_of(bytes);
+  if (!header || !header->readable) return {};
+  FrameStart start{.kind = Kind::unknown, .size = header->frame_size};
+  const Frame frame = frame_of(bytes, *header);
+  const Definition* definition = find(frame.id);
+  if (definition == nullptr) return start;
+  start.kind = is_intact(bytes, *header, definition->crc_extra) ? Kind::intact : Kind::damaged;
+  if (start.kind == Kind::intact) start.frame = frame;
+  return start;
+}
 
 std::size_t decode(std::span<const std::uint8_t> datagram,
                    const std::function<void(const Frame&)>& take) {
   Bytes bytes = datagram;
   std::size_t damaged = 0;
   while (!bytes.empty()) {
-    const auto header = header_of(bytes);
-    std::size_t skip = 1;
-    if (header && header->readable) {
-      const Frame frame = frame_of(bytes, *header);
-      const Definition* definition = find(frame.id);
-      const bool intact = definition != nullptr && is_intact(bytes, *header, definition->crc_extra);
-      // An unknown message cannot be checked: it is one if another follows it.
-      const bool ends_well =
-          header->frame_size == bytes.size() || is_magic(bytes[header->frame_size]);
-      if (intact || (definition == nullptr && ends_well)) skip = header->frame_size;
-      if (intact) take(frame);
-      if (definition != nullptr && !intact) ++damaged;
-    }
-    bytes = bytes.subspan(skip);
+    using Kind = FrameStart::Kind;
+    const FrameStart start = frame_at(bytes);
+    // An unknown message cannot be checked: it is one if another follows it.
+    const bool ends_well = start.size == bytes.size() || is_magic(bytes[start.size]);
+    const bool is_whole = start.kind == Kind::intact || (start.kind == Kind::unknown && ends_well);
+    if (start.kind == Kind::intact) take(start.frame);
+    if (start.kind == Kind::damaged) ++damaged;
+    bytes = bytes.subspan(is_whole ? start.size : 1);
   }
   return damaged;
 }
@@ -152,4 +161,4 @@ std::vector<std::uint8_t> encode(const Frame& frame, std::uint8_t sequence) {
   return bytes;
 }
 
-}  // namespace apvi::live::mavlink
+}  // namespace apvi::io::mavlink

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "live/mavlink_messages.hpp"
+#include "io/mavlink/messages.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
 
-namespace apvi::live::mavlink {
+namespace apvi::io::mavlink {
 namespace {
 
 // As for apvi's programs on board: no autopilot, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY.
@@ -78,6 +78,32 @@ SystemTime system_time(const Frame& frame) {
   return time;
 }
 
+Gps gps(const Frame& frame) {
+  constexpr double kDegrees = 1e-7;
+  constexpr double kMeters = 1e-3;
+  constexpr std::uint8_t kFix3d = 3;
+  return {.time = time_from_us(frame.get<std::uint64_t>(0)),
+          .latitude_deg = kDegrees * frame.get<std::int32_t>(8),
+          .longitude_deg = kDegrees * frame.get<std::int32_t>(12),
+          .altitude_m = kMeters * frame.get<std::int32_t>(16),
+          .has_fix = frame.get<std::uint8_t>(28) >= kFix3d};
+}
+
+PositionDelta position_delta(const Frame& frame) {
+  const auto us = frame.get<std::uint64_t>(0);
+  return {.time = us == 0 ? std::nullopt : std::optional(time_from_us(us)),
+          .duration_s = 1e-6 * static_cast<double>(frame.get<std::uint64_t>(8)),
+          .position = vector_at<float>(frame, 28),
+          .confidence = frame.get<float>(40)};
+}
+
+Parameter parameter(const Frame& frame) {
+  constexpr std::size_t kName = 8;
+  constexpr std::size_t kNameSize = 16;
+  const auto* name = reinterpret_cast<const char*>(frame.payload.data() + kName);
+  return {.name = {name, std::find(name, name + kNameSize, '\0')}, .value = frame.get<float>(0)};
+}
+
 }  // namespace
 
 std::optional<Message> interpret(const Frame& frame) {
@@ -101,6 +127,12 @@ std::optional<Message> interpret(const Frame& frame) {
     case Id::scaled_pressure2:
     case Id::scaled_pressure3:
       return pressure(frame);
+    case Id::gps_raw_int:
+      return gps(frame);
+    case Id::vision_position_delta:
+      return position_delta(frame);
+    case Id::param_value:
+      return parameter(frame);
     default:
       return std::nullopt;
   }
@@ -121,6 +153,18 @@ Frame time_request(Stamp now) {
   return frame;
 }
 
+const std::vector<Id>& imu_messages() {
+  static const std::vector<Id> messages = {Id::highres_imu, Id::raw_imu, Id::scaled_imu,
+                                           Id::scaled_imu2, Id::scaled_imu3};
+  return messages;
+}
+
+const std::vector<Id>& pressure_messages() {
+  static const std::vector<Id> messages = {Id::scaled_pressure2, Id::scaled_pressure3,
+                                           Id::scaled_pressure};
+  return messages;
+}
+
 std::optional<Id> sensor_message(std::string_view name) {
   const auto* found =
       std::ranges::find(kSensorMessages, name, [](const auto& m) { return m.first; });
@@ -134,4 +178,4 @@ std::string_view name_of(Id id) {
   return found == std::end(kSensorMessages) ? "another message" : found->first;
 }
 
-}  // namespace apvi::live::mavlink
+}  // namespace apvi::io::mavlink

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "live/mavlink_messages.hpp"
+#include "io/mavlink/messages.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,8 @@
 
 #include "apvi/core/constants.hpp"
 #include "core/random.hpp"
-#include "live/mavlink_link.hpp"
 
-namespace apvi::live::mavlink {
+namespace apvi::io::mavlink {
 namespace {
 
 using Eigen::Vector3d;
@@ -167,19 +166,5 @@ TEST(Mavlink, RandomBytesNeverCrash) {
   }
 }
 
-TEST(MessageChoice, TakesTheBestThatArrivesAndStaysWithIt) {
-  MessageChoice choice({Id::raw_imu, Id::scaled_imu, Id::scaled_imu2}, std::nullopt);
-  EXPECT_TRUE(choice.accepts(Id::scaled_imu2));
-  EXPECT_TRUE(choice.accepts(Id::scaled_imu));
-  EXPECT_FALSE(choice.accepts(Id::scaled_imu2));
-  EXPECT_TRUE(choice.accepts(Id::scaled_imu));
-  EXPECT_FALSE(choice.changed());
-  EXPECT_TRUE(choice.accepts(Id::raw_imu));
-  EXPECT_FALSE(choice.accepts(Id::scaled_imu));
-  MessageChoice given({Id::raw_imu, Id::scaled_imu}, Id::scaled_imu3);
-  EXPECT_FALSE(given.accepts(Id::raw_imu));
-  EXPECT_TRUE(given.accepts(Id::scaled_imu3));
-}
-
 }  // namespace
-}  // namespace apvi::live::mavlink
+}  // namespace apvi::io::mavlink
