@@ -58,7 +58,7 @@ DatasetFormat detect_file(const fs::path& path) {
   if (has_bag2_extension(path)) return DatasetFormat::rosbag2;
   fail_input(
       "{}: not a data set; specify a folder, or a .bag, .mcap or .db3 file, or `apvi import` a "
-      "video",
+      "video or the log of an autopilot",
       path.string());
 }
 
@@ -76,7 +76,7 @@ DatasetFormat detect_folder(const fs::path& path) {
   if (!bag.empty()) fail_input("{}: specify the bag in this folder: {}", path.string(), bag);
   fail_input(
       "{}: no data set in this folder (no mav0/, no imu.csv, no IMG_L/); see docs/formats.md. "
-      "Videos, photographs and COLMAP models: `apvi import`",
+      "Videos, photographs, COLMAP models and logs of autopilots: `apvi import`",
       path.string());
 }
 

@@ -30,6 +30,24 @@ using Parse = std::function<std::optional<SensorEvent>(const CsvFile&, Stamp)>;
 // Reads ahead, before the first row, what only the whole file tells.
 using Prepare = std::function<void(CsvFile&)>;
 
+const CsvFile::Names kGyroX = {"w_x",       "w_rs_s_x",           "wx",
+                               "ang_vel_x", "angular_velocity_x", "gyro_x"};
+const CsvFile::Names kGyroY = {"w_y",       "w_rs_s_y",           "wy",
+                               "ang_vel_y", "angular_velocity_y", "gyro_y"};
+const CsvFile::Names kGyroZ = {"w_z",       "w_rs_s_z",           "wz",
+                               "ang_vel_z", "angular_velocity_z", "gyro_z"};
+const CsvFile::Names kAccelX = {"a_x",   "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x",
+                                "acc_x", "accel_x"};
+const CsvFile::Names kAccelY = {"a_y",   "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y",
+                                "acc_y", "accel_y"};
+const CsvFile::Names kAccelZ = {"a_z",   "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z",
+                                "acc_z", "accel_z"};
+const CsvFile::Names kVelocityX = {"v_x", "vx", "vel_x"};
+const CsvFile::Names kVelocityY = {"v_y", "vy", "vel_y"};
+const CsvFile::Names kVelocityZ = {"v_z", "vz", "vel_z"};
+const CsvFile::Names kPressure = {"pressure", "fluid_pressure"};
+const CsvFile::Names kDepth = {"depth"};
+
 // Converts the rows of a CSV file by a function that returns nullopt for a malformed row.
 class CsvSource : public SampleSource {
  public:
@@ -116,9 +134,8 @@ struct DvlColumns {
 DvlColumns dvl_columns(const CsvFile& file) {
   DvlColumns c;
   using enum Dimension;
-  c.velocity = {file.require_quantity({"v_x", "vx", "vel_x"}, speed),
-                file.require_quantity({"v_y", "vy", "vel_y"}, speed),
-                file.require_quantity({"v_z", "vz", "vel_z"}, speed)};
+  c.velocity = {file.require_quantity(kVelocityX, speed), file.require_quantity(kVelocityY, speed),
+                file.require_quantity(kVelocityZ, speed)};
   c.figure_of_merit = file.find_quantity({"figure_of_merit", "fom"}, speed);
   c.altitude = file.find_quantity({"altitude"}, length);
   c.valid = file.find({"valid", "velocity_valid"});
@@ -198,25 +215,28 @@ std::unique_ptr<SampleSource> csv_geodetic(CsvFile file, std::size_t latitude) {
 
 }  // namespace
 
+CsvKinds csv_kinds(const CsvFile& file) {
+  using enum Dimension;
+  const auto has = [&](Dimension dimension, std::initializer_list<CsvFile::Names> columns) {
+    return std::ranges::all_of(columns, [&](CsvFile::Names names) {
+      return file.find_quantity(names, dimension).has_value();
+    });
+  };
+  return {.imu = has(angular_rate, {kGyroX, kGyroY, kGyroZ}) &&
+                 has(acceleration, {kAccelX, kAccelY, kAccelZ}),
+          .dvl = has(speed, {kVelocityX, kVelocityY, kVelocityZ}),
+          .pressure = has(Dimension::pressure, {kPressure}),
+          .depth = has(length, {kDepth})};
+}
+
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
   using enum Dimension;
-  const Quantity3 gyro = {
-      file.require_quantity({"w_x", "w_rs_s_x", "wx", "ang_vel_x", "angular_velocity_x", "gyro_x"},
-                            angular_rate),
-      file.require_quantity({"w_y", "w_rs_s_y", "wy", "ang_vel_y", "angular_velocity_y", "gyro_y"},
-                            angular_rate),
-      file.require_quantity({"w_z", "w_rs_s_z", "wz", "ang_vel_z", "angular_velocity_z", "gyro_z"},
-                            angular_rate)};
-  const Quantity3 accel = {
-      file.require_quantity(
-          {"a_x", "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x", "acc_x", "accel_x"},
-          acceleration),
-      file.require_quantity(
-          {"a_y", "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y", "acc_y", "accel_y"},
-          acceleration),
-      file.require_quantity(
-          {"a_z", "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z", "acc_z", "accel_z"},
-          acceleration)};
+  const Quantity3 gyro = {file.require_quantity(kGyroX, angular_rate),
+                          file.require_quantity(kGyroY, angular_rate),
+                          file.require_quantity(kGyroZ, angular_rate)};
+  const Quantity3 accel = {file.require_quantity(kAccelX, acceleration),
+                           file.require_quantity(kAccelY, acceleration),
+                           file.require_quantity(kAccelZ, acceleration)};
   const auto factor = std::make_shared<double>(1.0);  // from what the columns hold to SI
   return make_source(
       std::move(file),
@@ -246,8 +266,7 @@ std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
 }
 
 std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, double atmospheric_pa) {
-  const Quantity column =
-      file.require_quantity({"pressure", "fluid_pressure"}, Dimension::pressure);
+  const Quantity column = file.require_quantity(kPressure, Dimension::pressure);
   PressureSource source{.name = file.name(), .unit = unit, .atmospheric_pa = atmospheric_pa};
   if (unit == PressureUnit::automatic && column.has_unit) source.unit = unit_of(column.to_si);
   const auto scale = std::make_shared<PressureScale>();
@@ -264,7 +283,7 @@ std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, doub
 
 std::unique_ptr<SampleSource> csv_depth(CsvFile file) {
   // The Tank data set has a height column instead, with opposite sign.
-  const auto depth = file.find_quantity({"depth"}, Dimension::length);
+  const auto depth = file.find_quantity(kDepth, Dimension::length);
   const Quantity column =
       depth ? *depth : file.require_quantity({"depth", "pos_z"}, Dimension::length);
   const double sign = depth ? 1.0 : -1.0;

@@ -12,6 +12,16 @@
 /// required column is missing. An empty cell means "not reported".
 namespace apvi::io {
 
+/// The sensors whose required columns a file has; one file may have several.
+struct CsvKinds {
+  bool imu = false;
+  bool dvl = false;
+  bool pressure = false;
+  bool depth = false;
+};
+/// Throws InputError for a unit that is not known.
+CsvKinds csv_kinds(const CsvFile& file);
+
 /// Accelerations in g, milli-g, cm/s² or mm/s² without a unit in the header are converted, see
 /// `accel_factor`.
 std::unique_ptr<SampleSource> csv_imu(CsvFile file);
