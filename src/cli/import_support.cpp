@@ -4,13 +4,14 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "core/interrupt.hpp"
+#include "importer/vehicle/times.hpp"
 
 namespace apvi::cli {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kGroup = "Import of a video, of photographs or of a COLMAP model";
+constexpr const char* kGroup = "Import of a video, of photographs, of a COLMAP model or of a log";
 
 void add_selection(CLI::App& command, importer::ImportOptions& options) {
   command.add_option("--every", options.every, "video: use every n-th image")
@@ -68,11 +69,42 @@ void add_calibration(CLI::App& command, importer::ImportOptions& options) {
       ->group(kGroup);
 }
 
+void take_video_start(const std::string& text, importer::ImportOptions& options) {
+  options.video_start = importer::parse_time(text);
+  if (options.video_start) return;
+  fail_input(
+      "--video-start: {}: not a time; write seconds since 1970, such as 1714567890.25, or a date "
+      "and time, such as 2024-05-01T12:51:30.25Z",
+      text);
+}
+
+void add_sensors(CLI::App& command, importer::ImportOptions& options) {
+  command
+      .add_option("--sensors", options.sensors,
+                  "video, log: file with samples of other sensors: csv with the columns of a data "
+                  "set folder, log of a Water Linked DVL (.jsonl), of an autopilot (.tlog, .BIN); "
+                  "repeatable")
+      ->type_name("FILE")
+      ->take_all()
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group(kGroup);
+  command
+      .add_option_function<std::string>(
+          "--video-start", [&options](const std::string& text) { take_video_start(text, options); },
+          "video with --sensors: time of its first image on the sensors' clock: seconds, or date "
+          "and time (UTC without a zone)")
+      ->type_name("TIME")
+      ->group(kGroup);
+}
+
 }  // namespace
 
 void add_import_options(CLI::App& command, importer::ImportOptions& options) {
   add_selection(command, options);
   add_calibration(command, options);
+  add_sensors(command, options);
 }
 
 void import_into(const fs::path& source, const fs::path& folder, importer::ImportOptions options) {
@@ -80,8 +112,9 @@ void import_into(const fs::path& source, const fs::path& folder, importer::Impor
   options.interrupted = [&guard] { return guard.interrupted(); };
   const importer::ImportResult result = importer::import_source(source, folder, options);
   if (result.interrupted) fail_run("interrupted; {} was not written", folder.string());
-  log::info("{}: {} images of {:.1f} s, {} IMU samples, {} poses, {} points", folder.string(),
-            result.images, result.length_s, result.imu_samples, result.poses, result.points);
+  log::info("{}: {} images of {:.1f} s, samples: {} IMU, {} DVL, {} pressure; {} poses, {} points",
+            folder.string(), result.images, result.length_s, result.imu_samples, result.dvl_samples,
+            result.pressure_samples, result.poses, result.points);
 }
 
 std::vector<std::string> overrides_of_import(const fs::path& folder) {

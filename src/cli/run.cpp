@@ -91,7 +91,7 @@ fs::path default_folder(const Arguments& a, const runs::RunConfig& config) {
   return vacant_folder(target == data ? data : target + "-" + data);
 }
 
-// A video, photographs or a COLMAP model become RUN/input, which is then run.
+// A video, photographs, a COLMAP model or a log become RUN/input, which is then run.
 Source import_source(const Arguments& a, const fs::path& folder) {
   const fs::path input = folder / "input";
   if (!a.resume) {
@@ -165,8 +165,10 @@ void add_run(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "run", "localize a recording and, if it has a camera, map it, into a run folder");
   command
-      ->add_option("DIVE|CONFIG", a->target,
-                   "recording, video, photographs, COLMAP model, or configuration (.yaml)")
+      ->add_option(
+          "DIVE|CONFIG", a->target,
+          "recording, video, photographs, COLMAP model, log of an autopilot, or configuration "
+          "(.yaml)")
       ->type_name("FILE|FOLDER")
       ->required();
   add_overrides(*command, a->overrides,

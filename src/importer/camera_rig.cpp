@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "apvi/config/node.hpp"
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -15,14 +17,14 @@ namespace {
 // A given rig is copied with its comments resolved; its size must be that of the images.
 CameraRig given_rig(const std::filesystem::path& file, ImageSize size) {
   const config::Node node = config::load_with_inheritance(file);
-  const Rig rig = make_rig(node);
+  Rig rig = make_rig(node);
   if (rig.cameras.empty()) fail_input("{}: has no cam0", file.string());
   const CameraModel::Parameters& p = rig.cameras.front().model.parameters();
   if (p.width != size.width || p.height != size.height) {
     fail_input("{}: cam0.resolution: {} x {}, but the images are {} x {} after --scale",
                file.string(), p.width, p.height, size.width, size.height);
   }
-  return {.yaml = config::to_yaml(node), .describes_imu = rig.imu.has_value()};
+  return {.yaml = config::to_yaml(node), .given = std::move(rig)};
 }
 
 FieldOfView field_of_view(const ImportOptions& options, const std::optional<FieldOfView>& known) {
@@ -52,13 +54,13 @@ std::string note_of(const LensChoice& choice, bool under_water) {
 }  // namespace
 
 CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
-                          ImageSize size, const DiveWriter& dive) {
+                          ImageSize size, const DiveWriter& dive, const std::string& pose) {
   if (!options.rig.empty()) return given_rig(options.rig, size);
   const LensChoice lens = lens_by_images(field_of_view(options, known), options, size, dive);
   const CameraModel::Parameters camera = assumed_camera(lens.view, size, !options.in_air);
   const std::string note = note_of(lens, !options.in_air);
   log::warning("cam0: {}; give --rig or --fov for better results", note);
-  return {.yaml = camera_yaml(camera, dive.image_rate_hz(), note), .assumed = true};
+  return {.yaml = camera_yaml(camera, dive.image_rate_hz(), note, pose), .assumed = true};
 }
 
 }  // namespace apvi::importer

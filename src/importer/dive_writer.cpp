@@ -52,10 +52,6 @@ std::string cell(const std::optional<T>& value) {
   return value ? fmt::format("{:.9g}", *value) : "";
 }
 
-std::string identity_pose() {
-  return "T_body_sensor: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]";
-}
-
 }  // namespace
 
 std::optional<Stamp> Clock::at(double time_s) const {
@@ -147,8 +143,12 @@ void DiveWriter::write_text(const std::string& name, const std::string& content)
 }
 
 void DiveWriter::finish() {
-  write_text("mav0/cam0/data.csv", images_csv_);
   std::error_code error;
+  if (stamps_.empty()) {
+    fs::remove_all(partial_ / kImages, error);
+  } else {
+    write_text("mav0/cam0/data.csv", images_csv_);
+  }
   fs::remove_all(folder_, error);
   fs::rename(partial_, folder_, error);
   if (error) fail_run("{}: cannot be created: {}", folder_.string(), error.message());
@@ -156,7 +156,7 @@ void DiveWriter::finish() {
 }
 
 std::string camera_yaml(const CameraModel::Parameters& camera, double rate_hz,
-                        const std::string& note) {
+                        const std::string& note, const std::string& pose) {
   std::string yaml = fmt::format(
       "# {}\ncam0:\n  rate_hz: {:.6g}\n  intrinsics: [{:.9g}, {:.9g}, {:.9g}, {:.9g}]\n", note,
       rate_hz, camera.fx, camera.fy, camera.cx, camera.cy);
@@ -164,8 +164,7 @@ std::string camera_yaml(const CameraModel::Parameters& camera, double rate_hz,
     yaml += fmt::format("  distortion: {}\n  coefficients: [{:.9g}]\n",
                         lens_name(camera.distortion), fmt::join(coefficients_of(camera), ", "));
   }
-  return yaml + fmt::format("  resolution: [{}, {}]\n  {}\n", camera.width, camera.height,
-                            identity_pose());
+  return yaml + fmt::format("  resolution: [{}, {}]\n  {}\n", camera.width, camera.height, pose);
 }
 
 std::string imu_yaml(double rate_hz, const std::string& note) {

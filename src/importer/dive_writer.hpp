@@ -55,7 +55,8 @@ class DiveWriter {
   /// A file of the folder, such as rig.yaml.
   void write_text(const std::string& name, const std::string& content);
 
-  /// Writes what remains and gives the folder its name, in place of an earlier one.
+  /// Writes what remains and gives the folder its name, in place of an earlier one. Without images
+  /// the folder has no cam0.
   void finish();
 
  private:
@@ -67,9 +68,11 @@ class DiveWriter {
   bool finished_ = false;
 };
 
+/// T_body_sensor, as in rig.yaml, of a sensor whose frame is the body.
+inline constexpr const char* kAtBody = "T_body_sensor: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]";
 /// Sections of rig.yaml. `note` is a comment above the section.
 std::string camera_yaml(const CameraModel::Parameters& camera, double rate_hz,
-                        const std::string& note);
+                        const std::string& note, const std::string& pose = kAtBody);
 std::string imu_yaml(double rate_hz, const std::string& note);
 
 }  // namespace apvi::importer

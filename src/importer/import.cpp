@@ -11,6 +11,7 @@
 #include "core/text.hpp"
 #include "importer/mp4.hpp"
 #include "importer/sources.hpp"
+#include "importer/vehicle/sensor_files.hpp"
 
 namespace apvi::importer {
 namespace {
@@ -41,6 +42,8 @@ const char* name_of(SourceKind kind) {
       return "photos";
     case SourceKind::colmap:
       return "colmap";
+    case SourceKind::log:
+      return "log";
   }
   return "";
 }
@@ -54,7 +57,8 @@ config::Node scalar(const std::string& text) {
 
 void write_notes(const fs::path& source, const ImportOptions& options, const ImportResult& result,
                  DiveWriter& dive) {
-  const bool metric = result.imu_samples > 0 || options.meters_per_unit > 0.0;
+  const bool metric = result.imu_samples + result.dvl_samples + result.pressure_samples > 0 ||
+                      options.meters_per_unit > 0.0;
   config::Node notes;
   notes.member("source") = scalar(fs::absolute(source).lexically_normal().string());
   notes.member("kind") = scalar(name_of(result.kind));
@@ -76,6 +80,8 @@ ImportResult import_kind(SourceKind kind, const fs::path& source, const ImportOp
       return import_photos(source, options, dive);
     case SourceKind::colmap:
       return import_colmap(source, options, dive);
+    case SourceKind::log:
+      return import_log(source, options, dive);
   }
   return {};
 }
@@ -88,8 +94,21 @@ void check(const ImportOptions& options) {
   if (options.fps < 0.0) fail_input("--fps: {}; must not be negative", options.fps);
 }
 
+void check_sensors(SourceKind kind, const ImportOptions& o) {
+  const bool images = kind == SourceKind::photos || kind == SourceKind::colmap;
+  if (images && !o.sensors.empty()) fail_input("--sensors: only for a video or a log");
+  if (o.video_start && (kind != SourceKind::video || o.sensors.empty())) {
+    fail_input("--video-start: only for a video with --sensors");
+  }
+  const bool of_images = o.fov_deg || o.in_air || o.images.scale < 1.0 || o.images.png;
+  if (kind == SourceKind::log && (of_images || !o.mask_folder.empty())) {
+    fail_input("--fov, --in-air, --scale, --png, --masks: not for a log, which has no images");
+  }
+}
+
 // An option without effect is a mistake.
 void check_kind(SourceKind kind, const ImportOptions& o) {
+  check_sensors(kind, o);
   const bool selects = o.every > 1 || o.fps > 0.0 || o.start_s > 0.0 || o.duration_s > 0.0;
   if (kind != SourceKind::video && selects) {
     fail_input("--every, --fps, --from, --length: only for a video");
@@ -131,6 +150,7 @@ std::optional<SourceKind> source_kind(const fs::path& source) {
   if (fs::is_directory(source, ignored)) return folder_kind(source);
   if (!fs::is_regular_file(source, ignored)) return std::nullopt;
   if (has_video_extension(source) || is_mp4(source)) return SourceKind::video;
+  if (is_vehicle_log(source)) return SourceKind::log;
   return std::nullopt;
 }
 
@@ -140,8 +160,9 @@ ImportResult import_source(const fs::path& source, const fs::path& out,
   if (!fs::exists(source)) fail_input("{}: no such file or folder", source.string());
   const auto kind = source_kind(source);
   if (!kind) {
-    fail_input("{}: not a video, no folder of JPEG or PNG images, no COLMAP model",
-               source.string());
+    fail_input(
+        "{}: not a video, no folder of JPEG or PNG images, no COLMAP model, no log of an autopilot",
+        source.string());
   }
   check_kind(*kind, options);
   try {
@@ -150,8 +171,11 @@ ImportResult import_source(const fs::path& source, const fs::path& out,
     result.kind = *kind;
     result.images = dive.images();
     if (result.interrupted) return result;
-    if (result.images == 0) fail_input("{}: no image in it", source.string());
-    result.length_s = seconds_between(dive.stamps().front(), dive.stamps().back());
+    if (result.images > 0) {
+      result.length_s = seconds_between(dive.stamps().front(), dive.stamps().back());
+    } else if (*kind != SourceKind::log) {
+      fail_input("{}: no image in it", source.string());
+    }
     write_notes(source, options, result, dive);
     dive.finish();
     return result;

@@ -5,14 +5,16 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "apvi/core/stamp.hpp"
 #include "importer/assumed_camera.hpp"
 #include "importer/image_encoder.hpp"
 
-/// Makes data set folders of videos, photographs and COLMAP models.
+/// Makes data set folders of videos, photographs, COLMAP models and vehicles' logs.
 namespace apvi::importer {
 
-enum class SourceKind { video, photos, colmap };
+enum class SourceKind { video, photos, colmap, log };
 
 struct ImportOptions {
   ImageOptions images;
@@ -26,6 +28,9 @@ struct ImportOptions {
   double meters_per_unit = 0.0;   ///< COLMAP: scale of its model; 0: unknown
   std::filesystem::path image_folder;  ///< COLMAP: where its images are; empty: looked for
   std::filesystem::path mask_folder;   ///< photographs, COLMAP: masks of images; see find_mask
+  /// Video, log: files with samples of other sensors, see `read_sensor_files`.
+  std::vector<std::filesystem::path> sensors;
+  std::optional<Stamp> video_start;  ///< video: its first image's time, on the clock of `sensors`
   bool overwrite = false;
   std::function<bool()> interrupted = [] { return false; };
 };
@@ -35,6 +40,8 @@ struct ImportResult {
   bool interrupted = false;  ///< nothing was written
   std::size_t images = 0;
   std::size_t imu_samples = 0;
+  std::size_t dvl_samples = 0;
+  std::size_t pressure_samples = 0;
   std::size_t poses = 0;
   std::size_t points = 0;
   bool assumed_camera = false;  ///< no calibration was given
@@ -43,7 +50,7 @@ struct ImportResult {
 
 /// What an import has noted in its folder (import.yaml).
 struct ImportNotes {
-  std::string kind;  ///< "video", "photos", "colmap"
+  std::string kind;  ///< "video", "photos", "colmap", "log"
   std::size_t imu_samples = 0;
   std::size_t poses = 0;
   bool in_air = false;
@@ -51,8 +58,8 @@ struct ImportNotes {
 /// nullopt for a folder that no import has made. Throws InputError when the file is damaged.
 std::optional<ImportNotes> read_notes(const std::filesystem::path& folder);
 
-/// What a path is: a video file, a folder of photographs, a COLMAP model; nullopt for anything else
-/// (a data set, a bag, a configuration, nothing).
+/// What a path is: a video file, a folder of photographs, a COLMAP model, a log of an autopilot;
+/// nullopt for anything else (a data set, a bag, a configuration, nothing).
 std::optional<SourceKind> source_kind(const std::filesystem::path& source);
 
 /// Imports a source into the data set folder `out`, which is complete or absent afterwards. Throws

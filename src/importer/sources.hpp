@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "apvi/sensors/rig.hpp"
 #include "importer/dive_writer.hpp"
 #include "importer/import.hpp"
 
@@ -15,6 +16,10 @@ ImportResult import_photos(const std::filesystem::path& folder, const ImportOpti
 ImportResult import_colmap(const std::filesystem::path& folder, const ImportOptions& options,
                            DiveWriter& dive);
 
+/// A vehicle's log, and `options.sensors`, without images.
+ImportResult import_log(const std::filesystem::path& path, const ImportOptions& options,
+                        DiveWriter& dive);
+
 /// Whether a folder holds a COLMAP model: in itself, in `sparse/0` or in `sparse`. The folder of
 /// its cameras file.
 std::optional<std::filesystem::path> find_colmap_model(const std::filesystem::path& folder);
@@ -23,13 +28,15 @@ std::vector<std::filesystem::path> list_photos(const std::filesystem::path& fold
 
 /// The rig of images without calibration: `options.rig`, else `options.fov_deg`, else `known`, else
 /// the default; with a warning unless a rig was given. A lens that is not stated is replaced by one
-/// that explains the dive's images clearly better (`choose_lens`). `size` is that of the images.
+/// that explains the dive's images clearly better (`choose_lens`). `size` is that of the images,
+/// `pose` the T_body_sensor of an assumed camera, as in rig.yaml.
 struct CameraRig {
   std::string yaml;
   bool assumed = false;
-  bool describes_imu = false;
+  std::optional<Rig> given = {};  ///< that of `options.rig`
 };
 CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
-                          ImageSize size, const DiveWriter& dive);
+                          ImageSize size, const DiveWriter& dive,
+                          const std::string& pose = kAtBody);
 
 }  // namespace apvi::importer

@@ -13,6 +13,9 @@
 #include "importer/gpmf.hpp"
 #include "importer/mp4.hpp"
 #include "importer/sources.hpp"
+#include "importer/vehicle/sensor_files.hpp"
+#include "importer/vehicle/sensor_rig.hpp"
+#include "importer/vehicle/video_sensors.hpp"
 #include "importer/video_frames.hpp"
 
 namespace apvi::importer {
@@ -25,26 +28,34 @@ struct VideoFile {
   Mp4Movie movie;
   std::optional<Telemetry> telemetry;
   double first_image_s = 0.0;  // on the clock of the telemetry
+  SensorData sensors;          // of other devices
+  Clock clock{kWithoutDate};
 };
 
-VideoFile read_file(const fs::path& path) {
-  VideoFile file;
-  if (!is_mp4(path)) return file;
+void read_index(const fs::path& path, VideoFile& file) {
+  if (!is_mp4(path)) return;
   file.movie = read_mp4(path);
   if (const Mp4Track* video = file.movie.with_handler("vide")) {
     file.first_image_s = video->first_s();
   }
   file.telemetry = read_telemetry(path, file.movie);
+  if (file.movie.created_unix_s) file.clock = {Stamp{*file.movie.created_unix_s * 1'000'000'000}};
+}
+
+VideoFile read_file(const fs::path& path, const ImportOptions& options) {
+  VideoFile file;
+  read_index(path, file);
+  if (options.sensors.empty()) return file;
+  file.sensors = read_sensor_files(options.sensors);
+  const auto created = file.movie.created_unix_s ? std::optional(file.clock.zero) : std::nullopt;
+  const Stamp start = video_start(path, created, file.sensors, options);
+  file.clock = {start - Duration::from_seconds(file.first_image_s)};
   return file;
 }
 
+// The IMU of the camera counts unless there is one of the vehicle.
 bool has_imu(const VideoFile& file) {
-  return file.telemetry && !file.telemetry->imu.empty();
-}
-
-Clock clock_of(const VideoFile& file) {
-  if (!file.movie.created_unix_s) return {kWithoutDate};
-  return {Stamp{*file.movie.created_unix_s * 1'000'000'000}};
+  return file.telemetry && !file.telemetry->imu.empty() && file.sensors.imu.empty();
 }
 
 cv::VideoCapture open_video(const fs::path& path, bool keep_sensor_axes) {
@@ -96,7 +107,7 @@ Images write_images(cv::VideoCapture& video, const VideoFile& file, const Import
                   fmt::format("{} images, {:.1f} s", dive.images(), time));
     if (selection.past_end(time)) break;
     if (!selection.take(time) || !video.retrieve(image) || image.empty()) continue;
-    const auto stamp = clock_of(file).at(time + file.first_image_s);
+    const auto stamp = file.clock.at(time + file.first_image_s);
     if (!stamp || (dive.images() > 0 && *stamp <= dive.stamps().back())) continue;
     const ImageSize size = scaled(ImageSize{image.cols, image.rows}, options.images.scale);
     if (dive.images() > 0 && (size.width != images.size.width || size.height != images.size.height))
@@ -160,31 +171,50 @@ void warn_about_rotation(const Telemetry& telemetry) {
       degrees);
 }
 
+// Writes what the camera recorded beside images; returns the section of its IMU in rig.yaml.
+std::string write_telemetry(const VideoFile& file, const ImportOptions& options, double last_s,
+                            DiveWriter& dive, ImportResult& result) {
+  if (!file.telemetry) return "";
+  warn_about_rotation(*file.telemetry);
+  const Telemetry telemetry = telemetry_of(file, options, last_s);
+  if (!telemetry.exposure.empty()) dive.write_exposure(telemetry.exposure, file.clock);
+  if (!has_imu(file) || telemetry.imu.empty()) return "";
+  result.imu_samples = telemetry.imu.size();
+  dive.write_imu(telemetry.imu, file.clock);
+  return imu_yaml(rate_of(telemetry.imu), imu_note(telemetry));
+}
+
+void write_other_sensors(VideoFile& file, DiveWriter& dive, ImportResult& result) {
+  if (file.sensors.empty()) return;
+  restrict_to_images(file.sensors, dive.stamps().front(), dive.stamps().back());
+  write_sensors(file.sensors, dive);
+  result.imu_samples = file.sensors.imu.size();
+  result.dvl_samples = file.sensors.dvl.size();
+  result.pressure_samples = file.sensors.pressure.size() + file.sensors.depth.size();
+}
+
 }  // namespace
 
 ImportResult import_video(const fs::path& path, const ImportOptions& options, DiveWriter& dive) {
   ImportResult result;
-  const VideoFile file = read_file(path);
+  VideoFile file = read_file(path, options);
   cv::VideoCapture video = open_video(path, has_imu(file));
   const Images images = write_images(video, file, options, dive);
   result.interrupted = images.interrupted;
   if (result.interrupted || dive.images() == 0) return result;
-  const CameraRig camera = make_camera_rig(options, field_of_view(file), images.size, dive);
+  write_other_sensors(file, dive, result);
+  const BodyAxes assumed = body_axes(file.sensors, /*has_images=*/true);
+  const CameraRig camera =
+      make_camera_rig(options, field_of_view(file), images.size, dive, camera_pose(assumed));
   result.interrupted = options.interrupted();
   result.assumed_camera = camera.assumed;
-  std::string rig = camera.yaml;
-  if (file.telemetry) {
-    warn_about_rotation(*file.telemetry);
-    const Telemetry telemetry = telemetry_of(file, options, images.last_s);
-    result.imu_samples = telemetry.imu.size();
-    if (!telemetry.exposure.empty()) dive.write_exposure(telemetry.exposure, clock_of(file));
-    if (!telemetry.imu.empty()) dive.write_imu(telemetry.imu, clock_of(file));
-    if (!camera.describes_imu && !telemetry.imu.empty()) {
-      rig = imu_yaml(rate_of(telemetry.imu), imu_note(telemetry)) + rig;
-    }
-  }
-  if (result.imu_samples == 0) log::info("{}: no IMU in this video; images only", path.string());
-  dive.write_text("rig.yaml", rig);
+  const std::string own_imu = write_telemetry(file, options, images.last_s, dive, result);
+  const bool describes_imu = camera.given && camera.given->imu;
+  const BodyAxes axes = camera.given ? body_axes(*camera.given) : assumed;
+  if (!file.sensors.empty() && !camera.given) warn_of_mounting();
+  dive.write_text("rig.yaml", sensor_yaml(file.sensors, axes, camera.given) +
+                                  (describes_imu ? "" : own_imu) + camera.yaml);
+  if (result.imu_samples == 0) log::info("{}: no IMU in this video", path.string());
   return result;
 }
 
