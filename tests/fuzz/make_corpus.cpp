@@ -8,6 +8,7 @@
 
 #include "apvi/io/tum.hpp"
 #include "importer/mp4_bytes.hpp"
+#include "importer/vehicle_bytes.hpp"
 #include "io/cdr_bytes.hpp"
 #include "io/mcap_writer.hpp"
 #include "io/ros_bytes.hpp"
@@ -82,6 +83,21 @@ std::vector<std::string> mcap_seeds() {
   return seeds;
 }
 
+std::vector<std::string> vehicle_log_seeds() {
+  const std::string dataflash =
+      test::dataflash_formats() +
+      test::dataflash_imu(1'000'000, 0, {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, -9.8F}) +
+      test::dataflash_baro(1'000'000, 1, 2e5F) +
+      test::dataflash_viso(1'000'000, 0.2F, {0.1F, 0.0F, 0.0F}, 90.0F) +
+      test::dataflash_gps(1'000'000, 3, 1'500, 2312, 473'977'418, 85'455'939, 0) +
+      test::dataflash_raw(134, 1'000'000, 999'000, {0.0F, 0.0F, 0.0F}) +
+      test::dataflash_raw(135, 1'000'000, 999'000, {0.0F, 0.0F, -9.8F});
+  const std::string telemetry =
+      test::telemetry(1'700'000'000'000'000, test::raw_imu_frame(1'000'000, {0, 0, -1000})) +
+      test::telemetry(1'700'000'000'000'000, test::delta_frame(0, 200'000, {0.1F, 0, 0}, 90.0F));
+  return {dataflash, telemetry};
+}
+
 Seeds importer_seeds() {
   const std::string stamp = test::stamp_us(1'000'000) + test::klv_text("ORIN", "ZXY");
   const std::string payload = test::device(
@@ -101,6 +117,7 @@ Seeds importer_seeds() {
   return {{"fuzz_mp4", {moov}},
           {"fuzz_gpmf", {payload, test::klv_text("VFOV", "W")}},
           {"fuzz_photo", {jpeg}},
+          {"fuzz_vehicle_log", vehicle_log_seeds()},
           {"fuzz_colmap",
            {"1 OPENCV 32 24 20 21 16 12 0.1 -0.01 0.002 0.003\n",
             "1 1 0 0 0 0 0 0 1 a.png\n1 2 -1\n", "1 0.5 0.25 2 10 20 30 0.7\n"}}};
