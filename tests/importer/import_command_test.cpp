@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "importer/source_files.hpp"
+#include "importer/vehicle_bytes.hpp"
 
 namespace apvi::importer {
 namespace {
@@ -73,6 +76,45 @@ TEST(RunOfSource, DoesNotImportIntoTheFolderOfAnotherRun) {
   EXPECT_EQ(result.status, 2);
   EXPECT_THAT(result.err, HasSubstr("already holds a run"));
   EXPECT_FALSE(fs::exists(dir.path() / "run/input"));
+}
+
+// 20 s of a vehicle that moves forward at about 0.25 m/s, with a DVL or without. Sensors whose
+// readings never change would be taken for stuck.
+std::string log_of_vehicle(bool has_dvl) {
+  std::string log = test::dataflash_formats();
+  for (std::uint64_t us = 1'000'000; us < 21'000'000; us += 20'000) {
+    const float wave = 0.001F * std::sin(1e-6F * static_cast<float>(us));
+    log += test::dataflash_imu(us, 0, {wave, -wave, wave, wave, 0.0F, wave - 9.81F});
+    if (us % 100'000 == 0) log += test::dataflash_baro(us, 1, 151'350.0F + 1000.0F * wave);
+    if (has_dvl && us % 200'000 == 0) {
+      log += test::dataflash_viso(us, 0.2F, {0.05F + wave, wave, 0.0F}, 90.0F);
+    }
+  }
+  return log;
+}
+
+TEST(RunOfSource, ALogWithADvlGivesATrajectory) {
+  const test::TmpDir dir;
+  const fs::path log = dir.write("dive.BIN", log_of_vehicle(true));
+  const fs::path run = dir.path() / "run";
+  const auto result = apvi({"run", log.string(), "-o", run.string(), "--no-report"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_TRUE(fs::exists(run / "trajectory.tum"));
+}
+
+TEST(RunOfSource, ALogWithoutADvlSaysWhatIsMissing) {
+  const test::TmpDir dir;
+  const fs::path log = dir.write("dive.BIN", log_of_vehicle(false));
+  const auto result = apvi({"run", log.string(), "-o", (dir.path() / "run").string()});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, HasSubstr("no velocities of a DVL"));
+  EXPECT_THAT(result.err, HasSubstr("needs a camera, or a DVL and an IMU"));
+}
+
+TEST(ImportCommand, VideoStartMustBeATime) {
+  const auto result = apvi({"import", "clip.mp4", "--video-start", "noon", "-o", "dive"});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, HasSubstr("--video-start: noon: not a time"));
 }
 
 }  // namespace
