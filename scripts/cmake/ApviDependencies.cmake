@@ -20,6 +20,7 @@ if(APVI_LOCALIZATION)
   apvi_find(Ceres 2.1)
   apvi_find(yaml-cpp)
   apvi_find(nlohmann_json)
+  apvi_find(tinyxml2)
   apvi_find(embree)  # ray casting in the simulator
   if(embree_VERSION VERSION_LESS 3.13)  # not above: Embree's own check rejects other major versions
     message(FATAL_ERROR "Embree 3.13 or 4 is required, found ${embree_VERSION}")

@@ -35,11 +35,12 @@ void add_import(CLI::App& app) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "import",
-      "make a data set folder of a video, photographs, a COLMAP model or a vehicle's log");
+      "make a data set folder of a video, photographs, a COLMAP or Metashape model or a log");
   command
       ->add_option("SOURCE", a->source,
                    "video file (with a GoPro's IMU, if it has one), folder of JPEG or PNG images, "
-                   "folder of a COLMAP model (sparse/0, text or binary), or log of an autopilot "
+                   "folder of a COLMAP model (sparse/0, text or binary), cameras exported by "
+                   "Metashape (.xml) or a folder with them, or log of an autopilot "
                    "(.tlog, .BIN)")
       ->required();
   command->add_option("-o,--output", a->out, "data set folder to create")

@@ -11,7 +11,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kGroup = "Import of a video, of photographs, of a COLMAP model or of a log";
+constexpr const char* kGroup =
+    "Import of a video, photographs, a COLMAP or Metashape model, or a log";
 
 void add_selection(CLI::App& command, importer::ImportOptions& options) {
   command.add_option("--every", options.every, "video: use every n-th image")
@@ -54,17 +55,19 @@ void add_calibration(CLI::App& command, importer::ImportOptions& options) {
       ->group(kGroup);
   command
       .add_option("--meters-per-unit", options.meters_per_unit,
-                  "COLMAP: length of its unit; without it the scale is unknown")
+                  "COLMAP, Metashape: length of the model's unit; without it the scale of COLMAP "
+                  "is unknown")
       ->check(CLI::PositiveNumber)
       ->type_name("METERS")
       ->group(kGroup);
   command
       .add_option("--masks", options.mask_folder,
-                  "photographs, COLMAP: folder of masks named as the images, black where they do "
+                  "photographs, COLMAP, Metashape: folder of masks named as the images, black "
+                  "where they do "
                   "not show the scene")
       ->type_name("FOLDER")
       ->group(kGroup);
-  command.add_option("--images", options.image_folder, "COLMAP: folder of its images")
+  command.add_option("--images", options.image_folder, "COLMAP, Metashape: folder of the images")
       ->type_name("FOLDER")
       ->group(kGroup);
 }

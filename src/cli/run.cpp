@@ -165,10 +165,9 @@ void add_run(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "run", "localize a recording and, if it has a camera, map it, into a run folder");
   command
-      ->add_option(
-          "DIVE|CONFIG", a->target,
-          "recording, video, photographs, COLMAP model, log of an autopilot, or configuration "
-          "(.yaml)")
+      ->add_option("DIVE|CONFIG", a->target,
+                   "recording, video, photographs, COLMAP or Metashape model, log of an autopilot, "
+                   "or configuration (.yaml)")
       ->type_name("FILE|FOLDER")
       ->required();
   add_overrides(*command, a->overrides,

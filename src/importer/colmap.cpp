@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
-#include "core/status_line.hpp"
 #include "importer/colmap_model.hpp"
 #include "importer/photo_files.hpp"
-#include "importer/photo_header.hpp"
+#include "importer/posed_images.hpp"
 #include "importer/sources.hpp"
 
 namespace apvi::importer {
@@ -65,63 +63,6 @@ std::vector<ColmapImage> images_of(const ColmapModel& model, std::uint32_t camer
   return images;
 }
 
-std::vector<Stamp> stamps_of(const std::vector<ColmapImage>& images) {
-  std::vector<std::string> names;
-  for (const ColmapImage& image : images) names.push_back(image.name);
-  if (auto named = stamps_of_names(names)) return *named;
-  return stamps_a_second_apart(images.size());
-}
-
-void check_size(const fs::path& file, const CameraModel::Parameters& camera) {
-  const auto header = read_photo_header(file);
-  if (!header || (header->size.width == camera.width && header->size.height == camera.height)) {
-    return;
-  }
-  fail_input(
-      "{}: is {} x {}, but its COLMAP camera {} x {}; name the folder of the original images "
-      "with --images",
-      file.string(), header->size.width, header->size.height, camera.width, camera.height);
-}
-
-std::string points_txt(const std::vector<ColmapPoint>& points, double scale) {
-  std::string text = "# POINT3D_ID X Y Z R G B ERROR\n";
-  std::size_t id = 0;
-  for (const ColmapPoint& point : points) {
-    const Eigen::Vector3d p = scale * point.position;
-    fmt::format_to(std::back_inserter(text), "{} {:.9g} {:.9g} {:.9g} {} {} {} 0\n", ++id, p.x(),
-                   p.y(), p.z(), point.color[0], point.color[1], point.color[2]);
-  }
-  return text;
-}
-
-// Copies the images whose files exist and returns their poses; nullopt when interrupted.
-std::optional<Trajectory> add_images(const fs::path& folder, const std::vector<ColmapImage>& images,
-                                     const ImportOptions& options, double scale, DiveWriter& dive) {
-  Trajectory poses;
-  const std::vector<Stamp> stamps = stamps_of(images);
-  std::size_t missing = 0;
-  std::size_t masks = 0;
-  StatusLine status("reading images");
-  for (std::size_t i = 0; i < images.size(); ++i) {
-    if (options.interrupted()) return std::nullopt;
-    status.update(static_cast<double>(i) / static_cast<double>(images.size()),
-                  fmt::format("{} of {} images", i, images.size()));
-    if (!fs::exists(folder / images[i].name)) {
-      ++missing;
-      continue;
-    }
-    add_photo(folder / images[i].name, stamps[i], options.images, dive);
-    masks += add_mask(options.mask_folder, images[i].name, options.images, dive) ? 1 : 0;
-    SE3 T_world_camera = images[i].T_camera_world.inverse();
-    T_world_camera.translation *= scale;
-    poses.poses.push_back({stamps[i], T_world_camera});
-  }
-  status.finish();
-  if (missing > 0) log::warning("{} of {} images have no file", missing, images.size());
-  report_masks(options.mask_folder, masks, poses.poses.size());
-  return poses;
-}
-
 }  // namespace
 
 std::optional<fs::path> find_colmap_model(const fs::path& folder) {
@@ -133,29 +74,19 @@ std::optional<fs::path> find_colmap_model(const fs::path& folder) {
 }
 
 ImportResult import_colmap(const fs::path& folder, const ImportOptions& options, DiveWriter& dive) {
-  ImportResult result;
   const auto place = find_colmap_model(folder);
   if (!place) fail_input("{}: no COLMAP model in it", folder.string());
-  const ColmapModel model = read_colmap_model(*place);
+  ColmapModel model = read_colmap_model(*place);
   if (model.images.empty()) fail_input("{}: the model has no images", place->string());
   const std::uint32_t id = most_used_camera(model);
   if (!model.cameras.contains(id)) fail_input("{}: has no camera {}", place->string(), id);
-  const CameraModel::Parameters camera = to_camera(model.cameras.at(id), place->string());
-  const std::vector<ColmapImage> images = images_of(model, id);
-  const fs::path files = find_images(folder, *place, options, images.front().name);
-  check_size(files / images.front().name, camera);
-  const double scale = options.meters_per_unit > 0.0 ? options.meters_per_unit : 1.0;
-  const auto poses = add_images(files, images, options, scale, dive);
-  result.interrupted = !poses;
-  if (!poses) return result;
-  result.poses = poses->size();
-  result.points = model.points.size();
-  dive.write_poses(*poses);
-  if (!model.points.empty()) dive.write_text("points3D.txt", points_txt(model.points, scale));
-  dive.write_text("rig.yaml",
-                  camera_yaml(scaled(camera, options.images.scale), dive.image_rate_hz(),
-                              "calibration of COLMAP; the body is the camera"));
-  return result;
+  const PosedImages posed{.camera = to_camera(model.cameras.at(id), place->string()),
+                          .images = images_of(model, id),
+                          .points = std::move(model.points),
+                          .scale = options.meters_per_unit > 0.0 ? options.meters_per_unit : 1.0,
+                          .program = "COLMAP"};
+  const fs::path files = find_images(folder, *place, options, posed.images.front().name);
+  return import_posed(files, posed, options, dive);
 }
 
 }  // namespace apvi::importer

@@ -30,6 +30,7 @@ std::optional<SourceKind> folder_kind(const fs::path& folder) {
     if (fs::exists(folder / data_set)) return std::nullopt;
   }
   if (find_colmap_model(folder)) return SourceKind::colmap;
+  if (find_metashape_cameras(folder)) return SourceKind::metashape;
   if (!list_photos(folder).empty()) return SourceKind::photos;
   return std::nullopt;
 }
@@ -42,6 +43,8 @@ const char* name_of(SourceKind kind) {
       return "photos";
     case SourceKind::colmap:
       return "colmap";
+    case SourceKind::metashape:
+      return "metashape";
     case SourceKind::log:
       return "log";
   }
@@ -58,7 +61,7 @@ config::Node scalar(const std::string& text) {
 void write_notes(const fs::path& source, const ImportOptions& options, const ImportResult& result,
                  DiveWriter& dive) {
   const bool metric = result.imu_samples + result.dvl_samples + result.pressure_samples > 0 ||
-                      options.meters_per_unit > 0.0;
+                      options.meters_per_unit > 0.0 || result.has_metric_poses;
   config::Node notes;
   notes.member("source") = scalar(fs::absolute(source).lexically_normal().string());
   notes.member("kind") = scalar(name_of(result.kind));
@@ -80,6 +83,8 @@ ImportResult import_kind(SourceKind kind, const fs::path& source, const ImportOp
       return import_photos(source, options, dive);
     case SourceKind::colmap:
       return import_colmap(source, options, dive);
+    case SourceKind::metashape:
+      return import_metashape(source, options, dive);
     case SourceKind::log:
       return import_log(source, options, dive);
   }
@@ -95,8 +100,8 @@ void check(const ImportOptions& options) {
 }
 
 void check_sensors(SourceKind kind, const ImportOptions& o) {
-  const bool images = kind == SourceKind::photos || kind == SourceKind::colmap;
-  if (images && !o.sensors.empty()) fail_input("--sensors: only for a video or a log");
+  if (kind != SourceKind::video && kind != SourceKind::log && !o.sensors.empty())
+    fail_input("--sensors: only for a video or a log");
   if (o.video_start && (kind != SourceKind::video || o.sensors.empty())) {
     fail_input("--video-start: only for a video with --sensors");
   }
@@ -116,11 +121,12 @@ void check_kind(SourceKind kind, const ImportOptions& o) {
   if (kind == SourceKind::video && !o.mask_folder.empty()) {
     fail_input("--masks: not for a video, whose images have no names");
   }
-  if (kind != SourceKind::colmap && (o.meters_per_unit > 0.0 || !o.image_folder.empty())) {
-    fail_input("--meters-per-unit, --images: only for a COLMAP model");
+  const bool posed = kind == SourceKind::colmap || kind == SourceKind::metashape;
+  if (!posed && (o.meters_per_unit > 0.0 || !o.image_folder.empty())) {
+    fail_input("--meters-per-unit, --images: only for a COLMAP or Metashape model");
   }
-  if (kind == SourceKind::colmap && (o.fov_deg || !o.rig.empty())) {
-    fail_input("--fov, --rig: not for a COLMAP model, which has its own calibration");
+  if (posed && (o.fov_deg || !o.rig.empty())) {
+    fail_input("--fov, --rig: not for a COLMAP or Metashape model, which has its own calibration");
   }
 }
 
@@ -150,6 +156,7 @@ std::optional<SourceKind> source_kind(const fs::path& source) {
   if (fs::is_directory(source, ignored)) return folder_kind(source);
   if (!fs::is_regular_file(source, ignored)) return std::nullopt;
   if (has_video_extension(source) || is_mp4(source)) return SourceKind::video;
+  if (find_metashape_cameras(source)) return SourceKind::metashape;
   if (is_vehicle_log(source)) return SourceKind::log;
   return std::nullopt;
 }
@@ -161,7 +168,9 @@ ImportResult import_source(const fs::path& source, const fs::path& out,
   const auto kind = source_kind(source);
   if (!kind) {
     fail_input(
-        "{}: not a video, no folder of JPEG or PNG images, no COLMAP model, no log of an autopilot",
+        "{}: not a video, no folder of JPEG or PNG images, no COLMAP or Metashape model, no log of "
+        "an "
+        "autopilot",
         source.string());
   }
   check_kind(*kind, options);

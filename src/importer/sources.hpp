@@ -16,6 +16,9 @@ ImportResult import_photos(const std::filesystem::path& folder, const ImportOpti
 ImportResult import_colmap(const std::filesystem::path& folder, const ImportOptions& options,
                            DiveWriter& dive);
 
+/// Cameras exported by Metashape (XML), or a folder with them.
+ImportResult import_metashape(const std::filesystem::path& source, const ImportOptions& options,
+                              DiveWriter& dive);
 /// A vehicle's log, and `options.sensors`, without images.
 ImportResult import_log(const std::filesystem::path& path, const ImportOptions& options,
                         DiveWriter& dive);
@@ -23,6 +26,8 @@ ImportResult import_log(const std::filesystem::path& path, const ImportOptions& 
 /// Whether a folder holds a COLMAP model: in itself, in `sparse/0` or in `sparse`. The folder of
 /// its cameras file.
 std::optional<std::filesystem::path> find_colmap_model(const std::filesystem::path& folder);
+/// The XML file with Metashape's cameras: a file, or the only such one of a folder.
+std::optional<std::filesystem::path> find_metashape_cameras(const std::filesystem::path& source);
 /// JPEG and PNG files of a folder, in natural order ("img2" before "img10").
 std::vector<std::filesystem::path> list_photos(const std::filesystem::path& folder);
 

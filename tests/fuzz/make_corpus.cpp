@@ -118,6 +118,12 @@ Seeds importer_seeds() {
           {"fuzz_gpmf", {payload, test::klv_text("VFOV", "W")}},
           {"fuzz_photo", {jpeg}},
           {"fuzz_vehicle_log", vehicle_log_seeds()},
+          {"fuzz_metashape",
+           {"<document><chunk><sensors><sensor id=\"0\"><resolution width=\"32\" height=\"24\"/>"
+            "<calibration type=\"frame\"><f>40</f><cx>1</cx><k1>-0.1</k1><p1>0.01</p1>"
+            "</calibration></sensor></sensors><cameras><camera sensor_id=\"0\" label=\"a\">"
+            "<transform>1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1</transform></camera></cameras>"
+            "<transform><scale>0.5</scale></transform></chunk></document>"}},
           {"fuzz_colmap",
            {"1 OPENCV 32 24 20 21 16 12 0.1 -0.01 0.002 0.003\n",
             "1 1 0 0 0 0 0 0 1 a.png\n1 2 -1\n", "1 0.5 0.25 2 10 20 30 0.7\n"}}};

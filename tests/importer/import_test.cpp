@@ -127,7 +127,8 @@ TEST_F(ImportTest, OptionsOfAnotherKindOfSourceAreErrors) {
   EXPECT_THAT(import_error(dir_.path() / "photos", every), HasSubstr("only for a video"));
   ImportOptions unit;
   unit.meters_per_unit = 0.1;
-  EXPECT_THAT(import_error(dir_.path() / "photos", unit), HasSubstr("only for a COLMAP model"));
+  EXPECT_THAT(import_error(dir_.path() / "photos", unit),
+              HasSubstr("only for a COLMAP or Metashape model"));
   dir_.write("model/cameras.txt", "");
   dir_.write("model/images.txt", "");
   ImportOptions view;
