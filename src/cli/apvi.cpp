@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cctype>
 #include <exception>
+#include <filesystem>
+#include <new>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -111,6 +113,16 @@ int dispatch(int argc, char** argv) {
   return 0;
 }
 
+// Errors of libraries in the form of the program's own: LibTorch adds where it was called from.
+std::string message_of(const std::exception& error) {
+  if (const auto* file = dynamic_cast<const std::filesystem::filesystem_error*>(&error)) {
+    return fmt::format("{}: {}", file->path1().string(), file->code().message());
+  }
+  if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) return "out of memory";
+  const std::string text = error.what();
+  return std::string(apvi::text::trim(text.substr(0, text.find("\nException raised from"))));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -120,7 +132,7 @@ int main(int argc, char** argv) {
     apvi::log::error("{}", e.what());
     return kUsageError;
   } catch (const std::exception& e) {
-    apvi::log::error("{}", e.what());
+    apvi::log::error("{}", message_of(e));
     return kRunFailed;
   }
 }

@@ -15,6 +15,7 @@
 #include "cli/mapping_support.hpp"
 #include "cli/report.hpp"
 #include "cli/run_support.hpp"
+#include "core/foreign_file.hpp"
 #include "core/interrupt.hpp"
 #include "core/text.hpp"
 #include "runs/run.hpp"
@@ -63,6 +64,8 @@ Source source_of(const Arguments& a) {
   const bool configuration =
       extension.empty() || extension == ".yaml" || extension == ".yml" || extension == ".job";
   if (!configuration && fs::exists(a.target)) {
+    const auto foreign = describe_foreign_file(a.target);
+    if (foreign) fail_input("{}: not a recording, but {}", a.target.string(), *foreign);
     fail_input("{}: not a recording (folder, .bag, .mcap, .db3), video, or configuration (.yaml)",
                a.target.string());
   }

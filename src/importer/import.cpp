@@ -8,6 +8,7 @@
 
 #include "apvi/config/node.hpp"
 #include "apvi/core/error.hpp"
+#include "core/foreign_file.hpp"
 #include "core/text.hpp"
 #include "importer/mp4.hpp"
 #include "importer/sources.hpp"
@@ -167,10 +168,14 @@ ImportResult import_source(const fs::path& source, const fs::path& out,
   if (!fs::exists(source)) fail_input("{}: no such file or folder", source.string());
   const auto kind = source_kind(source);
   if (!kind) {
+    const auto foreign = describe_foreign_file(source);
+    if (foreign) fail_input("{}: cannot be imported: {}", source.string(), *foreign);
+    if (fs::is_directory(source) && fs::is_empty(source)) {
+      fail_input("{}: this folder is empty", source.string());
+    }
     fail_input(
         "{}: not a video, no folder of JPEG or PNG images, no COLMAP or Metashape model, no log of "
-        "an "
-        "autopilot",
+        "an autopilot",
         source.string());
   }
   check_kind(*kind, options);

@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "apvi/core/error.hpp"
+#include "core/foreign_file.hpp"
 #include "core/text.hpp"
 #include "io/merged_reader.hpp"
 #include "io/readers.hpp"
@@ -51,8 +52,23 @@ std::string name_of_bag(const fs::path& folder) {
   return bags.empty() ? "" : *std::min_element(bags.begin(), bags.end());
 }
 
+// The folder in this one that has a data set, as archives are unpacked; "" when there is none, or
+// more than one.
+std::string only_data_set_within(const fs::path& folder) {
+  std::string found;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (!fs::is_directory(entry.path() / "mav0")) continue;
+    if (!found.empty()) return "";
+    found = entry.path().string();
+  }
+  return found;
+}
+
 DatasetFormat detect_file(const fs::path& path) {
-  if (text::to_lower(path.extension().string()) == ".bag" || has_bag_magic(path)) {
+  const bool is_bag = has_bag_magic(path);
+  const auto foreign = is_bag ? std::nullopt : describe_foreign_file(path);
+  if (foreign) fail_input("{}: not a recording, but {}", path.string(), *foreign);
+  if (text::to_lower(path.extension().string()) == ".bag" || is_bag) {
     return DatasetFormat::rosbag;
   }
   if (has_bag2_extension(path)) return DatasetFormat::rosbag2;
@@ -72,6 +88,10 @@ DatasetFormat detect_folder(const fs::path& path) {
   if (fs::exists(path / "imu0" / "data.csv") || fs::exists(path / "cam0" / "data.csv")) {
     fail_input("{}: specify the folder that contains mav0, not mav0 itself", path.string());
   }
+  if (fs::is_empty(path))
+    fail_input("{}: no data set in this folder, which is empty", path.string());
+  const std::string inner = only_data_set_within(path);
+  if (!inner.empty()) fail_input("{}: specify the folder in it: {}", path.string(), inner);
   const std::string bag = name_of_bag(path);
   if (!bag.empty()) fail_input("{}: specify the bag in this folder: {}", path.string(), bag);
   fail_input(

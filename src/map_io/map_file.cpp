@@ -14,6 +14,7 @@
 
 #include "apvi/core/error.hpp"
 #include "core/atomic_file.hpp"
+#include "core/foreign_file.hpp"
 #include "core/text.hpp"
 #include "map_io/compressed_ply.hpp"
 #include "map_io/map_comments.hpp"
@@ -78,6 +79,8 @@ MapFile read_map(const fs::path& path) {
             .origin = read_origin_json(sidecar(path)),
             .antialiased = spz.antialiased};
   }
+  const auto foreign = is_map_name(path) ? std::nullopt : describe_foreign_file(path);
+  if (foreign) fail_input("{}: not a map that is read, but {}", path.string(), *foreign);
   MapFile map{.gaussians = read_ply(path), .medium = std::nullopt};
   const PlyTable table(path);
   map.medium = medium_of(table.header());

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <filesystem>
+
 #include "support/run_program.hpp"
 
 namespace apvi::cli {
@@ -11,6 +14,7 @@ namespace {
 using testing::EndsWith;
 using testing::HasSubstr;
 using testing::MatchesRegex;
+using testing::Not;
 using testing::StartsWith;
 
 test::ProgramResult apvi(const std::vector<std::string>& arguments) {
@@ -64,6 +68,49 @@ TEST(RunCommand, RefusesFilesThatAreNoRecordingOrConfiguration) {
                 ": not a recording (folder, .bag, .mcap, .db3), video, or configuration (.yaml)\n");
   EXPECT_THAT(error_of({"run", "/nowhere/dive"}),
               StartsWith("error: /nowhere/dive: no such file or folder"));
+}
+
+TEST(RunCommand, SaysWhatAFileIsThatItDoesNotRead) {
+  const test::TmpDir dir;
+  for (const auto& [name, content, kind] : std::vector<std::array<std::string, 3>>{
+           {"a.zip", "PK\x03\x04", "a zip archive"},
+           {"a.h264", "1234", "a raw video stream"},
+           {"a.ksplat", "1234", "a .ksplat map"},
+           {"a.bag", "SQLite format 3", "an sqlite3 database: if it is a bag of ROS 2"},
+           {"b.bag", "", "an empty file"}}) {
+    const std::string file = dir.write(name, content).string();
+    EXPECT_THAT(error_of({"run", file}), HasSubstr(file + ": not a recording, but " + kind));
+    EXPECT_THAT(error_of({"doctor", file}), HasSubstr(file + ": not a recording, but " + kind));
+    EXPECT_THAT(error_of({"import", file, "-o", (dir.path() / "out").string()}),
+                HasSubstr(file + ": cannot be imported: " + kind));
+  }
+}
+
+TEST(RunCommand, SaysThatAFolderOrARigIsEmpty) {
+  const test::TmpDir dir;
+  std::filesystem::create_directories(dir.path() / "empty");
+  const std::string empty = (dir.path() / "empty").string();
+  EXPECT_EQ(error_of({"run", empty}),
+            "error: " + empty + ": no data set in this folder, which is empty\n");
+  const std::string imu = "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1,0,0,0,0,0,9.8\n";
+  dir.write("archive/dive/mav0/imu0/data.csv", imu);
+  const std::string rig = dir.write("archive/dive/rig.yaml", "# nothing yet\n").string();
+  EXPECT_THAT(error_of({"run", (dir.path() / "archive").string()}), HasSubstr("archive/dive\n"));
+  EXPECT_THAT(error_of({"run", (dir.path() / "archive/dive").string()}),
+              HasSubstr(rig + ": empty; describe the sensors in it"));
+}
+
+TEST(RunCommand, ErrorsOfTheFileSystemAreMessages) {
+  const test::TmpDir dir;
+  dir.write("dive/mav0/imu0/data.csv", "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n1,0,0,0,0,0,9\n");
+  dir.write("dive/mav0/dvl0/data.csv", "#timestamp [ns],v_x,v_y,v_z\n1,0,0,0\n");
+  dir.write("dive/rig.yaml", "imu0: {}\ndvl0: {}\n");
+  const std::string file = dir.write("file", "in the way").string();
+  const auto result = apvi({"run", (dir.path() / "dive").string(), "-o", file + "/run"});
+  EXPECT_NE(result.status, 0);
+  EXPECT_LT(result.status, 3);
+  EXPECT_THAT(result.err, HasSubstr("error: " + file));
+  EXPECT_THAT(result.err, Not(HasSubstr("filesystem error")));
 }
 
 TEST(RunCommand, NamesTheOptionForTheRecording) {

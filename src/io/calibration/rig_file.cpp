@@ -31,6 +31,9 @@ config::Node load_rig_file(const fs::path& path, const std::vector<fs::path>& se
         if (file.source) resolve_masks(file, *file.source);
       },
       search);
+  if (rig.is_null()) {
+    fail_input("{}: empty; describe the sensors in it, see docs/your-vehicle.md", path.string());
+  }
   if (foreign) finish_foreign(rig, path.string());
   return rig;
 }
