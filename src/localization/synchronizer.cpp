@@ -20,6 +20,8 @@ constexpr Duration kStereoTimeout{30'000'000};
 
 // A camera outage begins when no image has arrived for this long and for three image periods.
 constexpr Duration kCameraTimeout{500'000'000};
+// Until the first image: cameras that are started with the other sensors report within this time.
+constexpr Duration kFirstImageTimeout{2'000'000'000};
 // Period of jobs without images during a camera outage.
 constexpr Duration kImagelessJobPeriod{100'000'000};
 
@@ -145,12 +147,14 @@ void Synchronizer::add(const ImageFrame& image) {
 void Synchronizer::update_image_period(Stamp stamp) {
   if (last_image_) image_period_ = stamp - *last_image_;
   last_image_ = stamp;
+  any_image_ = true;
 }
 
 void Synchronizer::add_imageless_job(Stamp now) {
   if (cameras_ == 0) return;
   const Stamp since = last_image_.value_or(*first_imu_);
-  if (now - since < Duration{std::max(kCameraTimeout.ns, 3 * image_period_.ns)}) return;
+  const Duration patience{std::max(kCameraTimeout.ns, 3 * image_period_.ns)};
+  if (now - since < (any_image_ ? patience : kFirstImageTimeout)) return;
   const Stamp last =
       pending_jobs_.empty() ? last_frame_.value_or(since) : pending_jobs_.back().stamp;
   if (now - last < kImagelessJobPeriod) return;

@@ -68,6 +68,7 @@ class Synchronizer {
   int segments_ = 0;                // after the first
   std::optional<Stamp> first_imu_;  // of the segment
   std::optional<Stamp> last_image_;
+  bool any_image_ = false;  // in any segment
   Duration image_period_{
       2'000'000'000};  // between the last two images; large at first, as cameras start slowly
   std::size_t abandoned_frames_ = 0;
