@@ -11,8 +11,9 @@ shift || true
 build="${APVI_FUZZ_BUILD:-build/fuzz}"
 targets=("$@")
 if [ "${#targets[@]}" -eq 0 ]; then
-  targets=(fuzz_colmap fuzz_config fuzz_dataset fuzz_gpmf fuzz_mavlink fuzz_mcap fuzz_metashape fuzz_mp4 fuzz_photo
-           fuzz_ply fuzz_ros_message fuzz_sensor_yaml fuzz_spz fuzz_trajectory fuzz_vehicle_log fuzz_waterlinked)
+  targets=(fuzz_colmap fuzz_config fuzz_dataset fuzz_db3 fuzz_gpmf fuzz_mavlink fuzz_mcap fuzz_metashape fuzz_mp4
+           fuzz_photo fuzz_ply fuzz_raw_image fuzz_ros_message fuzz_sensor_yaml fuzz_spz fuzz_trajectory
+           fuzz_vehicle_log fuzz_waterlinked)
 fi
 command -v clang++ >/dev/null || { echo "fuzz.sh: requires clang++ and libclang-rt-dev" >&2; exit 2; }
 

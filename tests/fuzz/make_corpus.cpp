@@ -7,9 +7,11 @@
 #include <vector>
 
 #include "apvi/io/tum.hpp"
+#include "core/text_file.hpp"
 #include "importer/mp4_bytes.hpp"
 #include "importer/vehicle_bytes.hpp"
 #include "io/cdr_bytes.hpp"
+#include "io/db3_writer.hpp"
 #include "io/mcap_writer.hpp"
 #include "io/ros_bytes.hpp"
 #include "io/rosbag/ros_definitions.hpp"
@@ -96,6 +98,40 @@ std::vector<std::string> vehicle_log_seeds() {
       test::telemetry(1'700'000'000'000'000, test::raw_imu_frame(1'000'000, {0, 0, -1000})) +
       test::telemetry(1'700'000'000'000'000, test::delta_frame(0, 200'000, {0.1F, 0, 0}, 90.0F));
   return {dataflash, telemetry};
+}
+
+// With and without the definition of its messages.
+std::vector<std::string> db3_seeds() {
+  std::vector<std::string> seeds;
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / "apvi_corpus.db3";
+  for (const bool defined : {true, false}) {
+    std::filesystem::remove(file);
+    test::Db3Writer writer(file);
+    const std::string definition = io::ros2_definitions("sensor_msgs/Imu").at(0);
+    const int imu = writer.add_topic("/imu", "sensor_msgs/msg/Imu", defined ? definition : "");
+    const int dvl = writer.add_topic("/dvl", "dvl_msgs/msg/DVL");
+    writer.write(imu, 5, test::cdr_imu(5, 1.0));
+    writer.write(dvl, 6, test::cdr_dvl(6, 1.0));
+    writer.close();
+    seeds.push_back(read_text(file));
+  }
+  std::filesystem::remove(file);
+  return seeds;
+}
+
+// Four by four pixels in encodings of all layouts.
+std::vector<std::string> image_seeds() {
+  std::vector<std::string> seeds;
+  for (const auto& [encoding, step] : std::map<std::string, char>{{"mono8", 4},
+                                                                  {"bgr8", 12},
+                                                                  {"bayer_grbg16", 8},
+                                                                  {"8UC4", 16},
+                                                                  {"yuv422_yuy2", 8},
+                                                                  {"nv12", 4},
+                                                                  {"mono16", 0}}) {
+    seeds.push_back(std::string("\4\4", 2) + step + '\0' + encoding + '\0' + std::string(64, 'x'));
+  }
+  return seeds;
 }
 
 Seeds importer_seeds() {
@@ -199,9 +235,11 @@ Seeds all_seeds() {
        {"# t\n1.5 1 2 3 0 0 0 1\n1.6 1 2 3 0 0 1 0\n",
         "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w,q_x,q_y,q_z\n1,1,2,3,1,0,0,0\n",
         "#timestamp [ns],east [m],north [m],up [m]\n1,2,3,0\n", "1,1,2,3,1,0,0,0\n"}},
+      {"fuzz_db3", db3_seeds()},
       {"fuzz_mavlink", {mavlink_seed()}},
       {"fuzz_mcap", mcap_seeds()},
       {"fuzz_ply", ply_seeds()},
+      {"fuzz_raw_image", image_seeds()},
       {"fuzz_ros_message", ros_seeds()},
       {"fuzz_sensor_yaml",
        {sensor + "\0"s + sensor +

@@ -19,7 +19,7 @@ class Db3Writer {
     sqlite3* opened = nullptr;
     sqlite3_open(path.c_str(), &opened);
     handle_.reset(opened);
-    execute("PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF; BEGIN");
+    execute("PRAGMA page_size=512; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF; BEGIN");
     execute(
         "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
         "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)");
