@@ -51,6 +51,14 @@ SourceState ClockMonitor::next(std::size_t index, SampleSource& source, SensorEv
   }
 }
 
+void ClockMonitor::leave_out(std::size_t index) {
+  Sensor& sensor = sensors_[index];
+  sensor.held.clear();
+  sensor.last.reset();
+  sensor.state = State::regular;
+  sensor.ended = true;
+}
+
 void ClockMonitor::take(Sensor& sensor, SensorEvent event, const Drop& drop) {
   const Stamp stamp = stamp_of(event);
   const bool jumps = sensor.last && is_jump(*sensor.last, stamp);

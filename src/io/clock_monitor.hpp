@@ -32,6 +32,8 @@ class ClockMonitor {
 
   /// The next sample of a sensor, read from its source.
   SourceState next(std::size_t index, SampleSource& source, SensorEvent& event, const Drop& drop);
+  /// Forgets a sensor, which is not read any more: its clock says nothing about the others.
+  void leave_out(std::size_t index);
 
  private:
   enum class State { regular, suspect, jumped };

@@ -7,13 +7,39 @@
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "io/clock_spans.hpp"
+#include "io/shifted_source.hpp"
+#include "io/time_units.hpp"
 
 namespace apvi::io {
+namespace {
+
+// No sensor begins so long before the IMU, where only their first stamps are known. One that begins
+// after it may do so when the clock has been set.
+constexpr double kOtherEpoch_s = 86'400.0;
+
+Duration shift_of(const std::string& kind, const ClockShiftConfig& shifts) {
+  if (kind == "camera") return Duration::from_seconds(shifts.camera);
+  if (kind == "dvl") return Duration::from_seconds(shifts.dvl);
+  const bool is_pressure = kind == "pressure" || kind == "depth";
+  return is_pressure ? Duration::from_seconds(shifts.pressure) : Duration{0};
+}
+
+void shift_clocks(const ClockShiftConfig& shifts, Recording& recording) {
+  for (std::size_t i = 0; i < recording.sources.size(); ++i) {
+    const Duration shift = shift_of(recording.kinds[i], shifts);
+    if (shift == Duration{0}) continue;
+    recording.sources[i] = std::make_unique<ShiftedSource>(std::move(recording.sources[i]), shift);
+  }
+}
+
+}  // namespace
 
 MergedReader::MergedReader(Recording recording, const DatasetConfig& config)
     : recording_(std::move(recording)),
       config_(config),
       clocks_(recording_.kinds, Duration::from_seconds(config.max_time_jump_s)) {
+  shift_clocks(config_.clock_shift_s, recording_);
   const auto max_jump = Duration::from_seconds(config_.max_time_jump_s);
   for (std::size_t i = 0; i < recording_.sources.size(); ++i) {
     SampleSource* source = recording_.sources[i].get();
@@ -65,7 +91,46 @@ MergedReader::Stream* MergedReader::earliest() {
   }
 }
 
+void MergedReader::leave_out(Stream& stream, const std::string& remark) {
+  stream.ended = true;
+  stream.cleaner.ready.clear();
+  clocks_.leave_out(stream.index);
+  stream.report->remark = remark;
+  log::warning("{}", remark);
+}
+
+// A sensor that counts from another epoch than the IMU would only put poses at times without any
+// other sensor.
+void MergedReader::leave_out_other_clocks() {
+  const auto imu = std::ranges::find(recording_.kinds, "imu");
+  if (imu == recording_.kinds.end()) return;
+  const auto index = static_cast<std::size_t>(imu - recording_.kinds.begin());
+  const auto imu_span = span_of(*recording_.sources[index]);
+  const bool has_imu = fill(streams_[index]);
+  for (Stream& stream : streams_) {
+    const std::string& kind = recording_.kinds[stream.index];
+    if (stream.index == index || kind == "gnss") continue;
+    const auto span = span_of(*recording_.sources[stream.index]);
+    if (span && imu_span) {
+      if (are_apart(*span, *imu_span, config_.max_time_jump_s)) {
+        leave_out(stream, describe_clocks(kind, *span, *imu_span));
+      }
+    } else if (has_imu && fill(stream)) {
+      const double first_s = stamp_of(stream.cleaner.ready.front()).seconds();
+      const double imu_first_s = stamp_of(streams_[index].cleaner.ready.front()).seconds();
+      if (first_s < imu_first_s - kOtherEpoch_s) {
+        leave_out(stream, describe_clocks(kind, first_s, imu_first_s));
+      }
+    }
+  }
+}
+
 void MergedReader::find_start() {
+  const std::vector<std::string> remarks = settle_time_units(recording_);
+  for (const Stream& stream : streams_) {
+    if (stream.report->remark.empty()) stream.report->remark = remarks[stream.index];
+  }
+  leave_out_other_clocks();
   const Stream* first = earliest();
   if (first == nullptr) return;
   begin_ = stamp_of(first->cleaner.ready.front());
@@ -111,7 +176,8 @@ std::optional<SensorEvent> MergedReader::next() {
       if (config_.blackout_mode == Blackout::dropped) continue;
       blacken(std::get<ImageFrame>(event));
     }
-    ++stream->report->delivered;
+    StreamReport& report = *stream->report;
+    if (report.delivered++ == 0 && report.remark.empty()) report.remark = stream->source->remark();
     return event;
   }
   finished_ = true;

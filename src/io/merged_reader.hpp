@@ -37,6 +37,8 @@ class MergedReader : public SequenceReader {
   bool fill(Stream& stream);
   Stream* earliest();
   void find_start();
+  void leave_out_other_clocks();
+  void leave_out(Stream& stream, const std::string& remark);
   bool in_blackout(const SensorEvent& event) const;
 
   Recording recording_;

@@ -19,6 +19,16 @@ namespace apvi::io {
 /// sensors continue without this one.
 enum class SourceState { sample, malformed, implausible, pending, end };
 
+/// What a text file tells of the unit of its stamps. Numbers are as written, in that unit.
+struct StampSummary {
+  std::string column;      ///< "FILE: column NAME", for messages
+  bool is_stated = false;  ///< whether the header names the unit
+  int power = 0;           ///< of ten nanoseconds: the unit in use, stated or guessed
+  double first = 0.0;      ///< median of the first stamps
+  double last = 0.0;       ///< median of the last stamps
+  double step = 0.0;       ///< median of the positive steps of the first rows
+};
+
 /// The raw samples of one sensor of a recording, lazily read.
 class SampleSource {
  public:
@@ -32,6 +42,14 @@ class SampleSource {
   virtual std::pair<std::string, std::string> problem() const { return {}; }
   /// Fraction read, in [0, 1].
   virtual double fraction() const = 0;
+  /// What was assumed of the samples, as a warning that has been logged; "" when nothing was. To be
+  /// asked after the first sample.
+  virtual std::string remark() const { return ""; }
+  /// To be asked before the first sample; nullopt where the unit of stamps is beyond doubt, or too
+  /// few of them tell it.
+  virtual std::optional<StampSummary> stamp_summary() { return std::nullopt; }
+  /// Replaces the unit of the stamps by this power of ten of nanoseconds.
+  virtual void set_stamp_power(int /*power*/) {}
 };
 
 /// The parts of a recording, as returned by the reader of each format.

@@ -31,6 +31,15 @@ std::string rows(const std::string& first, const std::string& second, const std:
   return before + first + after + "\n" + before + second + after + "\n";
 }
 
+TEST(ForeignTrajectories, UnitsThatTheStampsContradictAreReplaced) {
+  const std::string header = ",p_x,p_y,p_z,q_w,q_x,q_y,q_z\n";
+  const std::string pose = ",1,2,3,0.7071,0,0,0.7071";
+  expect_poses("#timestamp [ns]" + header + rows("1403636581838555", "1403636581888555", pose));
+  expect_poses("#timestamp [s]" + header +
+               rows("1403636581838555000", "1403636581888555000", pose));
+  expect_poses("#timestamp [us]" + header + rows("1403636581.838555", "1403636581.888555", pose));
+}
+
 TEST(ForeignTrajectories, AreReadByTheNamesOfTheirHeaders) {
   const std::string a = "1403636581838555000";
   const std::string b = "1403636581888555000";

@@ -286,7 +286,9 @@ TEST(Mcap, ReadsRos1Messages) {
 
 TEST(Mcap, OtherFilesAreRefused) {
   const TmpDir dir;
-  for (const char* content : {"", "\x89MCAP", "this is no bag, whatever its name says"}) {
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.write("a.mcap", ""))); }),
+              HasSubstr("a.mcap: not a recording, but an empty file"));
+  for (const char* content : {"\x89MCAP", "this is no bag, whatever its name says"}) {
     EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.write("a.mcap", content))); }),
                 HasSubstr("a.mcap: this is no MCAP file"));
   }
@@ -390,7 +392,7 @@ TEST(Db3, OtherFilesAreRefused) {
   EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.write("a.db3", "no database"))); }),
               HasSubstr("a.db3: "));
   EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.write("b.db3", ""))); }),
-              HasSubstr("lacks the tables"));
+              HasSubstr("b.db3: not a recording, but an empty file"));
 }
 
 TEST(Rosbag2Folder, JoinsSplitFilesOfBothKinds) {

@@ -88,6 +88,31 @@ TEST(DatasetFolder, UnitsMayBeAppendedToNames) {
       std::get<DvlSample>(out.events[0]).velocity.isApprox(Eigen::Vector3d(0.25, 2.0, 0.3), 1e-12));
 }
 
+TEST(DatasetFolder, UnitsMayBeInASecondHeaderLine) {
+  for (const char* units : {"ms,deg/s,dps,rad/s,g,mg,m/s^2,degC", "[ms],[deg/s],[dps],,[g],[mg],-,",
+                            "#ms,deg/s,dps,rad/s,g,mg,m/s2,1", "\"ms\",°/s,dps,-,g,mg,none,?"}) {
+    const TmpDir dir;
+    test::write_imu(dir, fmt::format("time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z,temp\n{}\n"
+                                     "1500,180,90,1,1,500,3,20\n",
+                                     units));
+    const auto out = read_dataset(config_for(dir.path()));
+    ASSERT_EQ(out.events.size(), 1U) << units;
+    EXPECT_EQ(out.dropped("imu"), 0U) << units;
+    const auto& imu = std::get<ImuSample>(out.events[0]);
+    EXPECT_EQ(imu.stamp.ns, 1'500'000'000) << units;
+    EXPECT_TRUE(
+        imu.gyro.isApprox(Eigen::Vector3d(std::numbers::pi, std::numbers::pi / 2, 1), 1e-12));
+    EXPECT_TRUE(imu.accel.isApprox(Eigen::Vector3d(9.80665, 4.903325, 3), 1e-12));
+  }
+}
+
+TEST(DatasetFolder, UnknownUnitOfASecondHeaderLineIsAnError) {
+  const TmpDir dir;
+  dir.write("mav0/depth0/data.csv", "time,depth\ns,furlong\n1.5,2\n");
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }),
+              HasSubstr("column depth: unknown unit [furlong]"));
+}
+
 TEST(DatasetFolder, UnknownUnitIsAnErrorWithFileColumnAndKnownOnes) {
   const TmpDir dir;
   dir.write("mav0/depth0/data.csv", "#timestamp [ns],depth [furlong]\n1,2\n");
@@ -141,6 +166,9 @@ TEST(PressureUnit, ZerosOfASensorThatDoesNotAnswerAreDropped) {
   std::vector<double> periodic = dive();
   for (std::size_t i = 3; i < periodic.size(); i += 7) periodic[i] = 0.0;
   EXPECT_NEAR(first_pressure(dir, periodic, 1.0, 0.0, 57), dive()[0], 0.1);
+  std::vector<double> most = dive();
+  for (std::size_t i = 0; i < most.size(); ++i) most[i] = i % 4 == 1 ? most[i] : 0.0;
+  EXPECT_NEAR(first_pressure(dir, most, 1.0, 0.0, 301, "pressure [Pa]"), dive()[1], 0.1);
   std::vector<double> late = dive();
   std::fill_n(late.begin(), 100, 0.0);
   EXPECT_NEAR(first_pressure(dir, late, 1e2, 0.0, 100), dive()[100], 0.1);

@@ -44,6 +44,21 @@ struct TopicConfig {
   }
 };
 
+/// Times added to the stamps of sensors whose clock is not that of the IMU [s].
+struct ClockShiftConfig {
+  double camera = 0.0;
+  double dvl = 0.0;
+  double pressure = 0.0;
+
+  template <typename V>
+  void visit(V& v) {
+    const config::Range any{-4.5e9, 4.5e9};  // from the start of a device to times since 1970
+    v("camera", camera, any, "added to the stamps of all cameras [s]");
+    v("dvl", dvl, any, "added to the stamps of the DVL [s]");
+    v("pressure", pressure, any, "added to the stamps of the pressure or depth sensor [s]");
+  }
+};
+
 /// The `dataset` section of a run's configuration.
 struct DatasetConfig {
   std::string path;
@@ -55,6 +70,7 @@ struct DatasetConfig {
   Blackout blackout_mode = Blackout::black;
   PressureUnit pressure_unit = PressureUnit::automatic;
   double max_time_jump_s = 60.0;
+  ClockShiftConfig clock_shift_s;
   TopicConfig topics;
   std::string message_definitions;
 
@@ -93,6 +109,9 @@ struct DatasetConfig {
     v("max_time_jump_s", max_time_jump_s, Range{0.1, 1e9},
       "a single sample whose stamp is farther than this from its neighbors is dropped; a clock "
       "that is set back by more is recognized [s]");
+    v("clock_shift_s", clock_shift_s,
+      "for recordings with several clocks, by whole epochs too; the rest is time_offset_s of the "
+      "rig");
     v("topics", topics, "topics of a bag; empty: found by message type and name");
     v("message_definitions", message_definitions,
       "folder of PACKAGE/msg/NAME.msg files, for .db3 bags that do not define their messages "
@@ -117,6 +136,8 @@ struct StreamReport {
   std::map<DropReason, std::size_t> dropped;
   std::map<DropReason, std::string> first_drop;  ///< "file:line" or stamp of the first of each kind
   Duration largest_step_back = {};  ///< of a sample that was dropped for being out of order
+  /// What was read otherwise than the recording says, as text; "" as a rule.
+  std::string remark = {};
 };
 
 /// A recording as one chronological stream of samples. Reading is lazy: memory does not grow with

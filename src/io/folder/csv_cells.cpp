@@ -6,6 +6,7 @@
 
 #include "core/text.hpp"
 #include "io/folder/time_column.hpp"
+#include "io/folder/units.hpp"
 
 namespace apvi::io {
 namespace {
@@ -66,6 +67,25 @@ std::pair<std::string, std::string> split_unit(std::string_view cell) {
   std::string_view unit = cell.substr(open + 1);
   unit = unit.substr(0, unit.find_last_of("])"));
   return {std::move(name), std::string(text::trim(unit))};
+}
+
+std::vector<std::string> units_of_row(const std::vector<std::string_view>& cells) {
+  std::vector<std::string> units;
+  std::size_t words = 0;
+  std::size_t known = 0;
+  for (std::string_view cell : cells) {
+    if (cell.starts_with('#')) cell.remove_prefix(1);
+    const auto [name, bracketed] = split_unit(cell);
+    std::string unit = name.empty() ? bracketed : std::string(text::trim(cell));
+    const std::string word = text::to_lower(unit);
+    if (word == "-" || word == "1" || word == "none") unit.clear();
+    if (text::parse_double(with_decimal_point(unit))) return {};
+    words += unit.empty() ? 0 : 1;
+    known += find_unit(unit) != nullptr ? 1 : 0;
+    units.push_back(std::move(unit));
+  }
+  if (known == 0 || 2 * known < words) units.clear();
+  return units;
 }
 
 }  // namespace apvi::io

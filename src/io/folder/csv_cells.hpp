@@ -22,5 +22,9 @@ std::string with_decimal_point(std::string_view cell);
 /// Splits "timestamp [ns]" into the lower-case column "timestamp" and the unit "ns"; parentheses
 /// do as well.
 std::pair<std::string, std::string> split_unit(std::string_view cell);
+/// The units of a second header line such as "s,deg/s,[m/s^2],-", by cell, "" where there is none.
+/// Empty when the line is no such line: at least half of its words must be known units, and none a
+/// number.
+std::vector<std::string> units_of_row(const std::vector<std::string_view>& cells);
 
 }  // namespace apvi::io

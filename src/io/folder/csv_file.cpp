@@ -108,9 +108,34 @@ void CsvFile::read_header() {
     columns_.push_back(std::move(column));
     units_.push_back(std::move(unit));
   }
+  if (columns_.size() == 1) fail_for_one_column();
+  read_unit_row();
   time_column_ = find_time_column(columns_, units_);
   read_time_unit();
   check_stamps();
+}
+
+// Some loggers write the units below the names, which then have none of their own.
+void CsvFile::read_unit_row() {
+  const auto place = in_->tellg();
+  if (place == std::istream::pos_type(-1)) return;
+  const std::size_t line_number = line_number_;
+  const std::uint64_t bytes = bytes_read_;
+  std::vector<std::string> units;
+  if (read_line()) {
+    split_cells(text::trim(line_));
+    units = units_of_row(cells_);
+  }
+  if (units.empty()) {
+    in_->clear();
+    in_->seekg(place);
+    line_number_ = line_number;
+    bytes_read_ = bytes;
+    return;
+  }
+  for (std::size_t i = 0; i < std::min(units.size(), units_.size()); ++i) {
+    if (units_[i].empty()) units_[i] = std::move(units[i]);
+  }
 }
 
 std::optional<std::size_t> CsvFile::find(std::initializer_list<std::string_view> names) const {
@@ -121,12 +146,13 @@ std::optional<std::size_t> CsvFile::find(std::initializer_list<std::string_view>
   return std::nullopt;
 }
 
+void CsvFile::fail_for_one_column() const {
+  fail_input("{}:{}: one column only; separate them by commas, semicolons or tabs", name_,
+             line_number_);
+}
+
 std::size_t CsvFile::require_column(std::initializer_list<std::string_view> names) const {
   if (const auto column = find(names)) return *column;
-  if (columns_.size() == 1) {
-    fail_input("{}:{}: one column only; separate them by commas, semicolons or tabs", name_,
-               line_number_);
-  }
   fail_input("{}: the header has no column \"{}\"; add it, or rename the one that holds it", name_,
              *names.begin());
 }

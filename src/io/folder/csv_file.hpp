@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "io/folder/units.hpp"
+#include "io/sample_source.hpp"
 
 namespace apvi::io {
 
@@ -32,9 +33,10 @@ struct Quantity {
   bool has_unit = false;
 };
 
-/// A CSV file with a header line, read row by row; columns are found by name. Accepts CRLF, a byte
-/// order mark, blank lines, comment lines (`#`), quoted cells, and semicolons or tabs instead of
-/// commas (then also decimal commas). Memory does not grow with the file.
+/// A CSV file with a header line, read row by row; columns are found by name. A second line may
+/// have their units. Accepts CRLF, a byte order mark, blank lines, comment lines (`#`), quoted
+/// cells, and semicolons or tabs instead of commas (then also decimal commas). Memory does not grow
+/// with the file.
 class CsvFile {
  public:
   using Names = std::initializer_list<std::string_view>;
@@ -72,6 +74,11 @@ class CsvFile {
   /// The time of the row as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise.
   /// Without a unit the first rows tell it.
   std::optional<std::int64_t> stamp_ns() const;
+  /// What the rows that follow tell of the unit of the stamps; nullopt for fewer than ten of them,
+  /// and when the input cannot be read twice (a pipe).
+  std::optional<StampSummary> stamp_summary();
+  /// Replaces the unit of the stamps by this power of ten of nanoseconds.
+  void set_stamp_power(int power) { time_power_ = power; }
   /// What is wrong with the row's cells or stamp; nullopt when nothing is.
   std::optional<RowProblem> problem() const;
 
@@ -96,10 +103,13 @@ class CsvFile {
   void check_encoding() const;
   std::string_view find_header();
   void read_header();
+  void read_unit_row();
+  [[noreturn]] void fail_for_one_column() const;
   void read_time_unit();
   void check_stamps();
   std::string time_text() const;
   std::vector<std::string> first_times();
+  std::vector<double> last_times();
   void check_nanoseconds(const std::vector<std::string>& times, bool stated) const;
   void split_cells(std::string_view line);
   const Unit* unit_in_name(std::size_t column, Names names, Dimension dimension) const;
@@ -123,6 +133,7 @@ class CsvFile {
   char separator_ = ',';
   std::size_t time_column_ = 0;
   int time_power_ = 0;  // of ten nanoseconds: unit of the time
+  bool time_unit_is_stated_ = false;
 };
 
 /// Upper limit of plausible stamps (year 2112); differences of stamps in [0, limit] cannot

@@ -72,6 +72,8 @@ class CsvSource : public SampleSource {
     return {};
   }
   double fraction() const override { return file_.fraction(); }
+  std::optional<StampSummary> stamp_summary() override { return file_.stamp_summary(); }
+  void set_stamp_power(int power) override { file_.set_stamp_power(power); }
 
  private:
   CsvFile file_;
@@ -116,6 +118,30 @@ Flag flag_in(const CsvFile& row, std::optional<std::size_t> column) {
   if (number == 0.0) return Flag::no;
   row.refuse(*column, "is not 0 or 1");
   return Flag::malformed;
+}
+
+struct ImuColumns {
+  Quantity3 gyro;
+  Quantity3 accel;
+};
+
+ImuColumns imu_columns(const CsvFile& file) {
+  using enum Dimension;
+  const Quantity3 gyro = {file.require_quantity(kGyroX, angular_rate),
+                          file.require_quantity(kGyroY, angular_rate),
+                          file.require_quantity(kGyroZ, angular_rate)};
+  const Quantity3 accel = {file.require_quantity(kAccelX, acceleration),
+                           file.require_quantity(kAccelY, acceleration),
+                           file.require_quantity(kAccelZ, acceleration)};
+  return {gyro, accel};
+}
+
+std::optional<SensorEvent> parse_imu(const CsvFile& row, Stamp stamp, const ImuColumns& columns,
+                                     double accel_factor) {
+  const auto w = vector_of(row, columns.gyro);
+  const auto a = vector_of(row, columns.accel);
+  if (!w || !a) return std::nullopt;
+  return ImuSample{stamp, *w, accel_factor * *a};
 }
 
 struct DvlColumns {
@@ -181,14 +207,23 @@ std::optional<SensorEvent> parse_dvl(const CsvFile& row, Stamp stamp, const DvlC
   return sample;
 }
 
-void read_pressures(CsvFile& file, const Quantity& column, const PressureSource& source,
-                    PressureScale& scale) {
+PressureScale read_pressures(CsvFile& file, const Quantity& column, PressureSource source,
+                             const MotionReader& read_motion) {
   std::vector<double> values;
+  std::vector<PressureReading> readings;
   file.look_ahead([&] {
-    if (const auto value = file.number(column.column)) values.push_back(*value);
+    const auto value = file.number(column.column);
+    if (!value) return true;
+    values.push_back(*value);
+    const auto stamp = file.stamp_ns();
+    if (stamp && std::isfinite(*value)) readings.push_back({Stamp{*stamp}, *value});
     return true;
   });
-  scale = evaluate_pressure(std::move(values), source);
+  if (source.unit == PressureUnit::automatic && read_motion) {
+    const auto motion = read_motion();
+    if (motion) source.growth_per_meter = motion->growth_per_meter(readings);
+  }
+  return evaluate_pressure(std::move(values), source);
 }
 
 // Latitude, longitude and altitude as meters east, north and up of the first fix.
@@ -230,32 +265,29 @@ CsvKinds csv_kinds(const CsvFile& file) {
 }
 
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
-  using enum Dimension;
-  const Quantity3 gyro = {file.require_quantity(kGyroX, angular_rate),
-                          file.require_quantity(kGyroY, angular_rate),
-                          file.require_quantity(kGyroZ, angular_rate)};
-  const Quantity3 accel = {file.require_quantity(kAccelX, acceleration),
-                           file.require_quantity(kAccelY, acceleration),
-                           file.require_quantity(kAccelZ, acceleration)};
+  const ImuColumns columns = imu_columns(file);
   const auto factor = std::make_shared<double>(1.0);  // from what the columns hold to SI
   return make_source(
       std::move(file),
-      [=](const CsvFile& row, Stamp stamp) {
-        const auto w = vector_of(row, gyro);
-        const auto a = vector_of(row, accel);
-        return w && a ? std::optional<SensorEvent>(ImuSample{stamp, *w, *factor * *a})
-                      : std::nullopt;
-      },
+      [=](const CsvFile& row, Stamp stamp) { return parse_imu(row, stamp, columns, *factor); },
       [=](CsvFile& whole) {
         ImuMagnitudes magnitudes;
         whole.look_ahead([&] {
-          const auto w = vector_of(whole, gyro);
-          const auto a = vector_of(whole, accel);
+          const auto w = vector_of(whole, columns.gyro);
+          const auto a = vector_of(whole, columns.accel);
           if (w && a) magnitudes.add(w->norm(), a->norm());
           return true;
         });
-        *factor = accel_factor(magnitudes, accel[0].has_unit, gyro[0].has_unit, whole.name());
+        *factor = accel_factor(magnitudes, columns.accel[0].has_unit, columns.gyro[0].has_unit,
+                               whole.name());
       });
+}
+
+std::unique_ptr<SampleSource> csv_imu_as_written(CsvFile file) {
+  const ImuColumns columns = imu_columns(file);
+  return make_source(std::move(file), [columns](const CsvFile& row, Stamp stamp) {
+    return parse_imu(row, stamp, columns, 1.0);
+  });
 }
 
 std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
@@ -265,7 +297,8 @@ std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
   });
 }
 
-std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, double atmospheric_pa) {
+std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, double atmospheric_pa,
+                                           MotionReader motion) {
   const Quantity column = file.require_quantity(kPressure, Dimension::pressure);
   PressureSource source{.name = file.name(), .unit = unit, .atmospheric_pa = atmospheric_pa};
   if (unit == PressureUnit::automatic && column.has_unit) source.unit = unit_of(column.to_si);
@@ -277,7 +310,7 @@ std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, doub
         if (!value) return std::nullopt;
         return PressureSample{stamp, scale->pascal(*value)};
       },
-      [=](CsvFile& whole) { read_pressures(whole, column, source, *scale); });
+      [=](CsvFile& whole) { *scale = read_pressures(whole, column, source, motion); });
   return std::make_unique<PlausibleSource>(std::move(rows), scale);
 }
 

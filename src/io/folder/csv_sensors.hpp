@@ -6,6 +6,7 @@
 
 #include "apvi/io/sequence.hpp"
 #include "io/folder/csv_file.hpp"
+#include "io/folder/vertical_motion.hpp"
 #include "io/sample_source.hpp"
 
 /// Sensor sources for CSV files. Each function reads the header and throws InputError when a
@@ -25,11 +26,15 @@ CsvKinds csv_kinds(const CsvFile& file);
 /// Accelerations in g, milli-g, cm/s² or mm/s² without a unit in the header are converted, see
 /// `accel_factor`.
 std::unique_ptr<SampleSource> csv_imu(CsvFile file);
+/// The same without conversion of accelerations, and without a warning.
+std::unique_ptr<SampleSource> csv_imu_as_written(CsvFile file);
 std::unique_ptr<SampleSource> csv_dvl(CsvFile file);
 /// `unit` automatic: the unit in the header, else inferred from all values, see
-/// `evaluate_pressure`. `atmospheric_pa` is added to readings above the atmosphere.
+/// `evaluate_pressure`, with the help of `motion` if there is one. `atmospheric_pa` is added to
+/// readings above the atmosphere.
 std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit,
-                                           double atmospheric_pa = 101325.0);
+                                           double atmospheric_pa = 101325.0,
+                                           MotionReader motion = {});
 std::unique_ptr<SampleSource> csv_depth(CsvFile file);
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file);
 /// Images by file name in the folder `images`; a row whose file is missing is malformed.

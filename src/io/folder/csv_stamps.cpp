@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,18 @@ namespace {
 constexpr std::size_t kStampRows = 1000;
 constexpr std::size_t kFewRows = 20;      // less say nothing about lost digits
 constexpr double kMinStepNs = 100'000.0;  // IMUs are read at 8 kHz at most
+
+// Bytes at the end of a file that hold a few rows of any sensor, and stamps of which the median is
+// the beginning or the end of a recording, whatever a single one is.
+constexpr std::uint64_t kTailBytes = 8192;
+constexpr std::ptrdiff_t kSpanRows = 9;
+
+double median_of(std::vector<double>::const_iterator begin,
+                 std::vector<double>::const_iterator end) {
+  std::vector<double> values(begin, end);
+  std::nth_element(values.begin(), values.begin() + kSpanRows / 2, values.end());
+  return values[kSpanRows / 2];
+}
 
 // "2024-05-01T12:00:00Z", "01.05.2024 12:00:00", "12:00:00.5"
 bool is_date(std::string_view stamp) {
@@ -49,8 +63,42 @@ void CsvFile::read_time_unit() {
                stated, known_units(Dimension::time));
   }
   const std::vector<std::string> times = first_times();
+  time_unit_is_stated_ = unit != nullptr;
   time_power_ = unit != nullptr ? unit->time_power : guess_time_power(times, 0);
   if (time_power_ == 0) check_nanoseconds(times, unit != nullptr);
+}
+
+// The stamps at the end of the file. Empty when it cannot be read twice.
+std::vector<double> CsvFile::last_times() {
+  std::vector<double> times;
+  bool at_end = size_ < bytes_read_ + kTailBytes;
+  look_ahead([&] {
+    if (!at_end) {
+      in_->seekg(static_cast<std::streamoff>(size_ - kTailBytes));
+      at_end = true;
+      read_line();  // begins within a row
+      return true;
+    }
+    if (const auto time = text::parse_double(time_text())) times.push_back(*time);
+    return true;
+  });
+  return times;
+}
+
+std::optional<StampSummary> CsvFile::stamp_summary() {
+  const std::vector<std::string> rows = first_times();
+  const std::vector<double> end = last_times();
+  std::vector<double> begin;
+  for (const std::string& row : rows) {
+    if (const auto time = text::parse_double(row)) begin.push_back(*time);
+  }
+  if (std::ssize(begin) < kSpanRows || std::ssize(end) < kSpanRows) return std::nullopt;
+  return StampSummary{.column = fmt::format("{}: column {}", name_, columns_[time_column_]),
+                      .is_stated = time_unit_is_stated_,
+                      .power = time_power_,
+                      .first = median_of(begin.begin(), begin.begin() + kSpanRows),
+                      .last = median_of(end.end() - kSpanRows, end.end()),
+                      .step = median_time_step(rows)};
 }
 
 // Dates, and numbers that are something else than the nanoseconds that they are taken for.

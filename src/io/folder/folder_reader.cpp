@@ -38,6 +38,27 @@ std::unique_ptr<SampleSource> open_dvl(const fs::path& path) {
   return path.extension() == ".csv" ? csv_dvl(CsvFile(path)) : waterlinked_dvl(path);
 }
 
+// Reads both sensors, whatever else is wrong with them: it is reported when they are used.
+std::optional<VerticalMotion> motion_in(const fs::path& imu, const fs::path& dvl,
+                                        const config::Node& rig) {
+  const auto calibration = dvl_of_rig(rig);
+  if (!calibration || !fs::exists(imu) || !fs::exists(dvl)) return std::nullopt;
+  VerticalMotion motion(*calibration);
+  try {
+    SensorEvent event;
+    for (const auto& source : {csv_imu_as_written(CsvFile(imu)), open_dvl(dvl)}) {
+      for (SourceState state{}; (state = source->next(event)) != SourceState::end;) {
+        if (state != SourceState::sample) continue;
+        if (const auto* sample = std::get_if<ImuSample>(&event)) motion.add(*sample);
+        if (const auto* ping = std::get_if<DvlSample>(&event)) motion.add(*ping);
+      }
+    }
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  return motion;
+}
+
 }  // namespace
 
 config::Node load_rig(const DatasetConfig& config, const fs::path& own) {
@@ -95,9 +116,12 @@ void add_asl_sensors(const fs::path& root, const DatasetConfig& config, const Se
       return csv_camera(CsvFile(path), path.parent_path() / "data", index);
     };
   };
-  const auto pressure = [unit = config.pressure_unit,
-                         air = atmospheric_pressure_pa(recording.rig)](const fs::path& path) {
-    return csv_pressure(CsvFile(path), unit, air);
+  const auto motion = [imu = csv("imu0"), dvl = dvl_file(csv("dvl0")), rig = recording.rig] {
+    return motion_in(imu, dvl, rig);
+  };
+  const auto pressure = [&](const fs::path& path) {
+    const double air = atmospheric_pressure_pa(recording.rig);
+    return csv_pressure(CsvFile(path), config.pressure_unit, air, motion);
   };
   add_sensors({{"imu0", "imu", "imu", csv("imu0"), [](auto& p) { return csv_imu(CsvFile(p)); }},
                {"dvl0", "dvl", "dvl", dvl_file(csv("dvl0")), open_dvl},

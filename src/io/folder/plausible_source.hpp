@@ -25,6 +25,9 @@ class PlausibleSource : public SampleSource {
   std::string where() const override { return rows_->where(); }
   std::pair<std::string, std::string> problem() const override { return rows_->problem(); }
   double fraction() const override { return rows_->fraction(); }
+  std::string remark() const override { return scale_->doubt; }
+  std::optional<StampSummary> stamp_summary() override { return rows_->stamp_summary(); }
+  void set_stamp_power(int power) override { rows_->set_stamp_power(power); }
 
  private:
   std::unique_ptr<SampleSource> rows_;

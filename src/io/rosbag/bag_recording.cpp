@@ -11,6 +11,7 @@
 #include "apvi/core/log.hpp"
 #include "io/folder/imu_unit.hpp"
 #include "io/folder/plausible_source.hpp"
+#include "io/folder/vertical_motion.hpp"
 #include "io/rosbag/dvl_message.hpp"
 #include "io/rosbag/navsat.hpp"
 #include "io/rosbag/ros_samples.hpp"
@@ -204,36 +205,63 @@ struct Scales {
   std::shared_ptr<PressureScale> pressure = std::make_shared<PressureScale>();
 };
 
-void add_imu(const RosValue& message, Stamp recorded, ImuEvidence& evidence) {
-  const auto event = imu_of(message, stamp_of_message(message, recorded).value_or(recorded));
-  if (event) evidence.add(std::get<ImuSample>(*event));
+// Readings of which the units are to be decided.
+struct Evidence {
+  ImuEvidence imu;
+  std::optional<VerticalMotion> motion;
+  std::vector<double> pressures;
+  std::vector<PressureReading> stamped_pressures;
+};
+
+void add_imu(const RosValue& message, Stamp stamp, Evidence& evidence) {
+  const auto event = imu_of(message, stamp);
+  if (!event) return;
+  evidence.imu.add(std::get<ImuSample>(*event));
+  if (evidence.motion) evidence.motion->add(std::get<ImuSample>(*event));
 }
 
-// Looks at the beginning for the IMU, which is sufficient, and at the whole bag for the pressure.
-Scales read_scales(const Bag& bag, const std::string& imu, const PressureSource& pressure) {
+void add_pressure(const RosValue& message, Stamp stamp, Evidence& evidence) {
+  const auto value = message.number_at("fluid_pressure");
+  if (!value) return;
+  evidence.pressures.push_back(*value);
+  if (std::isfinite(*value)) evidence.stamped_pressures.push_back({stamp, *value});
+}
+
+// Looks at the beginning for IMU and DVL, which is sufficient, and at the whole bag for the
+// pressure.
+Scales read_scales(const Bag& bag, const ChosenTopics& from, PressureSource pressure,
+                   const config::Node& rig) {
   Scales scales;
-  std::set<std::string> topics = {imu, pressure.name};
+  Evidence evidence;
+  const auto dvl = dvl_of_rig(rig);
+  const bool by_motion = dvl && !from.dvl.empty() && !pressure.name.empty() &&
+                         pressure.unit == PressureUnit::automatic;
+  if (by_motion) evidence.motion.emplace(*dvl);
+  std::set<std::string> topics = {from.imu, pressure.name, by_motion ? from.dvl : ""};
   topics.erase("");
   if (topics.empty()) return scales;
-  ImuEvidence evidence;
-  std::vector<double> pressures;
   const auto cursor = bag.open(topics);
   while (cursor->advance()) {
-    const bool is_imu = cursor->topic() == imu;
-    if (is_imu && evidence.magnitudes.count() >= kImuSamples) {
-      if (pressure.name.empty()) break;
-      continue;
-    }
+    const bool enough = evidence.imu.magnitudes.count() >= kImuSamples;
+    if (enough && pressure.name.empty()) break;
+    if (enough && cursor->topic() != pressure.name) continue;
     const auto message = cursor->message();
     if (!message) continue;
-    if (is_imu) {
-      add_imu(*message, cursor->recorded(), evidence);
-    } else if (const auto value = message->number_at("fluid_pressure")) {
-      pressures.push_back(*value);
+    const Stamp stamp = stamp_of_message(*message, cursor->recorded()).value_or(cursor->recorded());
+    if (cursor->topic() == from.imu) {
+      add_imu(*message, stamp, evidence);
+    } else if (cursor->topic() == pressure.name) {
+      add_pressure(*message, stamp, evidence);
+    } else if (const auto ping = dvl_of(*message, stamp)) {
+      evidence.motion->add(std::get<DvlSample>(*ping));
     }
   }
-  scales.imu = imu_factors(evidence, imu);
-  *scales.pressure = evaluate_pressure(std::move(pressures), pressure);
+  std::ranges::stable_sort(evidence.stamped_pressures, {}, &PressureReading::stamp);
+  if (evidence.motion) {
+    pressure.growth_per_meter = evidence.motion->growth_per_meter(evidence.stamped_pressures);
+  }
+  scales.imu = imu_factors(evidence.imu, from.imu);
+  *scales.pressure = evaluate_pressure(std::move(evidence.pressures), pressure);
   return scales;
 }
 
@@ -272,13 +300,15 @@ Recording read_bag(const Bag& bag, const std::filesystem::path& own_rig,
   const ChosenTopics topics = choose_topics(bag.topics, config.topics, bag.path);
   std::vector<Channel> channels;
   std::vector<std::string> kinds;
-  const auto wanted = [&](const char* sensor, const std::string& topic) {
-    return choice.wants(sensor) ? topic : std::string();
-  };
-  const Scales scales = read_scales(bag, wanted("imu", topics.imu),
-                                    {.name = wanted("pressure", topics.pressure),
+  ChosenTopics used = topics;
+  if (!choice.wants("imu")) used.imu.clear();
+  if (!choice.wants("dvl")) used.dvl.clear();
+  if (!choice.wants("pressure")) used.pressure.clear();
+  const Scales scales = read_scales(bag, used,
+                                    {.name = used.pressure,
                                      .unit = config.pressure_unit,
-                                     .atmospheric_pa = atmospheric_pressure_pa(recording.rig)});
+                                     .atmospheric_pa = atmospheric_pressure_pa(recording.rig)},
+                                    recording.rig);
   for (BagSensor& sensor : sensors_of(topics, scales)) {
     if (!choice.wants(sensor.choice) || !is_used(sensor, recording.rig, bag.path)) continue;
     channels.push_back({sensor.topic, std::move(sensor.convert)});

@@ -96,17 +96,31 @@ bool is_header(std::string_view line) {
   return cells.size() >= 4 && std::all_of(cells.begin(), cells.end(), is_word);
 }
 
-// Stamps without a stated unit tell it themselves.
-void set_time_power(Content& content) {
+// Whether a time is one since 1970, from 1998 to 2112.
+bool is_epoch(const std::string& stamp, int power) {
+  const double seconds = text::parse_double(stamp).value_or(0.0) * std::pow(10.0, power - 9);
+  return seconds >= 9e8 && seconds <= 4.5e9;
+}
+
+// Stamps without a stated unit tell it themselves, as do times since 1970 in another one.
+void set_time_power(Content& content, const std::string& name) {
   TrajectoryLayout& layout = content.layout;
-  if (layout.time_power) return;
   std::vector<std::string> stamps;
   Cells cells;
   for (const Line& line : content.lines) {
     split_trajectory_line(line.text, cells);
     if (layout.stamp < cells.size()) stamps.push_back(with_decimal_point(cells[layout.stamp]));
   }
-  layout.time_power = guess_time_power(stamps, layout.usual_time_power);
+  const std::optional<int> stated = layout.time_power;
+  const int power = guess_time_power(stamps, stated.value_or(layout.usual_time_power));
+  if (stated) {
+    const bool contradicts =
+        !stamps.empty() && is_epoch(stamps.front(), power) && !is_epoch(stamps.front(), *stated);
+    if (!contradicts) return;
+    log::warning("{}: the header says {}, but {} is a time since 1970 in {}: taken as such", name,
+                 name_of_power(*stated), stamps.front(), name_of_power(power));
+  }
+  layout.time_power = power;
 }
 
 // A header must have a name for each number of the first line; else it is a remark.
@@ -138,7 +152,7 @@ Content read_content(std::istream& in, const std::string& name) {
     named = layout_of_numbers(content.lines.front().text, content.lines.front().where());
   }
   if (named) content.layout = *named;
-  set_time_power(content);
+  set_time_power(content, name);
   return content;
 }
 
