@@ -55,6 +55,7 @@ void check_stream(const std::string& kind, const io::StreamReport& report, Warni
     if (first != report.first_drop.end()) reasons += fmt::format(" (first: {})", first->second);
   }
   if (report.delivered + dropped == 0) {
+    if (!report.remark.empty()) return;  // it was left out, which is said
     warnings.push_back(fmt::format("{}: recorded without a sample; check the file or topic", kind));
   } else if (dropped > report.delivered) {
     warnings.push_back(fmt::format("{}: {} of {} samples were dropped: {}; check the recording",
@@ -232,6 +233,7 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig) 
   Warnings warnings;
   for (const auto& [kind, report] : evidence.streams) {
     if (!in_use(evidence, kind)) continue;
+    if (!report.remark.empty()) warnings.push_back(report.remark);
     if (!check_clock_of(kind, report, warnings)) check_stream(kind, report, warnings);
   }
   check_described(evidence, rig, warnings);

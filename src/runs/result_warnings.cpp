@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "apvi/core/log.hpp"
 #include "runs/warnings.hpp"
@@ -33,15 +34,8 @@ constexpr int kMinFastWindows = 3;  // one alone may be a correction of the pose
 constexpr double kMinUsed = 0.5;
 constexpr double kMinLock = 0.1;
 
-// Between the recordings of two sensors, which drivers start and stop within seconds [s].
-constexpr double kMaxDelay_s = 5.0;
-
 // The offset of a sensor at the surface is smaller [m].
 constexpr double kMinDepth = -0.1;
-
-// A sensor must report during this part of a recording that is at least so long [s].
-constexpr double kMinCovered = 0.5;
-constexpr double kMinRecording_s = 10.0;
 
 // Of the pings, that may repeat the one before exactly. At rest some do.
 constexpr double kMaxRepeated = 0.2;
@@ -165,39 +159,6 @@ void check_depths(const AcousticService& acoustic, Warnings& warnings) {
                   accepted, all));
 }
 
-// Of the same length of recording, but shifted.
-void check_clocks(const Evidence& evidence, Warnings& warnings) {
-  const double delay = evidence.samples.dvl_delay_s();
-  if (std::abs(delay) <= kMaxDelay_s) return;
-  warnings.push_back(fmt::format(
-      "dvl: begins and ends {:.1f} s {} the IMU: check whether both use the same clock, "
-      "and shift the stamps of one",
-      std::abs(delay), delay > 0.0 ? "after" : "before"));
-}
-
-// Sensors that served for a part of the recording only.
-void check_spans(const Evidence& evidence, Warnings& warnings) {
-  const auto& spans = evidence.samples.spans();
-  double longest_s = 0.0;
-  for (const auto& [kind, span] : spans) longest_s = std::max(longest_s, span.length_s());
-  const auto imu = spans.find("imu");
-  for (const auto& [kind, span] : spans) {
-    if (kind == "gnss") continue;  // at the surface only
-    const bool apart = kind != "dvl" && imu != spans.end() &&
-                       (span.first > imu->second.last || span.last < imu->second.first);
-    if (apart) {
-      warnings.push_back(
-          fmt::format("{}: none of its stamps lies within the time of the IMU: check whether both "
-                      "use the same clock, and shift the stamps of one",
-                      kind));
-    } else if (longest_s >= kMinRecording_s && span.length_s() < kMinCovered * longest_s) {
-      warnings.push_back(
-          fmt::format("{}: its {} samples cover {:.1f} of {:.1f} s; the rest is without it", kind,
-                      span.count, span.length_s(), longest_s));
-    }
-  }
-}
-
 // Images bridge gaps in the inertial data; a DVL alone does not tell how the vehicle turned.
 void check_gaps(const Evidence& evidence, Warnings& warnings) {
   const auto& gaps = evidence.samples.gaps();
@@ -261,8 +222,9 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   check_gyro(evidence, warnings);
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
-  check_clocks(evidence, warnings);
-  check_spans(evidence, warnings);
+  for (std::string& warning : check_spans(evidence.samples, fused)) {
+    warnings.push_back(std::move(warning));
+  }
   check_gaps(evidence, warnings);
   check_depth_sign(evidence, warnings);
   check_constant_depth(evidence, warnings);

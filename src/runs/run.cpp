@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "runs/run.hpp"
 
+#include <algorithm>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
@@ -320,7 +321,14 @@ std::vector<std::string> collect_warnings(const Evidence& evidence, const Rig& r
                                           const Trajectory& fused) {
   std::vector<std::string> warnings = check_inputs(evidence, rig);
   for (std::string& warning : check_result(evidence, fused)) warnings.push_back(std::move(warning));
-  for (const std::string& warning : warnings) log::warning("{}", warning);
+  const auto is_said = [&](const std::string& warning) {
+    return std::ranges::any_of(evidence.streams, [&](const auto& stream) {
+      return stream.second.remark == warning;  // when the recording was opened
+    });
+  };
+  for (const std::string& warning : warnings) {
+    if (!is_said(warning)) log::warning("{}", warning);
+  }
   return warnings;
 }
 

@@ -58,6 +58,10 @@ std::vector<std::string> check_inputs(const Evidence& evidence, const Rig& rig);
 /// Implausible magnitudes in the samples and in the result, each with what to look at.
 std::vector<std::string> check_result(const Evidence& evidence, const Trajectory& fused);
 
+/// What the times of the sensors tell: clocks that differ, sensors that served for a part of the
+/// recording only or begin late, and poses that begin late.
+std::vector<std::string> check_spans(const SampleStatistics& samples, const Trajectory& fused);
+
 /// Whether all poses are by images alone.
 bool has_unknown_scale(const VioService& vio);
 bool has_unknown_scale(const Evidence& evidence);

@@ -246,6 +246,38 @@ TEST(ResultWarnings, NameSensorsThatServedForAPart) {
               ElementsAre(HasSubstr("camera: none of its stamps lies within the time of the IMU")));
 }
 
+TEST(ResultWarnings, NameBothSpansOfClocksThatDiffer) {
+  const auto equal = check_result(forty_seconds(1e6 + 5.0, 1e6 + 45.0), straight(0.5));
+  EXPECT_THAT(equal, ElementsAre(AllOf(HasSubstr("camera: "), HasSubstr("1000005.000 to 1000045"),
+                                       HasSubstr("0.000 to 40.000 s"),
+                                       HasSubstr("dataset.clock_shift_s.camera=-1000005.000"))));
+  const auto shorter = check_result(forty_seconds(1e6, 1e6 + 20.0), straight(0.5));
+  EXPECT_THAT(shorter, ElementsAre(HasSubstr("find out by how much the clocks differ")));
+}
+
+TEST(ResultWarnings, NameSensorsThatBeginLate) {
+  EXPECT_THAT(check_result(forty_seconds(1.9, 39.0), straight(0.5)), IsEmpty());
+  EXPECT_THAT(
+      check_result(forty_seconds(4.0, 39.0), straight(0.5)),
+      ElementsAre("camera: begins 4.0 s after the recording: poses begin at 0.0 s, the first of "
+                  "them without it"));
+  EXPECT_THAT(check_result(forty_seconds(4.0, 39.0), Trajectory{}),
+              ElementsAre(HasSubstr("there are no poses")));
+}
+
+TEST(ResultWarnings, NamePosesThatBeginLate) {
+  Trajectory late = straight(0.5);
+  for (StampedPose& pose : late.poses) pose.stamp = pose.stamp + Duration::from_seconds(12.0);
+  EXPECT_THAT(check_result(forty_seconds(1.0, 39.0), late),
+              ElementsAre(HasSubstr("trajectory: begins 12.0 s after the recording")));
+}
+
+TEST(InputWarnings, NameUnitsThatWereReplaced) {
+  Evidence evidence = good_evidence();
+  evidence.streams["dvl"].remark = "dvl0/data.csv: taken as [us]";
+  EXPECT_THAT(warnings_of(evidence), ElementsAre("dvl0/data.csv: taken as [us]"));
+}
+
 TEST(ResultWarnings, NameGapsOfTheImuThatNoImagesBridge) {
   Evidence evidence = forty_seconds(1.0, 39.0, 9);
   EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
