@@ -33,6 +33,11 @@ struct FaultyDive {
   FaultTable dvl;
   FaultTable depth;
   FaultTable truth;
+
+  /// As a dataset folder, without a rig.
+  void write_folder(const std::filesystem::path& folder) const;
+  /// As an MCAP file. Rows that are no numbers are messages that nobody published.
+  void write_mcap(const std::filesystem::path& file) const;
 };
 
 /// A fault that people have reported of their recordings.
@@ -40,8 +45,12 @@ struct Fault {
   std::string name;
   bool is_harmless = false;  ///< the result must be right without a word
   std::function<void(FaultyDive&, Random&)> apply;
+  /// What a message about a wrong result must name, one of these; empty if it is harmless.
+  std::vector<std::string> names = {};
 };
 
 std::vector<Fault> all_faults();
+/// Those that a bag can have, which names neither units nor columns.
+std::vector<Fault> bag_faults();
 
 }  // namespace apvi::test
