@@ -93,12 +93,14 @@ std::optional<StampSummary> CsvFile::stamp_summary() {
     if (const auto time = text::parse_double(row)) begin.push_back(*time);
   }
   if (std::ssize(begin) < kSpanRows || std::ssize(end) < kSpanRows) return std::nullopt;
+  const double step = median_time_step(rows);
+  const double half = 0.5 * static_cast<double>(kSpanRows - 1) * step;  // from median to end
   return StampSummary{.column = fmt::format("{}: column {}", name_, columns_[time_column_]),
                       .is_stated = time_unit_is_stated_,
                       .power = time_power_,
-                      .first = median_of(begin.begin(), begin.begin() + kSpanRows),
-                      .last = median_of(end.end() - kSpanRows, end.end()),
-                      .step = median_time_step(rows)};
+                      .first = median_of(begin.begin(), begin.begin() + kSpanRows) - half,
+                      .last = median_of(end.end() - kSpanRows, end.end()) + half,
+                      .step = step};
 }
 
 // Dates, and numbers that are something else than the nanoseconds that they are taken for.

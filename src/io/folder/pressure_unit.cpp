@@ -108,10 +108,9 @@ std::string doubt_about(double shallow, PressureUnit unit, const PressureSource&
         "or dbar set dataset.pressure_unit, for a mountain lake atmospheric_pressure_pa of the rig",
         source.name, shallow, source.atmospheric_pa);
   }
-  if (depth_of(shallow, unit) < kLowest) return "";
+  if (unit == PressureUnit::pa || depth_of(shallow, unit) < kLowest) return "";
   const PressureUnit smaller = unit == PressureUnit::kpa ? PressureUnit::hpa : PressureUnit::pa;
   const double gauge_m = shallow * factor_of(smaller) / kPascalPerMeter;
-  if (unit == PressureUnit::pa || gauge_m >= kLowest) return "";
   return fmt::format(
       "{}: pressures of {:.6g} without a unit are taken as {}, {:.1f} m deep; as {} above the "
       "atmosphere they would be {:.2f} m deep: name the unit, or set dataset.pressure_unit",
