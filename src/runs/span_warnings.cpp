@@ -77,6 +77,7 @@ std::vector<std::string> check_spans(const SampleStatistics& samples, const Traj
       spans, [&](const auto& entry) { return entry.first != "gnss" && is_apart(entry.second); });
   if (one_clock) check_delay(samples, warnings);
   const std::size_t before = warnings.size();
+  const bool starts_agree = one_clock && before == 0;  // else the delay has been named
   for (const auto& [kind, span] : spans) {
     if (kind == "gnss") continue;  // at the surface only
     if (is_apart(span)) {
@@ -88,7 +89,7 @@ std::vector<std::string> check_spans(const SampleStatistics& samples, const Traj
           fmt::format("{}: its {} samples cover {:.1f} of {:.1f} s; the rest is without it", kind,
                       span.count, span.length_s(), longest_s));
     }
-    if (one_clock) check_start(kind, span, *samples.first(), fused, warnings);
+    if (starts_agree) check_start(kind, span, *samples.first(), fused, warnings);
   }
   if (one_clock && warnings.size() == before) {
     check_first_pose(*samples.first(), fused, warnings);
