@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "doctor/checks.hpp"
 
@@ -47,6 +48,26 @@ std::string_view section_of(const Sensor& s) {
   return s.name;
 }
 
+std::string remark_of(const CheckInput& c, const Sensor& s) {
+  const auto stream = c.observed.streams.find(s.stream);
+  return stream == c.observed.streams.end() ? "" : stream->second.remark;
+}
+
+// What the reader says of a sensor: the advice follows the last semicolon. It leaves out a sensor
+// with another clock than the IMU.
+void check_remark(const CheckInput& c, const Sensor& s, Report& report) {
+  const std::string remark = remark_of(c, s);
+  if (remark.empty()) return;
+  const std::size_t cut = remark.rfind("; ");
+  const bool is_left_out = s.timing->count == 0;
+  report.add({is_left_out ? Severity::error : Severity::warning,
+              s.name,
+              is_left_out ? "common time" : "reading",
+              remark.substr(0, cut),
+              cut == std::string::npos ? "" : remark.substr(cut + 2),
+              {{"samples", static_cast<double>(s.timing->count)}}});
+}
+
 void check_presence(const CheckInput& c, const Sensor& s, Report& report) {
   const auto stream = c.observed.streams.find(s.stream);
   const bool opened = stream != c.observed.streams.end() && s.name != "cam1";
@@ -60,7 +81,7 @@ void check_presence(const CheckInput& c, const Sensor& s, Report& report) {
          fmt::format("reports {} samples, but the rig does not describe it", s.timing->count),
          fmt::format("add a {} section to rig.yaml; otherwise it is not used", section_of(s)),
          {}});
-  } else if (opened || claimed) {
+  } else if ((opened || claimed) && remark_of(c, s).empty()) {
     report.add({claimed ? Severity::error : Severity::warning,
                 s.name,
                 "presence",
@@ -215,6 +236,7 @@ void check_common_time(const CheckInput& c, const Sensor& s, Report& report) {
 void check_timing(const CheckInput& c, Report& report) {
   for (const Sensor& s : sensors_of(c)) {
     check_presence(c, s, report);
+    if (s.name != "cam1") check_remark(c, s, report);
     if (owns_stream(c, s)) check_drops(s, c.observed.streams.at(s.stream), report);
     if (s.timing->count == 0) continue;
     check_common_time(c, s, report);

@@ -152,7 +152,10 @@ TEST(Presence, SensorMissingInRigIsAWarning) {
 TEST(Presence, SensorsWithoutTimeOverlapAreAnError) {
   Dive dive = healthy_dive();
   for (DvlSample& s : dive.dvl) s.stamp = s.stamp + Duration::from_seconds(3600.0);
-  EXPECT_FINDING(examine(dive), "dvl0", "common time", error, "same clock");
+  const Report report = examine(dive);
+  EXPECT_FINDING(report, "dvl0", "common time", error, "two clocks");
+  EXPECT_FINDING(report, "dvl0", "common time", error, "dataset.clock_shift_s.dvl=-3600.000");
+  EXPECT_EQ(report.find("dvl0", "presence"), nullptr);
 }
 
 TEST(RigFindings, RecordingWithoutRigIsCheckedAsFarAsPossible) {

@@ -104,7 +104,7 @@ def main():
     print(f"waiting for a client on port {server.getsockname()[1]}", flush=True)
     dvl, _ = server.accept()
     autopilot = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    autopilot.connect(("127.0.0.1", arguments.mavlink_port))
+    listener = ("127.0.0.1", arguments.mavlink_port)  # not connected: nobody may listen yet
 
     begin_ns = min(next(rows_of(arguments.dataset / "mav0" / k / "data.csv"))[0]
                    for k in ("imu0", "pressure0", "dvl0"))
@@ -119,9 +119,9 @@ def main():
             us = dvl_clock_us(stamp, arguments.dvl_skew_ppm, arguments.dvl_step, arguments.dvl_step_at)
             dvl.sendall(dvl_report(us, row, arguments.dvl_delay))
         elif kind == "imu":
-            autopilot.send(mavlink_frame(HIGHRES_IMU, sequence, imu_payload(stamp, row)))
+            autopilot.sendto(mavlink_frame(HIGHRES_IMU, sequence, imu_payload(stamp, row)), listener)
         else:
-            autopilot.send(mavlink_frame(SCALED_PRESSURE2, sequence, pressure_payload(stamp, row)))
+            autopilot.sendto(mavlink_frame(SCALED_PRESSURE2, sequence, pressure_payload(stamp, row)), listener)
     time.sleep(0.5)
 
 
