@@ -45,7 +45,8 @@ using StorageFiles = std::vector<std::shared_ptr<StorageFile>>;
 /// Holds on disk what a map has no memory for. All functions may be called from several threads.
 class StorageFolder {
  public:
-  /// The folder is created with its first file, and deleted if none is left at the end. At most `max_bytes`; an empty path: nothing.
+  /// The folder is created with its first file, and deleted if none is left at the end. At most
+  /// `max_bytes`; an empty path: nothing.
   StorageFolder(std::filesystem::path folder, double max_bytes);
   ~StorageFolder();
   StorageFolder(const StorageFolder&) = delete;
