@@ -34,7 +34,8 @@ void LogClock::fit() {
   std::vector<Point> hull;
   double mean = 0.0;
   double least = 0.0;
-  for (const auto& [second, p] : lowest_) {
+  for (const auto& entry : lowest_) {
+    const Point& p = entry.second;
     const auto is_above = [&] {
       const Point& a = hull[hull.size() - 2];
       const Point& b = hull.back();

@@ -56,8 +56,8 @@ std::optional<std::pair<Stamp, Stamp>> SensorData::span() const {
 void SensorData::put_in_order() {
   for_each_kind(*this, [](auto& samples) {
     std::ranges::stable_sort(samples, {}, [](const auto& s) { return s.stamp; });
-    const auto same = std::ranges::unique(samples, {}, [](const auto& s) { return s.stamp; });
-    samples.erase(same.begin(), same.end());
+    const auto same = [](const auto& a, const auto& b) { return a.stamp == b.stamp; };
+    samples.erase(std::unique(samples.begin(), samples.end(), same), samples.end());
   });
 }
 

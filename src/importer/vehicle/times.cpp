@@ -9,6 +9,9 @@
 #include "core/text.hpp"
 
 namespace apvi::importer {
+
+namespace chrono = std::chrono;
+
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -29,23 +32,21 @@ std::optional<int> take_digits(std::string_view& text, std::size_t count, char a
   return value;
 }
 
-std::optional<std::chrono::seconds> take_date(std::string_view& text) {
-  using namespace std::chrono;
+std::optional<chrono::seconds> take_date(std::string_view& text) {
   const auto y = take_digits(text, 4, '-');
   const auto m = y ? take_digits(text, 2, '-') : std::nullopt;
   const auto d = m ? take_digits(text, 2) : std::nullopt;
   if (!d || text.empty() || (text.front() != 'T' && text.front() != ' ')) return std::nullopt;
   text.remove_prefix(1);
-  const year_month_day date{year(*y), month(static_cast<unsigned>(*m)),
-                            day(static_cast<unsigned>(*d))};
+  const chrono::year_month_day date{chrono::year(*y), chrono::month(static_cast<unsigned>(*m)),
+                                    chrono::day(static_cast<unsigned>(*d))};
   if (!date.ok() || *y < 1970 || *y > 2100) return std::nullopt;
-  return sys_days(date).time_since_epoch();
+  return chrono::sys_days(date).time_since_epoch();
 }
 
 // "Z", "+02:00", "-0330" or nothing.
-std::optional<std::chrono::seconds> zone_of(std::string_view text) {
-  using namespace std::chrono;
-  if (text.empty() || text == "Z" || text == "z") return seconds(0);
+std::optional<chrono::seconds> zone_of(std::string_view text) {
+  if (text.empty() || text == "Z" || text == "z") return chrono::seconds(0);
   const char sign = text.front();
   text.remove_prefix(1);
   if (sign != '+' && sign != '-') return std::nullopt;
@@ -53,13 +54,12 @@ std::optional<std::chrono::seconds> zone_of(std::string_view text) {
   if (text.starts_with(':')) text.remove_prefix(1);
   const auto m = h ? take_digits(text, 2) : std::nullopt;
   if (!m || !text.empty()) return std::nullopt;
-  return (sign == '-' ? -1 : 1) * (hours(*h) + minutes(*m));
+  return (sign == '-' ? -1 : 1) * (chrono::hours(*h) + chrono::minutes(*m));
 }
 
 }  // namespace
 
 std::optional<Stamp> parse_time(std::string_view text) {
-  using namespace std::chrono;
   if (const auto ns = text::parse_seconds_as_ns(text)) {
     return *ns >= 0 ? std::optional(Stamp{*ns}) : std::nullopt;
   }
@@ -71,14 +71,14 @@ std::optional<Stamp> parse_time(std::string_view text) {
   const auto second = text::parse_seconds_as_ns(text.substr(0, end));
   const auto zone = zone_of(text.substr(end));
   if (!second || !zone || *second < 0 || *second > 61 * kSecond_ns) return std::nullopt;
-  const seconds whole = *date + hours(*h) + minutes(*m) - *zone;
+  const chrono::seconds whole = *date + chrono::hours(*h) + chrono::minutes(*m) - *zone;
   return Stamp{whole.count() * kSecond_ns + *second};
 }
 
 std::string time_text(Stamp stamp) {
   if (stamp.ns < kUnix2001_ns) return fmt::format("{:.3f} s", stamp.seconds());
   const std::int64_t ms = stamp.ns / 1'000'000;
-  const std::chrono::sys_seconds whole{std::chrono::seconds(ms / 1000)};
+  const chrono::sys_seconds whole{chrono::seconds(ms / 1000)};
   return fmt::format("{:%FT%T}.{:03}Z", fmt::gmtime(whole), ms % 1000);
 }
 

@@ -298,7 +298,7 @@ std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
 }
 
 std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit, double atmospheric_pa,
-                                           MotionReader motion) {
+                                           const MotionReader& motion) {
   const Quantity column = file.require_quantity(kPressure, Dimension::pressure);
   PressureSource source{.name = file.name(), .unit = unit, .atmospheric_pa = atmospheric_pa};
   if (unit == PressureUnit::automatic && column.has_unit) source.unit = unit_of(column.to_si);

@@ -34,7 +34,7 @@ std::unique_ptr<SampleSource> csv_dvl(CsvFile file);
 /// readings above the atmosphere.
 std::unique_ptr<SampleSource> csv_pressure(CsvFile file, PressureUnit unit,
                                            double atmospheric_pa = 101325.0,
-                                           MotionReader motion = {});
+                                           const MotionReader& motion = {});
 std::unique_ptr<SampleSource> csv_depth(CsvFile file);
 std::unique_ptr<SampleSource> csv_gnss(CsvFile file);
 /// Images by file name in the folder `images`; a row whose file is missing is malformed.
