@@ -19,6 +19,10 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests/live"))
+
+from vehicle import free_port, shift_stamps  # noqa: E402  pylint: disable=wrong-import-position
+
 NO_MAP = ["--no-report", "--set", "mapping.enabled=false"]
 SAMPLES = 12  # of the memory
 
@@ -31,12 +35,6 @@ def parse_arguments():
     parser.add_argument("--step", type=float, default=2.0)
     parser.add_argument("-o", "--output", type=pathlib.Path)
     return parser.parse_args()
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def resident_mib(process):
@@ -75,16 +73,6 @@ def play(arguments, dive, run):
     return first_ns - sent_ns, memory, log.read_text(encoding="utf-8")
 
 
-def shifted(trajectory, shift_ns, out):
-    with out.open("w", encoding="utf-8") as lines:
-        for line in trajectory.read_text(encoding="utf-8").splitlines():
-            stamp, pose = line.split(" ", 1)
-            seconds, nanoseconds = stamp.split(".")
-            ns = int(seconds) * 10**9 + int(nanoseconds) + shift_ns
-            lines.write(f"{ns // 10**9}.{ns % 10**9:09} {pose}\n")
-    return out
-
-
 def ate(apvi, dive, trajectory):
     reference = dive / "mav0/state_groundtruth_estimate0/data.csv"
     figures = subprocess.run([apvi, "eval", "trajectory", "--reference", reference, "--estimate", trajectory,
@@ -109,7 +97,8 @@ def main():
         offline = folder / "offline"
         subprocess.run([arguments.apvi, "-q", "run", dive, "-o", offline, *NO_MAP], check=True,
                        stdout=subprocess.DEVNULL)
-        poses = shifted(folder / "live/trajectory.tum", shift_ns, folder / "shifted.tum")
+        poses = folder / "shifted.tum"
+        shift_stamps(folder / "live/trajectory.tum", shift_ns, poses)
         print(f"ATE live {ate(arguments.apvi, dive, poses):.4f} m, "
               f"offline {ate(arguments.apvi, dive, offline / 'trajectory.tum'):.4f} m")
 

@@ -10,16 +10,12 @@ import sys
 import tempfile
 import unittest
 
+from vehicle import free_port, shift_stamps
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/bin/apvi")
 DURATION_S = 45
 NO_MAP = ["--no-report", "--set", "mapping.enabled=false"]
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def apvi(*arguments):
@@ -85,12 +81,7 @@ class LiveDive(unittest.TestCase):
         apvi("run", self.dive, "-o", offline, *NO_MAP)
         reference = self.dive / "mav0/state_groundtruth_estimate0/data.csv"
         shifted = self.folder / "shifted.tum"
-        with shifted.open("w") as out:
-            for line in (self.live / "trajectory.tum").read_text().splitlines():
-                stamp, pose = line.split(" ", 1)
-                seconds, nanoseconds = stamp.split(".")
-                ns = int(seconds) * 10**9 + int(nanoseconds) + self.shift_ns
-                out.write(f"{ns // 10**9}.{ns % 10**9:09} {pose}\n")
+        shift_stamps(self.live / "trajectory.tum", self.shift_ns, shifted)
         figures = json.loads(apvi("eval", "trajectory", "--reference", reference, "--estimate",
                                   shifted, "--json"))
         self.assertLess(figures["trajectory"]["ate_rmse_m"], 1.2 * ate(offline) + 0.005)

@@ -24,6 +24,23 @@ HIGHRES_IMU, SCALED_PRESSURE2 = (105, 93), (137, 195)  # id, CRC_EXTRA
 DVL_EPOCH_US = 1_600_000_000_000_000
 
 
+def free_port(kind):
+    """A port of the loopback that nothing uses; kind: socket.SOCK_STREAM or SOCK_DGRAM."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def shift_stamps(trajectory, shift_ns, out):
+    """Writes a TUM trajectory with other stamps."""
+    with out.open("w") as lines:
+        for line in trajectory.read_text().splitlines():
+            stamp, pose = line.split(" ", 1)
+            seconds, nanoseconds = stamp.split(".")
+            ns = int(seconds) * 10**9 + int(nanoseconds) + shift_ns
+            lines.write(f"{ns // 10**9}.{ns % 10**9:09} {pose}\n")
+
+
 def rows_of(path):
     """(stamp [ns], numbers by column) of each row; empty cells are left out."""
     with path.open() as lines:
