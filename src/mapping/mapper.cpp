@@ -4,7 +4,6 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "apvi/core/constants.hpp"
@@ -311,7 +310,8 @@ void Mapper::save(const std::filesystem::path& checkpoint) const {
   optimizer_.save(optimizer);
   archive.write("optimizer", optimizer);
   torch::serialize::OutputArchive region;
-  std::ranges::move(region_.save(region, optimizer_), std::back_inserter(files));
+  const StorageFiles of_region = region_.save(region, optimizer_);
+  files.insert(files.end(), of_region.begin(), of_region.end());
   archive.write("region", region);
   gaussians::write_archive(checkpoint, archive);
   storage_folder_->keep(files);
@@ -340,8 +340,9 @@ void Mapper::resume(const std::filesystem::path& checkpoint) {
     read.keyframes_.set_tone_curve(read.optimizer_.tone_curve());
     torch::serialize::InputArchive region;
     archive.read("region", region);
-    std::ranges::move(read.region_.load(region, read.keyframes_, read.optimizer_, read.training_),
-                      std::back_inserter(files));
+    const StorageFiles of_region =
+        read.region_.load(region, read.keyframes_, read.optimizer_, read.training_);
+    files.insert(files.end(), of_region.begin(), of_region.end());
   });
   read.storage_folder_->restore(files);
   *this = std::move(read);

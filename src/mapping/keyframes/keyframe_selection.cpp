@@ -4,7 +4,6 @@
 #include <torch/torch.h>
 
 #include <algorithm>
-#include <iterator>
 #include <limits>
 
 #include "gaussians/model/archive.hpp"
@@ -40,9 +39,10 @@ std::size_t most_redundant(const std::vector<std::size_t>& views, const Keyframe
 
 std::vector<std::size_t> training_views(const KeyframeStore& keyframes, bool on_host) {
   std::vector<std::size_t> views;
-  std::ranges::copy_if(keyframes.training(), std::back_inserter(views), [&](std::size_t view) {
-    return keyframes[view].image.defined() && keyframes.on_host().contains(view) == on_host;
-  });
+  for (const std::size_t view : keyframes.training()) {
+    const bool is_on_host = keyframes.on_host().count(view) != 0;
+    if (keyframes[view].image.defined() && is_on_host == on_host) views.push_back(view);
+  }
   return views;
 }
 

@@ -110,10 +110,10 @@ std::vector<std::size_t> KeyframeStore::keep_off_device(const std::set<std::size
   std::vector<std::size_t> lost;
   std::set<std::size_t> returning;
   for (const std::size_t i : on_host_) {
-    if (!views.contains(i)) returning.insert(i);
+    if (views.count(i) == 0) returning.insert(i);
   }
   for (const auto& [i, file] : files_) {
-    if (is_on_disk(i) && !views.contains(i)) returning.insert(i);
+    if (is_on_disk(i) && views.count(i) == 0) returning.insert(i);
   }
   for (const std::size_t i : returning) {
     if (is_on_disk(i) && !read_image(i)) {
@@ -127,7 +127,7 @@ std::vector<std::size_t> KeyframeStore::keep_off_device(const std::set<std::size
     image_bytes_ += bytes;
   }
   for (const std::size_t i : views) {
-    if (on_host_.contains(i) || !keyframes_.at(i).image.defined()) continue;
+    if (on_host_.count(i) != 0 || !keyframes_.at(i).image.defined()) continue;
     const std::size_t bytes = move(i, torch::kCPU);
     on_host_.insert(i);
     image_bytes_ -= bytes;
@@ -158,8 +158,8 @@ void KeyframeStore::write_host_images(double max_bytes) {
 }
 
 std::size_t KeyframeStore::images_on_disk() const {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(files_, [this](const auto& entry) { return is_on_disk(entry.first); }));
+  return static_cast<std::size_t>(std::count_if(
+      files_.begin(), files_.end(), [this](const auto& entry) { return is_on_disk(entry.first); }));
 }
 
 // From its file to host memory.

@@ -115,7 +115,7 @@ class KeyframeStore {
   void append(Keyframe keyframe);
   void list_view(std::size_t i);
   bool is_on_disk(std::size_t i) const {
-    return !keyframes_.at(i).image.defined() && files_.contains(i);
+    return !keyframes_.at(i).image.defined() && files_.count(i) != 0;
   }
   bool read_image(std::size_t i);
   std::size_t move(std::size_t i, const torch::Device& device);

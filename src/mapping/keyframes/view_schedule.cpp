@@ -44,8 +44,8 @@ double ViewSchedule::weight(const Entry& entry, double mean_loss, double mean_us
 }
 
 std::vector<const ViewSchedule::Entry*> ViewSchedule::candidates() const {
-  const bool all_paused =
-      std::ranges::all_of(entries_, [](const Entry& entry) { return entry.paused; });
+  const bool all_paused = std::all_of(entries_.begin(), entries_.end(),
+                                      [](const Entry& entry) { return entry.paused; });
   std::vector<const Entry*> drawn;
   for (const Entry& entry : entries_) {
     if (all_paused || !entry.paused) drawn.push_back(&entry);
@@ -54,7 +54,7 @@ std::vector<const ViewSchedule::Entry*> ViewSchedule::candidates() const {
 }
 
 void ViewSchedule::pause(const std::set<std::size_t>& views) {
-  for (Entry& entry : entries_) entry.paused = views.contains(entry.view);
+  for (Entry& entry : entries_) entry.paused = views.count(entry.view) != 0;
 }
 
 std::size_t ViewSchedule::draw(Random& random) const {

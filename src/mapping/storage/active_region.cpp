@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string>
 
 #include "apvi/core/log.hpp"
@@ -145,7 +146,8 @@ std::vector<ActiveRegion::Place> ActiveRegion::places(const std::vector<std::int
     const auto& [x, y, z] = here.center;
     out.push_back({anchor, here, std::hypot(x, y, z - range_m)});
   }
-  std::ranges::sort(out, {}, [](const Place& place) { return place.distance_m; });
+  std::sort(out.begin(), out.end(),
+            [](const Place& a, const Place& b) { return a.distance_m < b.distance_m; });
   return out;
 }
 
@@ -165,7 +167,7 @@ double ActiveRegion::load_near(std::size_t view, double range_m, bool fill,
     return may_see(keyframes[view].intrinsics, inflated(place.in_camera, margin * range_m),
                    kFarOverUsual * range_m);
   };
-  const bool is_due = fill || std::ranges::any_of(stored, [&](const Place& place) {
+  const bool is_due = fill || std::any_of(stored.begin(), stored.end(), [&](const Place& place) {
                         return is_within(place, kLoadMargin);
                       });
   if (!is_due) return 0.0;
@@ -225,7 +227,7 @@ void ActiveRegion::write_farthest(std::size_t view, double range_m,
   for (const Place& place : places(storage_.anchors(), view, range_m, keyframes)) {
     farthest_first.push_back(place.anchor);
   }
-  std::ranges::reverse(farthest_first);
+  std::reverse(farthest_first.begin(), farthest_first.end());
   storage_.write(farthest_first, kLeftInMemory * max_stored_bytes_);
 }
 
@@ -244,9 +246,13 @@ void ActiveRegion::load(const std::vector<std::int64_t>& anchors, const Keyframe
     parts.pop_back();
   }
   for (auto& [view, missing] : missing_) {
-    std::erase_if(missing, [this](std::int64_t anchor) { return !storage_.holds(anchor); });
+    for (auto anchor = missing.begin(); anchor != missing.end();) {
+      anchor = storage_.holds(*anchor) ? std::next(anchor) : missing.erase(anchor);
+    }
   }
-  std::erase_if(missing_, [](const auto& entry) { return entry.second.empty(); });
+  for (auto entry = missing_.begin(); entry != missing_.end();) {
+    entry = entry->second.empty() ? missing_.erase(entry) : std::next(entry);
+  }
   log::debug("map: {} Gaussians loaded, {} stored", before - storage_.size(), storage_.size());
 }
 
@@ -275,7 +281,7 @@ void ActiveRegion::pause_views(const std::vector<std::int64_t>& anchors, const T
       return may_see(keyframes[view].intrinsics,
                      to_camera(keyframes[view].T_camera_world, in_world), seen_m);
     };
-    if (std::ranges::none_of(anchors, sees)) continue;
+    if (std::none_of(anchors.begin(), anchors.end(), sees)) continue;
     gaussians::View camera = keyframes.view(view, 1);
     camera.T_camera_world = camera.T_camera_world.to(means.options());
     const ProjectedPoints seen = project(camera, means);

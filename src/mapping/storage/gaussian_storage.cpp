@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <iterator>
 #include <utility>
 
 #include "gaussians/model/archive.hpp"
@@ -19,8 +18,12 @@ using torch::Tensor;
 
 /// Of at least one, in the appearance that knows the gains of all their keyframes.
 DetachedGaussians concatenated(std::vector<DetachedGaussians> parts) {
-  DetachedGaussians out = *std::ranges::max_element(
-      parts, {}, [](const DetachedGaussians& part) { return known_keyframes(*part.appearance); });
+  const auto known = [](const DetachedGaussians& part) {
+    return known_keyframes(*part.appearance);
+  };
+  DetachedGaussians out =
+      *std::max_element(parts.begin(), parts.end(),
+                        [&](const auto& a, const auto& b) { return known(a) < known(b); });
   std::vector<std::vector<Tensor>> columns(tensors_of(out).size());
   for (DetachedGaussians& part : parts) {
     const std::vector<Tensor*> tensors = tensors_of(part);
@@ -150,8 +153,7 @@ std::vector<DetachedGaussians> GaussianStorage::read(
   std::vector<DetachedGaussians> out;
   for (const auto& [version, blocks] : by_version(anchors)) {
     std::vector<DetachedGaussians> parts;
-    std::ranges::transform(blocks, std::back_inserter(parts),
-                           [](const Block* block) { return content(*block); });
+    for (const Block* block : blocks) parts.push_back(content(*block));
     out.push_back(joined(blocks, std::move(parts)));
   }
   return out;
@@ -162,9 +164,9 @@ std::vector<DetachedGaussians> GaussianStorage::sample() const {
   std::vector<DetachedGaussians> out;
   for (const auto& [version, blocks] : by_version(anchors())) {
     std::vector<DetachedGaussians> parts;
-    std::ranges::transform(blocks, std::back_inserter(parts), [](const Block* block) {
-      return block->file ? block->gaussians : thinned(block->gaussians, kSampleStride);
-    });
+    for (const Block* block : blocks) {
+      parts.push_back(block->file ? block->gaussians : thinned(block->gaussians, kSampleStride));
+    }
     out.push_back(joined(blocks, std::move(parts)));
   }
   return out;

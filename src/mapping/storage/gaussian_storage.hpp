@@ -48,7 +48,7 @@ class GaussianStorage {
   /// About every n-th Gaussian of all (kSampleStride), without reading files.
   std::vector<DetachedGaussians> sample() const;
 
-  bool holds(std::int64_t anchor) const { return blocks_.contains(anchor); }
+  bool holds(std::int64_t anchor) const { return blocks_.count(anchor) != 0; }
   /// Whether there is room for more, in `max_bytes` of memory or in files.
   bool has_room(double max_bytes) const;
   std::vector<std::int64_t> anchors() const;

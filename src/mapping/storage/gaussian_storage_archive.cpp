@@ -74,8 +74,12 @@ void GaussianStorage::save_version(OutputArchive& archive, const std::vector<con
   if (!in_memory.empty()) {
     write_child(archive, "memory", archive_of(joined(in_memory, std::move(parts))));
   }
-  const Block* const best = *std::ranges::max_element(
-      blocks, {}, [](const Block* block) { return known_keyframes(*block->gaussians.appearance); });
+  const auto known = [](const Block* block) {
+    return known_keyframes(*block->gaussians.appearance);
+  };
+  const Block* const best =
+      *std::max_element(blocks.begin(), blocks.end(),
+                        [&](const Block* a, const Block* b) { return known(a) < known(b); });
   OutputArchive appearance;
   save_appearance(appearance, *best->gaussians.appearance);
   archive.write("appearance", appearance);

@@ -115,9 +115,9 @@ void StorageFolder::restore(const StorageFiles& files) {
   std::error_code ignored;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, ignored)) {
     const std::string name = entry.path().filename().string();
-    if (std::ranges::none_of(files, [&](const auto& file) { return file->name() == name; })) {
-      fs::remove(entry.path(), ignored);
-    }
+    const bool is_kept = std::any_of(files.begin(), files.end(),
+                                     [&](const auto& file) { return file->name() == name; });
+    if (!is_kept) fs::remove(entry.path(), ignored);
   }
 }
 
