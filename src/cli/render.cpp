@@ -68,6 +68,13 @@ void add_render(CLI::App& app) {
       ->type_name("FILE");
   command->add_flag("--restore", r->restore, "also render restored images (without the medium)");
   command->add_flag("--depth", r->depth, "also render depth: 16-bit PNG in millimeters");
+  command
+      ->add_option(
+          "--detail", r->detail_px,
+          "leave out details smaller than so many pixels: faster for large maps, and fewer "
+          "artifacts far away (default: 0, all Gaussians)")
+      ->type_name("PIXELS")
+      ->check(CLI::Range(0.0, 100.0));
   add_format_options(*command, *r);
   add_display_options(*command, *r);
   command->add_option("-o,--output", r->out, "output folder")->type_name("FOLDER")->required();

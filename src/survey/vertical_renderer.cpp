@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "gaussians/model/point_cloud.hpp"
+#include "gaussians/model/quaternions.hpp"
 #include "gaussians/render/render.hpp"
 #include "gaussians/render/sh_math.hpp"
 #include "mapping/surface_depth.hpp"
@@ -26,23 +27,12 @@ constexpr double kMinRelief_m = 1e-3;   // of a tile
 constexpr std::int64_t kMarginPx = 16;  // around a tile, for slopes at its edges
 constexpr double kFlat = -30.0;         // logarithm of a thickness of nothing
 
-/// Rotation matrices [N,3,3] of quaternions w x y z [N,4] of any norm.
-Tensor rotations(const Tensor& quaternions) {
-  const auto q = (quaternions / quaternions.norm(2, 1, true)).unbind(1);
-  const Tensor &w = q[0], &x = q[1], &y = q[2], &z = q[3];
-  return torch::stack({1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-                       2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                       2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)},
-                      1)
-      .view({-1, 3, 3});
-}
-
 /// Horizontal covariances [N,2,2]: east and south.
 Tensor footprints(const SurveyMap& map) {
   const Gaussians& g = map.map.gaussians;
   Tensor horizontal = crs_rotation(map).slice(0, 0, 2).clone();
   horizontal[1].neg_();
-  const Tensor axes = torch::matmul(horizontal, rotations(g.quaternions.to(torch::kFloat64))) *
+  const Tensor axes = torch::matmul(horizontal, gaussians::rotations_of(g.quaternions.to(torch::kFloat64))) *
                       g.log_scales.to(torch::kFloat64).exp().unsqueeze(1);
   return torch::matmul(axes, axes.transpose(1, 2));
 }

@@ -13,6 +13,8 @@ constexpr std::size_t kMaxFlights = 2;   // frames that are not drawn yet
 constexpr std::size_t kMaxRequests = 8;  // snapshots and measurements
 constexpr milliseconds kAtRest(150);     // after the last change of a moving view
 constexpr milliseconds kRenewal(500);    // of a view at rest while the map changes
+constexpr double kDetailAtRest_px = 1.0;
+constexpr double kDetailMoving_px = 2.0;
 
 int scaled(int size, double scale) {
   return std::max(1, static_cast<int>(std::lround(size * scale)));
@@ -56,10 +58,11 @@ std::optional<bool> Watcher::due(Time now, std::uint64_t version) const {
 FrameJob Watcher::make_frame(bool complete) const {
   FrameJob job{
       .frame = next_frame_, .view_id = view_->id, .view = view_->view, .complete = complete};
+  job.view.detail_px = complete ? kDetailAtRest_px : kDetailMoving_px;
   if (complete) return job;
   Viewpoint& v = job.view.viewpoint;
   const double scale = rate_.scale();
-  job.complete = scale == 1.0;
+  job.complete = false;
   v.width = scaled(v.width, scale);
   v.height = scaled(v.height, scale);
   return job;

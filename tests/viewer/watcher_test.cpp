@@ -47,6 +47,17 @@ TEST_F(WatcherTest, AViewAtRestIsDrawnOnceAtFullSize) {
   EXPECT_FALSE(frame());
 }
 
+TEST_F(WatcherTest, AMovingViewMayLeaveOutMoreDetailThanOneAtRest) {
+  watcher_.receive(view(1, true), now_);
+  const auto moving = frame();
+  show(moving->frame);
+  now_ += milliseconds(200);
+  const auto rest = frame();
+  ASSERT_TRUE(rest);
+  EXPECT_LE(rest->view.detail_px, 1.0);
+  EXPECT_LT(rest->view.detail_px, moving->view.detail_px);
+}
+
 TEST_F(WatcherTest, OnlyTheNewestViewIsDrawn) {
   for (std::uint32_t id = 0; id < 1000; ++id) watcher_.receive(view(id, true), now_);
   EXPECT_EQ(frame()->view_id, 999U);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "gaussians/model/quaternions.hpp"
 #include "gaussians/render/sh_math.hpp"
 
 namespace apvi::gaussians {
@@ -38,31 +39,6 @@ Tensor sh_values(int degree, const Tensor& directions) {
     sh_basis(degree, v[0], v[1], v[2], out);
   }
   return values;
-}
-
-/// Products of quaternions w x y z, [N,4] each.
-Tensor quaternion_products(const Tensor& a, const Tensor& b) {
-  const std::vector<Tensor> p = a.unbind(1);
-  const std::vector<Tensor> q = b.unbind(1);
-  return torch::stack({p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-                       p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-                       p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-                       p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]},
-                      1);
-}
-
-/// Unit quaternions [M,4] w x y z of rotation matrices [M,3,3]: the dominant eigenvectors of
-/// Bar-Itzhack's matrices (2000), which need no case distinction.
-Tensor quaternions_of(const Tensor& R) {
-  const auto r = [&](int row, int column) { return R.select(1, row).select(1, column); };
-  const Tensor K = torch::stack(
-      {r(0, 0) + r(1, 1) + r(2, 2), r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1),  //
-       r(2, 1) - r(1, 2), r(0, 0) - r(1, 1) - r(2, 2), r(1, 0) + r(0, 1), r(0, 2) + r(2, 0),  //
-       r(0, 2) - r(2, 0), r(1, 0) + r(0, 1), r(1, 1) - r(0, 0) - r(2, 2), r(2, 1) + r(1, 2),  //
-       r(1, 0) - r(0, 1), r(0, 2) + r(2, 0), r(2, 1) + r(1, 2), r(2, 2) - r(0, 0) - r(1, 1)},
-      1);
-  const Tensor q = std::get<1>(torch::linalg_eigh(K.reshape({-1, 4, 4}))).select(2, 3);
-  return q * q.gather(1, q.abs().argmax(1, true)).sign();  // eigenvectors have arbitrary sign
 }
 
 void check(const SimilarityTransforms& s) {

@@ -162,8 +162,8 @@ std::size_t KeyframeStore::images_on_disk() const {
       files_.begin(), files_.end(), [this](const auto& entry) { return is_on_disk(entry.first); }));
 }
 
-// From its file to host memory.
-bool KeyframeStore::read_image(std::size_t i) {
+// Undefined when the file is lost.
+Tensor KeyframeStore::image_on_disk(std::size_t i) const {
   Tensor image;
   const gaussians::Intrinsics& camera = keyframes_[i].intrinsics;
   const bool is_read = files_.at(i)->read([&](torch::serialize::InputArchive& archive) {
@@ -171,7 +171,13 @@ bool KeyframeStore::read_image(std::size_t i) {
     TORCH_CHECK(image.sizes() == at::IntArrayRef({camera.height, camera.width, 3}),
                 "the image has another size");
   });
-  if (!is_read) return false;
+  return is_read ? image : Tensor();
+}
+
+// From its file to host memory.
+bool KeyframeStore::read_image(std::size_t i) {
+  const Tensor image = image_on_disk(i);
+  if (!image.defined()) return false;
   keyframes_[i].image = image;
   on_host_.insert(i);
   host_image_bytes_ += image.nbytes();
@@ -180,9 +186,8 @@ bool KeyframeStore::read_image(std::size_t i) {
 
 Tensor KeyframeStore::pixels(std::size_t i) const {
   if (!is_on_disk(i)) return keyframes_.at(i).image;
-  Tensor image;
-  const auto read = [&](torch::serialize::InputArchive& archive) { archive.read("image", image); };
-  if (!files_.at(i)->read(read)) fail_run("{}: the image is lost", keyframes_[i].name);
+  const Tensor image = image_on_disk(i);
+  if (!image.defined()) fail_run("{}: the image is lost", keyframes_[i].name);
   return image;
 }
 

@@ -117,6 +117,7 @@ class KeyframeStore {
   bool is_on_disk(std::size_t i) const {
     return !keyframes_.at(i).image.defined() && files_.count(i) != 0;
   }
+  torch::Tensor image_on_disk(std::size_t i) const;
   bool read_image(std::size_t i);
   std::size_t move(std::size_t i, const torch::Device& device);
 

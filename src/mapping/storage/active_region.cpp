@@ -17,6 +17,10 @@
 namespace apvi::mapping {
 namespace {
 
+using gaussians::may_see;
+using gaussians::Sphere;
+using gaussians::to_camera;
+using gaussians::to_world;
 using torch::Tensor;
 
 // Fractions of the device's limit: above the first, Gaussians are stored until the second is left.

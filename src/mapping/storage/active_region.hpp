@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "gaussians/render/view_cone.hpp"
 #include "mapping/alignment/keyframe_poses.hpp"
 #include "mapping/keyframes/keyframe_store.hpp"
 #include "mapping/storage/gaussian_storage.hpp"
-#include "mapping/storage/view_cone.hpp"
 #include "mapping/training/map_optimizer.hpp"
 #include "mapping/training/online_training.hpp"
 
@@ -82,7 +82,7 @@ class ActiveRegion {
   GaussianStorage storage_;
   /// Around most of the Gaussians of a keyframe, in the frame of its camera, as of the last time
   /// that some were stored.
-  std::map<std::int64_t, Sphere> spheres_;
+  std::map<std::int64_t, gaussians::Sphere> spheres_;
   /// Keyframes with stored Gaussians, by the keyframe that sees them.
   std::map<std::size_t, std::set<std::int64_t>> missing_;
   std::size_t look_again_ = 0;  ///< keyframe before which no distant parts are looked for

@@ -103,7 +103,7 @@ void LiveScene::refresh() {
   auto copy = copy_map();
   if (!copy) return;
   const MapExtent extent = extent_of(copy->map);
-  painter_.set_map(std::move(copy->map), {});
+  painter_.set_map(std::move(copy->map), {}, /*with_levels=*/false);
   const std::scoped_lock lock(mutex_);
   description_.gaussians = extent.gaussians;
   description_.medium = extent.medium;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -57,21 +58,37 @@ double value_at(const Tensor& values, double fraction) {
 
 }  // namespace
 
-void MapPainter::set_map(mapping::Map map, std::vector<gaussians::View> views) {
+void MapPainter::set_map(mapping::Map map, std::vector<gaussians::View> views, bool with_levels) {
   map_ = std::move(map);
   views_ = std::move(views);
+  levels_.reset();
+  coming_levels_ = {};
+  if (!with_levels) return;
+  coming_levels_ = std::async(std::launch::async,
+                              [all = map_.gaussians] { return gaussians::DetailLevels(all); });
+}
+
+mapping::MapRendering MapPainter::rendering(const gaussians::View& camera, double detail_px) {
+  if (coming_levels_.valid() &&
+      coming_levels_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+    levels_ = coming_levels_.get();
+  }
+  if (!levels_ || detail_px <= 0.0) return mapping::render_map(map_, camera);
+  mapping::Map drawn = map_;
+  drawn.gaussians = levels_->select(camera, detail_px);
+  return mapping::render_map(drawn, camera);
 }
 
 std::optional<viewer::Rendering> MapPainter::render(const viewer::View& view) {
   if (empty()) return std::nullopt;
   const torch::NoGradGuard no_grad;
   const gaussians::View camera = to_view(view.viewpoint);
-  const mapping::MapRendering rendering = mapping::render_map(map_, camera);
+  const mapping::MapRendering drawn = rendering(camera, view.detail_px);
   viewer::Rendering out;
-  out.depth = to_mat(rendering.depth);
-  out.alpha = to_mat(rendering.alpha);
+  out.depth = to_mat(drawn.depth);
+  out.alpha = to_mat(drawn.alpha);
   const bool colored = view.layer == viewer::Layer::seen || view.layer == viewer::Layer::restored;
-  if (colored) out.color = slam::to_image(color(view, camera, rendering));
+  if (colored) out.color = slam::to_image(color(view, camera, drawn));
   return out;
 }
 

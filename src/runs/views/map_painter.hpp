@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <optional>
 #include <vector>
 
+#include "gaussians/detail/detail_levels.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "mapping/rendering.hpp"
 #include "viewer/scene.hpp"
@@ -15,8 +17,9 @@ namespace apvi::runs {
 class MapPainter {
  public:
   /// `views`: those whose restored renders decide on the exposure, see mapping::display_exposure;
-  /// empty: the first view that is drawn without the medium.
-  void set_map(mapping::Map map, std::vector<gaussians::View> views);
+  /// empty: the first view that is drawn without the medium. `with_levels`: draw what is far away
+  /// in less detail (gaussians::DetailLevels), as soon as that is prepared; for maps that stay.
+  void set_map(mapping::Map map, std::vector<gaussians::View> views, bool with_levels);
   bool empty() const { return map_.gaussians.size() == 0; }
   const mapping::Map& map() const { return map_; }
   /// Brightness and white balance of restored images. `camera`: the view to choose it by when
@@ -29,10 +32,13 @@ class MapPainter {
   std::optional<double> depth(const viewer::Viewpoint& viewpoint, int column, int row) const;
 
  private:
+  mapping::MapRendering rendering(const gaussians::View& camera, double detail_px);
   torch::Tensor color(const viewer::View& view, const gaussians::View& camera,
                       const mapping::MapRendering& rendering);
 
   mapping::Map map_;
+  std::future<gaussians::DetailLevels> coming_levels_;
+  std::optional<gaussians::DetailLevels> levels_;
   std::vector<gaussians::View> views_;
   std::optional<mapping::DisplayExposure> exposure_;  // once it is needed: it takes a second
 };

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <torch/torch.h>
 
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -13,6 +14,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
 #include "core/status_line.hpp"
+#include "gaussians/detail/detail_levels.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "mapping/rendering.hpp"
 #include "mapping/surface_depth.hpp"
@@ -80,6 +82,26 @@ mapping::DisplayExposure exposure_of(const RenderRequest& r, const mapping::Map&
   return chosen;
 }
 
+/// Renders the views of a map, in less detail where that is asked for.
+class DetailedMap {
+ public:
+  DetailedMap(const mapping::Map& map, double detail_px) : drawn_(map), detail_px_(detail_px) {
+    if (detail_px > 0.0) levels_.emplace(map.gaussians);
+  }
+
+  mapping::MapRendering render(const gaussians::View& view, bool surface_depth) {
+    if (levels_) drawn_.gaussians = levels_->select(view, detail_px_);
+    mapping::MapRendering out = mapping::render_map(drawn_, view);
+    if (surface_depth) out.depth = mapping::surface_depth(drawn_, view, out.depth, out.alpha);
+    return out;
+  }
+
+ private:
+  mapping::Map drawn_;
+  double detail_px_;
+  std::optional<gaussians::DetailLevels> levels_;
+};
+
 struct Writers {
   using Write = void (*)(const fs::path&, const torch::Tensor&);
   const char* extension;
@@ -128,12 +150,10 @@ std::size_t render_run(const RenderRequest& request) {
   if (error) fail_run("{}: cannot create folder: {}", request.out.string(), error.message());
   StatusLine status("rendering");
   const mapping::DisplayExposure exposure = exposure_of(request, map, views, stored.origin);
+  DetailedMap detailed(map, request.detail_px);
   std::size_t done = 0;
   for (const auto& [name, view] : views) {
-    mapping::MapRendering rendering = mapping::render_map(map, view);
-    if (request.depth) {
-      rendering.depth = mapping::surface_depth(map, view, rendering.depth, rendering.alpha);
-    }
+    const mapping::MapRendering rendering = detailed.render(view, request.depth);
     write_rendering(rendering, map.tone_curve, request, name, exposure);
     status.update(static_cast<double>(++done) / static_cast<double>(views.size()), name);
   }

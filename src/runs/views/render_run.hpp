@@ -24,6 +24,7 @@ struct RenderRequest {
   std::filesystem::path out;       ///< folder
   bool restore = false;            ///< also render without water
   bool depth = false;              ///< also render depth
+  double detail_px = 0.0;          ///< see gaussians::DetailLevels; 0: all Gaussians
   ImageFormat format = ImageFormat::png;
   int bits = 8;  ///< of a color PNG: 8 or 16
   /// Brightness of restored images: a factor; empty: chosen for the map, see

@@ -88,7 +88,7 @@ StoredScene::StoredScene(const fs::path& source) {
   if (!stored.map.medium) d.up = -Eigen::Vector3d::UnitY();
   std::vector<gaussians::View> views;
   if (fs::is_directory(source)) views = describe_run(source, stored.origin);
-  painter_.set_map(std::move(stored.map), std::move(views));
+  painter_.set_map(std::move(stored.map), std::move(views), /*with_levels=*/true);
 }
 
 std::vector<gaussians::View> StoredScene::describe_run(const fs::path& run,

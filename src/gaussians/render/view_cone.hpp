@@ -7,7 +7,7 @@
 
 #include "gaussians/render/view.hpp"
 
-namespace apvi::mapping {
+namespace apvi::gaussians {
 
 /// A sphere around Gaussians [m].
 struct Sphere {
@@ -21,6 +21,6 @@ Sphere to_world(const torch::Tensor& T_camera_world, const Sphere& in_camera);
 
 /// Whether a camera may see a part of the sphere, given in its frame, up to a distance of `far_m`.
 /// Surfaces in between are not considered.
-bool may_see(const gaussians::Intrinsics& camera, const Sphere& in_camera, double far_m);
+bool may_see(const Intrinsics& camera, const Sphere& in_camera, double far_m);
 
-}  // namespace apvi::mapping
+}  // namespace apvi::gaussians

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mapping/storage/view_cone.hpp"
+#include "gaussians/render/view_cone.hpp"
 
 #include <torch/torch.h>
 
 #include <cmath>
 
-namespace apvi::mapping {
+namespace apvi::gaussians {
 
 // Plain numbers instead of tensors: this is done for many keyframes at each new one.
 Sphere to_camera(const torch::Tensor& T_camera_world, const Sphere& in_world) {
@@ -34,7 +34,7 @@ Sphere to_world(const torch::Tensor& T_camera_world, const Sphere& in_camera) {
   return out;
 }
 
-bool may_see(const gaussians::Intrinsics& camera, const Sphere& in_camera, double far_m) {
+bool may_see(const Intrinsics& camera, const Sphere& in_camera, double far_m) {
   const auto [x, y, z] = in_camera.center;
   const double r = in_camera.radius_m;
   if (z < -r || std::hypot(x, y, z) - r > far_m) return false;
@@ -48,4 +48,4 @@ bool may_see(const gaussians::Intrinsics& camera, const Sphere& in_camera, doubl
          inside(-camera.fy, camera.height - camera.cy, y) > -r;
 }
 
-}  // namespace apvi::mapping
+}  // namespace apvi::gaussians
