@@ -44,8 +44,8 @@ make_demo_data() {
 run_demo() {
   local dataset="$1" run="$2"
   shift 2
-  apvi run "$APVI_ROOT/configs/experiments/seabed_online.yaml" --set dataset.path="$(realpath "$dataset")" \
-    --set "dataset.blackout_s=[[10, 13]]" --set mapping.report_every_s=15 "$@" -o "$run" --overwrite
+  apvi run "$dataset" --set "dataset.blackout_s=[[10, 13]]" --set mapping.report_every_s=15 "$@" \
+    -o "$run" --overwrite
 }
 
 cd "$APVI_ROOT"

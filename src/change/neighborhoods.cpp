@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "change/surface_cells.hpp"
+#include "gaussians/host_values.hpp"
 
 namespace apvi::change {
 namespace {
@@ -42,8 +43,8 @@ Neighborhoods::Neighborhoods(const Tensor& points, double block_m) {
   Tensor counts;
   std::tie(keys, block_, counts) =
       torch::_unique2(cell_keys(points, block_m).to(torch::kCPU), true, true, true);
-  const std::vector<Tensor> own = block_.argsort().split_with_sizes(std::vector<std::int64_t>(
-      counts.data_ptr<std::int64_t>(), counts.data_ptr<std::int64_t>() + counts.size(0)));
+  const std::vector<Tensor> own =
+      block_.argsort().split_with_sizes(gaussians::host_values<std::int64_t>(counts));
   const Tensor others = rows_of(keys, neighbors(keys).flatten()).contiguous();
   const std::int64_t* other = others.data_ptr<std::int64_t>();
   for (std::int64_t b = 0; b < keys.size(0); ++b) {

@@ -35,6 +35,11 @@ fs::path find_configuration(const fs::path& name) {
   if (const auto found = config::find_in_folders(folders, name)) return *found;
   std::string places;
   for (const fs::path& folder : folders) places += ", nor in " + folder.string();
+  if (folders.empty()) {
+    places =
+        "; the program's own configurations are not beside it, in ../share/apvi/configs: was "
+        "it copied alone?";
+  }
   fail_input("{}: no such file or folder{}", name.string(), places);
 }
 

@@ -5,18 +5,15 @@
 
 #include <exception>
 
+#include "gaussians/host_values.hpp"
 #include "gaussians/model/rows.hpp"
 #include "slam/camera_conversion.hpp"
 
 namespace apvi::slam {
 namespace {
 
+using gaussians::host_values;
 using torch::Tensor;
-
-std::vector<float> to_vector(const Tensor& tensor) {
-  const Tensor flat = tensor.detach().to(torch::kCPU, torch::kFloat32).contiguous();
-  return {flat.data_ptr<float>(), flat.data_ptr<float>() + flat.numel()};
-}
 
 gaussians::View to_view(const RenderView& view) {
   const CameraModel::Parameters& camera = view.camera;
@@ -32,10 +29,10 @@ gaussians::View to_view(const RenderView& view) {
 RenderedImages to_images(const mapping::MapRendering& images, const RenderView& view) {
   return {.width = view.camera.width,
           .height = view.camera.height,
-          .color = to_vector(images.color),
-          .restored = to_vector(images.restored),
-          .depth = to_vector(images.depth),
-          .alpha = to_vector(images.alpha)};
+          .color = host_values<float>(images.color),
+          .restored = host_values<float>(images.restored),
+          .depth = host_values<float>(images.depth),
+          .alpha = host_values<float>(images.alpha)};
 }
 
 }  // namespace

@@ -4,17 +4,14 @@
 #include <torch/torch.h>
 
 #include "gaussians/device.hpp"
+#include "gaussians/host_values.hpp"
 #include "slam/map_access.hpp"
 
 namespace apvi::slam {
 namespace {
 
+using gaussians::host_values;
 using torch::Tensor;
-
-std::vector<float> to_vector(const Tensor& tensor) {
-  const Tensor flat = tensor.detach().to(torch::kCPU, torch::kFloat32).contiguous();
-  return {flat.data_ptr<float>(), flat.data_ptr<float>() + flat.numel()};
-}
 
 std::array<double, 3> to_array(const Tensor& rgb) {
   const Tensor v = rgb.detach().to(torch::kCPU, torch::kFloat64).contiguous();
@@ -69,12 +66,12 @@ MapSnapshot to_snapshot(const MapCopy& copy) {
   const Tensor sh = torch::cat({g.sh_dc.unsqueeze(1), g.sh_rest}, 1);
   MapSnapshot out = {.iteration = copy.iteration,
                      .count = static_cast<std::size_t>(g.size()),
-                     .means = to_vector(g.means),
-                     .log_scales = to_vector(g.log_scales),
-                     .quaternions = to_vector(g.quaternions),
-                     .logit_opacities = to_vector(g.logit_opacities),
+                     .means = host_values<float>(g.means),
+                     .log_scales = host_values<float>(g.log_scales),
+                     .quaternions = host_values<float>(g.quaternions),
+                     .logit_opacities = host_values<float>(g.logit_opacities),
                      .sh_coefficients = static_cast<std::size_t>(sh.size(1)),
-                     .spherical_harmonics = to_vector(sh),
+                     .spherical_harmonics = host_values<float>(sh),
                      .medium = std::nullopt,
                      .keyframes = copy.keyframes,
                      .tone_curve = {copy.map.tone_curve.gamma, copy.map.tone_curve.offset},

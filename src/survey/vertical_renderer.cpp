@@ -32,8 +32,9 @@ Tensor footprints(const SurveyMap& map) {
   const Gaussians& g = map.map.gaussians;
   Tensor horizontal = crs_rotation(map).slice(0, 0, 2).clone();
   horizontal[1].neg_();
-  const Tensor axes = torch::matmul(horizontal, gaussians::rotations_of(g.quaternions.to(torch::kFloat64))) *
-                      g.log_scales.to(torch::kFloat64).exp().unsqueeze(1);
+  const Tensor axes =
+      torch::matmul(horizontal, gaussians::rotations_of(g.quaternions.to(torch::kFloat64))) *
+      g.log_scales.to(torch::kFloat64).exp().unsqueeze(1);
   return torch::matmul(axes, axes.transpose(1, 2));
 }
 

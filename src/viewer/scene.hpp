@@ -32,7 +32,7 @@ struct Viewpoint {
 struct View {
   Viewpoint viewpoint = {};
   Layer layer = Layer::seen;
-  double water = 1.0;  ///< of `seen`: factor on both coefficients of the medium, 0 to 2
+  double water = 1.0;      ///< of `seen`: factor on both coefficients of the medium, 0 to 2
   double detail_px = 0.0;  ///< details smaller than this may be left out [px]
 };
 

@@ -39,7 +39,7 @@ grep -q '^Third-party notices' "$prefix/share/doc/apvi/copyright"
 if (($# > 1)); then
   "$apvi" -q sim scenes/seabed_easy.yaml -o dive --set duration_s=15 \
     --set "rig.cam0.resolution=[320, 240]" --set "rig.cam0.intrinsics=[210, 210, 159.5, 119.5]"
-  configuration=experiments/seabed_online.yaml
+  configuration=default.yaml
 else
   "$apvi" -q sim scenes/seabed_easy.yaml -o dive --set duration_s=4 --set rig.cam0=null
   configuration=localization.yaml

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "gaussians/detail/merging.hpp"
+#include "gaussians/host_values.hpp"
 #include "gaussians/model/morton.hpp"
 #include "gaussians/model/rows.hpp"
 
@@ -21,12 +22,6 @@ constexpr int kCoarsest = 6;  // its cells are blocks
 constexpr double kReachSigmas = 3.0;
 constexpr double kNear_m = 0.01;            // as far as the near plane
 constexpr int kCodeBits = kMortonBits - 1;  // one bit is left for large Gaussians
-
-std::vector<std::int64_t> to_vector(const Tensor& values) {
-  const Tensor host = values.to(torch::kCPU, torch::kInt64).contiguous();
-  const auto* const first = host.data_ptr<std::int64_t>();
-  return {first, first + host.numel()};
-}
 
 Tensor largest_sigmas(const Gaussians& g) {
   return std::get<0>(g.log_scales.max(1)).exp();
@@ -55,7 +50,8 @@ Tensor codes_of(const Tensor& means, double cell_m) {
 
 /// Where the Gaussians of each block begin, and the end, for blocks in order.
 std::vector<std::int64_t> begins_of(const Tensor& block_of_each, const Tensor& blocks) {
-  std::vector<std::int64_t> begins = to_vector(torch::searchsorted(block_of_each, blocks));
+  std::vector<std::int64_t> begins =
+      host_values<std::int64_t>(torch::searchsorted(block_of_each, blocks));
   begins.push_back(block_of_each.size(0));
   return begins;
 }
@@ -120,7 +116,7 @@ DetailLevels::DetailLevels(const Gaussians& gaussians) {
   const auto [codes, order] = codes_of(means, cell_m_).sort(0);
   const Tensor block_of_each = codes.bitwise_right_shift(3 * kCoarsest);
   const Tensor blocks = std::get<0>(torch::unique_consecutive(block_of_each));
-  finest.rows = to_vector(finite.index_select(0, order));
+  finest.rows = host_values<std::int64_t>(finite.index_select(0, order));
   finest.begins = begins_of(block_of_each, blocks);
   Coded coded{gaussians::select(used, order), codes};
   set_blocks(coded.gaussians);

@@ -10,6 +10,7 @@
 
 #include "apvi/core/log.hpp"
 #include "gaussians/device.hpp"
+#include "gaussians/host_values.hpp"
 #include "gaussians/model/archive.hpp"
 #include "gaussians/model/rows.hpp"
 #include "mapping/density/seeds.hpp"
@@ -48,12 +49,6 @@ constexpr std::int64_t kProjected = 50000;
 constexpr double kLeftInMemory = 0.8;
 // Gaussians that are read at a time for a copy of the whole map.
 constexpr std::int64_t kReadAtOnce = 500000;
-
-std::vector<std::int64_t> to_vector(const Tensor& values) {
-  const Tensor host = values.to(torch::kCPU).contiguous();
-  const auto* const first = host.data_ptr<std::int64_t>();
-  return {first, first + host.numel()};
-}
 
 /// The Gaussians on the device of a keyframe: their number and the sphere around most of them.
 struct DevicePart {
@@ -294,7 +289,8 @@ void ActiveRegion::pause_views(const std::vector<std::int64_t>& anchors, const T
     const auto total = in_view.sum().item<double>();
     if (missing.sum().item<double>() <= kMaxMissing * total) continue;
     const Tensor unique = std::get<0>(at::_unique(sources.index({missing})));
-    for (const std::int64_t anchor : to_vector(unique)) missing_[view].insert(anchor);
+    for (const std::int64_t anchor : gaussians::host_values<std::int64_t>(unique))
+      missing_[view].insert(anchor);
   }
 }
 

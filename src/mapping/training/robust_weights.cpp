@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <string>
 
+#include "gaussians/host_values.hpp"
 #include "gaussians/model/archive.hpp"
 
 namespace apvi::mapping {
@@ -152,7 +153,7 @@ void RobustWeights::save(torch::serialize::OutputArchive& archive) const {
 void RobustWeights::load(torch::serialize::InputArchive& archive) {
   Tensor uses;
   archive.read("uses", uses);
-  uses_.assign(uses.data_ptr<std::int64_t>(), uses.data_ptr<std::int64_t>() + uses.numel());
+  uses_ = gaussians::host_values<std::int64_t>(uses);
   outliers_.assign(uses_.size(), Tensor());
   for (std::size_t i = 0; i < outliers_.size(); ++i) archive.try_read(key(i), outliers_[i]);
   scale_ = Tensor();
