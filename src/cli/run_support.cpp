@@ -34,8 +34,12 @@ void add_overrides(CLI::App& command, std::vector<std::string>& overrides,
 void add_view_options(CLI::App& command, ViewOptions& options) {
   command
       .add_flag_function(
-          "--view{8700}", [&options](std::int64_t port) { options.port = static_cast<int>(port); },
-          "show the map in a browser while it is made; --view=PORT chooses the port")
+          "--view{8700}",
+          [&options](std::int64_t port) {
+            // CLI11 reads --view=0 as a flag that is off, which is -1.
+            options.port = static_cast<int>(std::max<std::int64_t>(0, port));
+          },
+          "show the map in a browser while it is made; --view=PORT chooses the port, 0 a free one")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   command
       .add_option("--view-address", options.address,

@@ -12,7 +12,6 @@
 namespace apvi::runs {
 namespace {
 
-constexpr double kCopyPeriod_s = 0.5;
 constexpr double kVersionPeriod_s = 1.0;
 
 }  // namespace
@@ -32,6 +31,7 @@ void LiveScene::set_rig(const Rig& rig) {
 }
 
 void LiveScene::set_mapper(slam::AsyncMapper* mapper) {
+  copier_.set_mapper(mapper);
   const std::scoped_lock lock(mapper_mutex_, mutex_);
   mapper_ = mapper;
   description_.can_pause = mapper != nullptr;
@@ -87,34 +87,23 @@ viewer::SceneDescription LiveScene::description() const {
   return description;
 }
 
-// Nothing when there is no newer map. `set_mapper` waits for the lock.
-std::optional<slam::MapCopy> LiveScene::copy_map() {
-  if (iteration_ >= 0 && since_copy_.seconds() < kCopyPeriod_s) return std::nullopt;
-  const std::scoped_lock lock(mapper_mutex_);
-  if (mapper_ == nullptr || mapper_->gaussian_count() == 0) return std::nullopt;
-  slam::MapCopy copy = mapper_->preview();
-  since_copy_.reset();
-  if (copy.iteration == iteration_ || copy.map.gaussians.size() == 0) return std::nullopt;
-  iteration_ = copy.iteration;
-  return copy;
-}
-
 void LiveScene::refresh() {
-  auto copy = copy_map();
+  auto copy = copier_.take();
   if (!copy) return;
-  const MapExtent extent = extent_of(copy->map);
-  painter_.set_map(std::move(copy->map), {}, /*with_levels=*/false);
+  const MapExtent& extent = copy->extent;
+  const Trajectory keyframes = std::move(copy->map.keyframes);
+  painter_.set_map(std::move(copy->map.map), {}, /*with_levels=*/false);
   const std::scoped_lock lock(mutex_);
   description_.gaussians = extent.gaussians;
   description_.medium = extent.medium;
   description_.center = extent.center;
   description_.radius_m = extent.radius_m;
   description_.keyframes.clear();
-  for (const StampedPose& pose : copy->keyframes.poses) {
+  for (const StampedPose& pose : keyframes.poses) {
     description_.keyframes.push_back(pose.T_world_body);
   }
   map_is_new_ = true;
-  if (trace_.follow(copy->keyframes)) rewritten_ = true;
+  if (trace_.follow(keyframes)) rewritten_ = true;
 }
 
 std::optional<viewer::Rendering> LiveScene::render(const viewer::View& view) {

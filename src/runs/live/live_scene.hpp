@@ -10,6 +10,7 @@
 #include "core/stopwatch.hpp"
 #include "localization/fusion_stage.hpp"
 #include "runs/live/live_trace.hpp"
+#include "runs/live/map_copier.hpp"
 #include "runs/views/map_painter.hpp"
 #include "slam/async_mapper.hpp"
 
@@ -45,10 +46,8 @@ class LiveScene : public viewer::Scene {
 
  private:
   void refresh();
-  std::optional<slam::MapCopy> copy_map();
 
-  // Of `mapper_`; held while the map is copied, which may wait for a step of the mapper. The other
-  // one is for moments only: the threads of the run wait for it.
+  // Of `mapper_`. The other one is for moments only: the threads of the run wait for it.
   mutable std::mutex mapper_mutex_;
   slam::AsyncMapper* mapper_ = nullptr;
   mutable std::mutex mutex_;
@@ -61,8 +60,8 @@ class LiveScene : public viewer::Scene {
 
   // Of the thread that draws.
   MapPainter painter_;
-  std::int64_t iteration_ = -1;
-  Stopwatch since_copy_;
+
+  MapCopier copier_;
 };
 
 }  // namespace apvi::runs

@@ -17,7 +17,8 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kOpaque = 0.5;  // below it, a pixel shows no surface
+constexpr double kOpaque = 0.5;               // below it, a pixel shows no surface
+constexpr std::int64_t kExtentSample = 5000;  // Gaussians that show how large a map is
 
 gaussians::View to_view(const viewer::Viewpoint& v) {
   const double focal = v.focal * v.height;
@@ -129,7 +130,10 @@ MapExtent extent_of(const mapping::Map& map) {
   MapExtent out{.gaussians = map.gaussians.size(), .medium = map.medium.has_value()};
   if (out.gaussians == 0) return out;
   const torch::NoGradGuard no_grad;
-  const Tensor means = map.gaussians.means.detach().to(torch::kCPU, torch::kFloat64);
+  const std::int64_t stride = std::max<std::int64_t>(1, out.gaussians / kExtentSample);
+  const Tensor means = map.gaussians.means.detach()
+                           .slice(0, 0, c10::nullopt, stride)
+                           .to(torch::kCPU, torch::kFloat64);
   for (std::int64_t i = 0; i < 3; ++i) out.center[i] = value_at(means.select(1, i), 0.5);
   const Tensor center =
       torch::tensor({out.center.x(), out.center.y(), out.center.z()}, torch::kFloat64);
