@@ -97,6 +97,9 @@ class Case(unittest.TestCase):
     def click(self, element):
         self.script("document.getElementById(arguments[0]).click()", element)
 
+    def text(self, element):
+        return self.script("return document.getElementById(arguments[0]).textContent", element)
+
     def choose(self, group, value):
         self.script("document.querySelector(`#${arguments[0]} [data-value=${arguments[1]}]`).click()", group, value)
         self.rest()
@@ -207,19 +210,80 @@ class Desktop(Case):
         self.assertGreater(int(self.script("return document.body.dataset.frames")) - before, 4)
         self.assertGreater(self.script("return viewer.time"), 0.02)
 
-    def test_two_clicks_measure_a_distance(self):
-        self.click("measure")
+    def measure(self, places):
+        """Clicks these places [px from the center of the window], each once the one before is answered."""
+        for count, (x, y) in enumerate(places, start=self.script("return viewer.measure.points.length") + 1):
+            self.click_at(x, y)
+            self.wait_for(f"viewer.measure.points.length == {count}")
+            time.sleep(0.4)  # not a double click
+
+    def look_at_a_surface(self):
+        """Goes on in time until the middle of the image is not in a gap of the small map."""
+        for step in range(50):
+            self.script("viewer.setTime(arguments[0])", step / 50)
+            self.rest()
+            if self.script("return viewer.pointAt(innerWidth / 2, innerHeight / 2)"):
+                return
+
+    def meters_per_pixel(self):
         view = self.script("return viewer.view()")
-        for x in (-200, -100):
-            self.click_at(x, 0)
-            time.sleep(0.5)
-        self.wait_for("viewer.points.length == 2")
-        depth = tiny_run.DEPTH_M
-        expected = 100 * depth / (view["focal"] * view["height"])
-        a, b = self.script("return viewer.points")
+        return tiny_run.DEPTH_M / (view["focal"] * view["height"])
+
+    def test_clicks_measure_a_distance_along_points(self):
+        self.click("measure")
+        self.measure([(-200, 0), (-100, 0)])
+        expected = 100 * self.meters_per_pixel()
+        a, b = self.script("return viewer.measure.points")
         self.assertAlmostEqual(sum((p - q) ** 2 for p, q in zip(a, b)) ** 0.5, expected, delta=0.2 * expected)
-        self.assertIn(" mm" if expected < 0.1 else " m", self.script("return document.getElementById('measured').textContent"))
+        self.assertIn(" mm" if expected < 0.1 else " m", self.text("measured"))
+        self.assertIn("height", self.text("measured"))
+        self.measure([(-100, 100)])
+        length = self.script("return pathLength(viewer.measure.points)")
+        self.assertAlmostEqual(length, 2 * expected, delta=0.4 * expected)
+        self.assertIn("along 3 points", self.text("measured"))
         self.keep("measure")
+
+    def test_clicks_measure_an_area(self):
+        self.click("measure")
+        self.script("document.querySelector('#measure-kinds [data-value=area]').click()")
+        self.assertIn("three points", self.text("measured"))
+        self.measure([(-200, -60), (-80, -60), (-80, 60), (-200, 60)])
+        scale = self.meters_per_pixel()
+        area = self.script("return polygonArea(viewer.measure.points)")
+        self.assertAlmostEqual(area, (120 * scale) ** 2, delta=0.3 * (120 * scale) ** 2)
+        self.assertIn("m²", self.text("measured"))
+        self.assertIn("perimeter", self.text("measured"))
+        self.keep("area")
+
+    def test_areas_are_those_of_geometry(self):
+        square = "[[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]"
+        self.assertAlmostEqual(self.script(f"return polygonArea({square})"), 4)
+        self.assertAlmostEqual(self.script(f"return polygonArea({square}.reverse())"), 4)
+        self.assertAlmostEqual(self.script(f"return pathLength({square}, true)"), 8)
+        self.assertAlmostEqual(self.script(f"return pathLength({square})"), 6)
+        # Not convex, with its centroid outside; in a tilted plane, where x counts twice.
+        arrow = "[[0, 0, 0], [1, 1, Math.sqrt(3)], [0, 0.2, 0], [-1, 1, -Math.sqrt(3)]]"
+        self.assertAlmostEqual(self.script(f"return polygonArea({arrow})"), 0.4)
+        # A roof: two slopes of 1 by sqrt(2), whose edges lie in no plane.
+        self.assertAlmostEqual(self.script("return polygonArea([[0, 0, 0], [1, 0, 1], [2, 0, 0], [2, 0, 0]])"), 1)
+        self.assertEqual(self.script("return polygonArea([[0, 0, 0], [1, 0, 0]])"), 0)
+
+    def test_keys_measure_too(self):
+        from selenium.webdriver.common.keys import Keys
+        self.look_at_a_surface()
+        stage = self.browser.find_element("id", "stage")
+        stage.send_keys("m")
+        self.assertFalse(self.script("return document.getElementById('measure-bar').hidden"))
+        for count in (1, 2):
+            stage.send_keys(Keys.ENTER)
+            self.wait_for(f"viewer.measure.points.length == {count}")
+        stage.send_keys(Keys.BACKSPACE)
+        self.assertEqual(self.script("return viewer.measure.points.length"), 1)
+        stage.send_keys(Keys.CONTROL, "z")
+        self.assertEqual(self.script("return viewer.measure.points.length"), 0)
+        self.assertTrue(self.script("return document.getElementById('measure-undo').disabled"))
+        stage.send_keys(Keys.ESCAPE)
+        self.assertTrue(self.script("return document.getElementById('measure-bar').hidden"))
 
     def test_a_saved_view_renders_to_the_screenshot(self):
         self.choose("modes", "orbit")
@@ -270,12 +334,38 @@ class Phone(Case):
         self.assertGreater(box[2], 0.3 * box[5])
         self.assertLessEqual(box[3], box[5])
 
+    def touch(self, kind, points):
+        self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {
+            "type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]})
+
+    def box(self, element):
+        return self.script("const b = document.getElementById(arguments[0]).getBoundingClientRect();"
+                           "return [b.left, b.right, b.top, b.bottom];", element)
+
+    def test_taps_measure_an_area(self):
+        self.click("panel-toggle")
+        self.click("measure")
+        self.assertTrue(self.script("return document.body.classList.contains('bare')"))  # the surface is visible
+        self.script("document.querySelector('#measure-kinds [data-value=area]').click()")
+        for count, place in enumerate([(120, 300), (260, 300), (260, 440), (120, 440)], start=1):
+            self.touch("touchStart", [place])
+            self.touch("touchEnd", [])
+            self.wait_for(f"viewer.measure.points.length == {count}")
+            time.sleep(0.4)
+        self.assertIn("m²", self.text("measured"))
+        left, right, top, bottom = self.box("measure-bar")
+        self.assertGreaterEqual(left, 0)
+        self.assertLessEqual(right, 390)
+        self.assertGreater(top, 600)
+        self.assertLess(bottom, self.box("timeline")[2])
+        self.keep("area")
+        self.click("measure-end")
+
     def test_fingers_orbit_and_zoom(self):
         self.choose("modes", "orbit")
         self.keep("orbit")
         before = self.script("return viewer.camera.p")
-        touch = lambda kind, points: self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {  # noqa: E731
-            "type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]})
+        touch = self.touch
         touch("touchStart", [(150, 300)])
         touch("touchMove", [(220, 320)])
         touch("touchEnd", [])

@@ -156,8 +156,9 @@ class Controls {
   }
 
   click(event) {
-    const twice = event.timeStamp - (this.last || -1e9) < 350;
-    this.last = twice ? -1e9 : event.timeStamp;
+    const { time, x, y } = this.last || { time: -1e9, x: 0, y: 0 };
+    const twice = event.timeStamp - time < 350 && Math.hypot(event.clientX - x, event.clientY - y) < 24;
+    this.last = { time: twice ? -1e9 : event.timeStamp, x: event.clientX, y: event.clientY };
     this.clicked(event.clientX, event.clientY, twice);
   }
 

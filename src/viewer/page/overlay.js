@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What is drawn over the image: trajectory, keyframes, vehicle, measurement.
+// What is drawn over the image: trajectory, keyframes, vehicle, measured points.
 
 const STATES = {
   fused: ["fused", "#2fc0a2"],
@@ -28,8 +28,8 @@ class Overlay {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `points`: measured.
-  draw(view, scene, shown, vehicle, points) {
+  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `measure`: a MeasureTool.
+  draw(view, scene, shown, vehicle, measure) {
     this.context.clearRect(0, 0, this.width, this.height);
     if (!view || !scene) return;
     this.inverse = conjugate(rotationOf(view.pose));
@@ -38,7 +38,7 @@ class Overlay {
     if (shown.path) this.path(scene);
     if (shown.keyframes) this.keyframes(scene);
     if (shown.vehicle && vehicle) this.frustum(vehicle, scene, 0.03 * scene.radius_m, "#ffffff", 1.6);
-    this.measurement(points);
+    if (measure.active) this.measurement(measure);
   }
 
   toCamera(p) { return rotate(this.inverse, subtract(p, this.origin)); }
@@ -106,23 +106,47 @@ class Overlay {
     this.context.stroke();
   }
 
-  measurement(points) {
-    const seen = points.map((p) => this.toCamera(p));
-    if (seen.length === 2) {
-      this.context.beginPath();
-      this.segment(...seen);
-      this.line("rgba(0, 0, 0, .6)", 4);
-      this.line("#ffd479", 1.8);
-    }
+  measurement(measure) {
+    const closed = measure.kind === "area" && measure.points.length > 2;
+    const seen = measure.points.map((p) => this.toCamera(p));
+    if (closed) this.surface(seen);
+    this.context.beginPath();
+    for (let i = 1; i < seen.length; ++i) this.segment(seen[i - 1], seen[i]);
+    if (closed) this.segment(seen[seen.length - 1], seen[0]);
+    this.line("rgba(0, 0, 0, .6)", 4);
+    this.line("#ffd479", 1.8);
     this.context.fillStyle = "#ffd479";
-    points.forEach((p) => this.dot(p, 4));
-    if (seen.length === 2) this.label(seen, distanceText(norm(subtract(points[0], points[1]))));
+    measure.points.forEach((p) => this.dot(p, 4));
+    this.cross();
+    const place = closed ? centroid(seen) : centroid(seen.slice(-2));
+    if (measure.figure()) this.label(place, measure.figure());
   }
 
-  label(seen, text) {
-    const middle = times(add(...seen), 0.5);
-    if (middle[2] < NEAR) return;
-    const [u, v] = this.toScreen(middle);
+  // The polygon, unless a part of it is behind the camera.
+  surface(seen) {
+    if (seen.some((p) => p[2] < NEAR)) return;
+    this.context.beginPath();
+    for (const p of seen) this.context.lineTo(...this.toScreen(p));
+    this.context.fillStyle = "rgba(255, 212, 121, .22)";
+    this.context.fill();
+  }
+
+  // The middle of the image, where a point is put without a pointer.
+  cross() {
+    const [x, y] = [this.width / 2, this.height / 2];
+    this.context.beginPath();
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      this.context.moveTo(x + 4 * dx, y + 4 * dy);
+      this.context.lineTo(x + 11 * dx, y + 11 * dy);
+    }
+    this.line("rgba(0, 0, 0, .6)", 3.5);
+    this.line("#ffd479", 1.5);
+  }
+
+  // `place`: in the camera frame.
+  label(place, text) {
+    if (place[2] < NEAR) return;
+    const [u, v] = this.toScreen(place);
     this.context.font = "600 14px system-ui, sans-serif";
     const width = this.context.measureText(text).width;
     this.context.fillStyle = "rgba(10, 15, 19, .85)";

@@ -6,14 +6,14 @@ const VIEWS_KEPT = 200; // that images may still come for
 
 class Viewer {
   constructor() {
-    Object.assign(this, { scene: null, layer: "seen", water: 1, time: 0, playing: false, points: [],
-      measuring: false, viewId: 0, views: new Map(), shownView: null, dirty: true, rates: [], last: 0,
-      changes: [-1e9, -1e9] });
+    Object.assign(this, { scene: null, layer: "seen", water: 1, time: 0, playing: false, viewId: 0,
+      views: new Map(), shownView: null, dirty: true, rates: [], last: 0, changes: [-1e9, -1e9] });
     this.stage = byId("stage");
     this.image = byId("image");
     this.camera = new Camera();
     this.overlay = new Overlay(byId("overlay"));
     this.controls = new Controls(this.stage, this.camera, () => this.changed(), (...at) => this.clicked(...at));
+    this.measure = new MeasureTool(() => this.redraw(), () => this.measureAt(innerWidth / 2, innerHeight / 2));
     this.bind();
     this.resize();
     this.renderer = new Renderer({
@@ -31,7 +31,7 @@ class Viewer {
     for (const name of ["path", "keyframes", "vehicle"]) {
       byId(`show-${name}`).addEventListener("change", () => this.redraw());
     }
-    byId("measure").addEventListener("click", () => this.setMeasuring(!this.measuring));
+    byId("measure").addEventListener("click", () => this.roomToMeasure());
     byId("screenshot").addEventListener("click", () => this.screenshot());
     byId("save-view").addEventListener("click", () => this.saveView());
     byId("reset").addEventListener("click", () => this.reset());
@@ -40,17 +40,21 @@ class Viewer {
     byId("panel-toggle").addEventListener("click", () => this.togglePanel());
     byId("pause").addEventListener("click", () => this.renderer.pause(byId("pause").getAttribute("aria-pressed") !== "true"));
     addEventListener("resize", () => this.resize());
+    new ResizeObserver(() => this.footChanged()).observe(byId("timeline"));
     addEventListener("keydown", (e) => this.key(e));
-    if (innerWidth <= 720) this.togglePanel();
+    if (this.isSmall()) this.togglePanel();
   }
 
+  isSmall() { return innerWidth <= 720; }
+
   key(event) {
+    if (this.measureKey(event)) return event.preventDefault();
     if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
     const layers = ["seen", "restored", "depth", "alpha", "normals"];
     const actions = {
       o: () => this.setMode("orbit"), g: () => this.setMode("fly"), f: () => this.setMode("follow"),
-      m: () => this.setMeasuring(!this.measuring), p: () => this.screenshot(), r: () => this.reset(),
-      h: () => this.togglePanel(), escape: () => this.setMeasuring(false),
+      m: () => byId("measure").click(), p: () => this.screenshot(), r: () => this.reset(),
+      h: () => this.togglePanel(), escape: () => this.measure.set(false),
     };
     const name = event.key.toLowerCase();
     if (name in actions) actions[name]();
@@ -59,6 +63,24 @@ class Viewer {
       event.preventDefault();
       this.play(!this.playing);
     }
+  }
+
+  // What lies above the timeline follows its height.
+  footChanged() {
+    const box = byId("timeline").getBoundingClientRect();
+    const style = document.documentElement.style;
+    if (box.height > 0) style.setProperty("--foot", `${innerHeight - box.top}px`);
+    else style.removeProperty("--foot");
+  }
+
+  // Whether a key is for the measuring tool: a point in the middle, and back.
+  measureKey(event) {
+    if (!this.measure.active) return false;
+    const undo = event.key === "Backspace" || (event.key === "z" && (event.ctrlKey || event.metaKey));
+    const point = event.key === "Enter" && !event.repeat && !event.target.closest("button, input");
+    if (undo) this.measure.undo();
+    if (point) byId("measure-center").click();
+    return undo || point;
   }
 
   togglePanel() {
@@ -71,6 +93,7 @@ class Viewer {
   start(scene) {
     const first = !this.scene;
     this.scene = scene;
+    this.measure.up = scene.up;
     byId("name").textContent = scene.name;
     document.title = `${scene.name} · APVI-SLAM`;
     byId("live").hidden = !scene.live;
@@ -176,8 +199,7 @@ class Viewer {
     const mode = this.camera.mode;
     this.camera.reset(this.scene);
     this.camera.mode = mode;
-    this.points = [];
-    this.measured();
+    this.measure.clear();
     this.changed();
   }
 
@@ -228,6 +250,7 @@ class Viewer {
   resize() {
     const [width, height] = [innerWidth, innerHeight];
     this.ratio = Math.min(devicePixelRatio, Math.sqrt(MAX_PIXELS / (width * height)));
+    this.footChanged();
     this.width = Math.max(1, Math.round(width * this.ratio));
     this.height = Math.max(1, Math.round(height * this.ratio));
     this.overlay.resize(width, height, devicePixelRatio);
@@ -289,7 +312,7 @@ class Viewer {
     const shown = {};
     for (const name of ["path", "keyframes", "vehicle"]) shown[name] = byId(`show-${name}`).checked;
     const inside = this.camera.mode === "follow" && this.camera.behind === 0;
-    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.points);
+    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.measure);
   }
 
   count(header) {
@@ -308,14 +331,29 @@ class Viewer {
 
   // --- tools ---
 
-  async clicked(x, y, twice) {
-    if (!this.shownView || (!this.measuring && !(twice && this.camera.mode === "orbit"))) return;
+  // The point of the map at a place of the window, or null.
+  async pointAt(x, y) {
     const view = this.shownView;
+    if (!view) return null;
     const column = clamp(Math.floor(x * view.width / innerWidth), 0, view.width - 1);
     const row = clamp(Math.floor(y * view.height / innerHeight), 0, view.height - 1);
-    const { point } = await this.renderer.measure(view, column, row);
-    if (this.measuring) this.addPoint(point);
-    else if (point) this.turnAbout(point);
+    return (await this.renderer.measure(view, column, row)).point;
+  }
+
+  async clicked(x, y, twice) {
+    if (this.measure.active) {
+      if (!twice) await this.measureAt(x, y);
+    } else if (twice && this.camera.mode === "orbit") {
+      const point = await this.pointAt(x, y);
+      if (point) this.turnAbout(point);
+    }
+  }
+
+  async measureAt(x, y) { this.measure.add(await this.pointAt(x, y)); }
+
+  // On a phone the panel would cover the surface.
+  roomToMeasure() {
+    if (this.measure.active && this.isSmall() && !document.body.classList.contains("bare")) this.togglePanel();
   }
 
   turnAbout(point) {
@@ -323,38 +361,6 @@ class Viewer {
     this.camera.q = looking(subtract(point, this.camera.p), this.camera.up);
     this.camera.target = add(this.camera.p, rotate(this.camera.q, [0, 0, distance]));
     this.changed();
-  }
-
-  setMeasuring(measuring) {
-    this.measuring = measuring;
-    this.points = [];
-    byId("measure").setAttribute("aria-pressed", String(measuring));
-    this.stage.classList.toggle("measuring", measuring);
-    this.measured(measuring ? "Click two points." : "");
-    this.redraw();
-  }
-
-  addPoint(point) {
-    if (!point) return this.measured("No surface there.");
-    if (this.points.length === 2) this.points = [];
-    this.points.push(point);
-    this.measured(this.points.length === 1 ? "Click the second point." : "");
-    return this.redraw();
-  }
-
-  measured(hint) {
-    const box = byId("measured");
-    box.replaceChildren();
-    if (this.points.length === 2) {
-      const delta = subtract(this.points[1], this.points[0]);
-      const height = Math.abs(dot(delta, this.scene.up));
-      const figure = document.createElement("b");
-      figure.textContent = distanceText(norm(delta));
-      box.append(figure, ` · height ${distanceText(height)}`);
-    } else if (hint) {
-      box.append(hint);
-    }
-    box.hidden = box.childNodes.length === 0;
   }
 
   async screenshot() {
