@@ -14,6 +14,7 @@ using Json = nlohmann::json;
 constexpr std::array<std::string_view, 5> kLayers = {"seen", "restored", "depth", "alpha",
                                                      "normals"};
 constexpr double kMaxCoordinate = 1e7;  // [m]
+constexpr double kMinThickness = 1e-4;  // of a section [m]
 
 /// A message that is not one of the protocol; never leaves this file.
 struct Malformed {};
@@ -46,22 +47,41 @@ const Json& field(const Json& message, const char* name) {
   return *found;
 }
 
+template <std::size_t N>
+std::array<double, N> numbers(const Json& json) {
+  if (!json.is_array() || json.size() != N) throw Malformed{};
+  std::array<double, N> v{};
+  for (std::size_t i = 0; i < N; ++i) v.at(i) = number(json[i], -kMaxCoordinate, kMaxCoordinate);
+  return v;
+}
+
 // [w, x, y, z, x, y, z]
 SE3 pose_of(const Json& json) {
-  if (!json.is_array() || json.size() != 7) throw Malformed{};
-  std::array<double, 7> v{};
-  for (std::size_t i = 0; i < v.size(); ++i)
-    v.at(i) = number(json[i], -kMaxCoordinate, kMaxCoordinate);
+  const std::array<double, 7> v = numbers<7>(json);
   const Eigen::Quaterniond rotation(v[0], v[1], v[2], v[3]);
   if (!(std::abs(rotation.norm() - 1.0) < 0.01)) throw Malformed{};
   return {rotation.normalized(), {v[4], v[5], v[6]}};
+}
+
+// Absent in messages of programs that do not know it.
+std::optional<Section> section_of(const Json& message) {
+  const auto found = message.find("section");
+  if (found == message.end() || found->is_null()) return std::nullopt;
+  if (!found->is_object()) throw Malformed{};
+  const std::array<double, 3> n = numbers<3>(field(*found, "normal"));
+  const Eigen::Vector3d normal(n[0], n[1], n[2]);
+  if (!(std::abs(normal.norm() - 1.0) < 0.01)) throw Malformed{};
+  return Section{.normal = normal.normalized(),
+                 .offset_m = number(field(*found, "offset"), -kMaxCoordinate, kMaxCoordinate),
+                 .thickness_m = number(field(*found, "thickness"), kMinThickness, kMaxCoordinate)};
 }
 
 Viewpoint viewpoint_of(const Json& message) {
   const Viewpoint out{.width = integer(field(message, "width"), 1, kMaxSide),
                       .height = integer(field(message, "height"), 1, kMaxSide),
                       .focal = number(field(message, "focal"), 0.05, 50.0),
-                      .T_world_camera = pose_of(field(message, "pose"))};
+                      .T_world_camera = pose_of(field(message, "pose")),
+                      .section = section_of(message)};
   if (out.width * out.height > kMaxPixels) throw Malformed{};
   return out;
 }

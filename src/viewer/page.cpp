@@ -38,7 +38,7 @@ std::string escaped(std::string_view json) {
 
 std::string live_page() {
   return page("", scripts({"math.js", "overlay.js", "controls.js", "link.js", "panel.js",
-                           "measure.js", "viewer.js"}));
+                           "measure.js", "section.js", "viewer.js"}));
 }
 
 std::string static_page(std::string_view scene, std::string_view splats) {
@@ -46,7 +46,7 @@ std::string static_page(std::string_view scene, std::string_view splats) {
   data += "</script>\n<script type=\"text/plain\" id=\"splat-data\">";
   data.append(splats).append("</script>");
   return page(data, scripts({"math.js", "overlay.js", "controls.js", "splats.js", "panel.js",
-                             "measure.js", "viewer.js"}));
+                             "measure.js", "section.js", "viewer.js"}));
 }
 
 }  // namespace apvi::viewer

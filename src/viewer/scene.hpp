@@ -20,12 +20,21 @@ enum class Layer {
   normals,
 };
 
-/// A pinhole camera with square pixels and its principal point in the center of the image.
+/// A cut through the map: what lies between two parallel planes.
+struct Section {
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< of the planes, unit, in the world
+  double offset_m = 0.0;     ///< of the middle between them from the world's origin, along `normal`
+  double thickness_m = 1.0;  ///< distance of the planes
+};
+
+/// A pinhole camera with square pixels and its principal point in the center of the image, and what
+/// of the map it sees.
 struct Viewpoint {
   int width = 0;
   int height = 0;
   double focal = 1.0;                    ///< focal length in image heights
   SE3 T_world_camera = SE3::identity();  ///< looks along z, x right, y down
+  std::optional<Section> section = {};   ///< nothing: the whole map
 };
 
 /// A view as a watcher asks for it.

@@ -59,13 +59,17 @@ class Case(unittest.TestCase):
         cls.server = page_client.Server(APVI, "view", cls.run_folder, "--port", 0)
 
     @classmethod
+    def stop(cls):
+        cls.server.stop()
+
+    @classmethod
     def address(cls):
         return cls.server.url
 
     @classmethod
     def tearDownClass(cls):
         cls.browser.quit()
-        cls.server.stop()
+        cls.stop()
         cls.temporary.cleanup()
 
     def setUp(self):
@@ -137,6 +141,50 @@ class Case(unittest.TestCase):
             self.assertLess(time.monotonic(), end, name)
             time.sleep(0.1)
         return file
+
+
+    def slide(self, element, value):
+        self.script("const box = document.getElementById(arguments[0]); box.value = arguments[1];"
+                    "box.dispatchEvent(new Event('input'));", element, value)
+
+    def cut(self):
+        """Cuts the seabed, 0.5 m high, at three heights and from a side."""
+        self.choose("modes", "orbit")
+        self.choose("layers", "alpha")
+        whole = self.pixels()[0][0]
+        self.choose("section-kinds", "horizontal")
+        self.slide("section-thickness", -2)
+        covered = []
+        for position in (-0.5, 0, 0.5):
+            self.slide("section-position", position)
+            self.rest()
+            covered.append(self.pixels()[0][0])
+            if position == 0:
+                self.keep("section_horizontal")
+        self.assertLess(covered[0], 0.1 * whole)
+        self.assertLess(covered[2], 0.1 * whole)
+        self.assertGreater(covered[1], 2 * covered[0])
+        self.assertLess(covered[1], 0.8 * whole)
+        self.choose("layers", "seen")
+        self.choose("section-kinds", "vertical")
+        self.slide("section-position", 0.1)
+        self.slide("section-thickness", -1)
+        self.slide("section-direction", 30)
+        self.click("section-look")
+        self.rest()
+        self.keep("section_vertical")
+        self.assertEqual(self.script("return viewer.camera.mode"), "orbit")
+        self.assertFalse(self.script("return document.getElementById('section-direction-row').hidden"))
+        normal, offset, thickness = self.script(
+            "const s = viewer.view().section; return [s.normal, s.offset, s.thickness]")
+        # The camera looks along the normal at the middle of the section.
+        ahead = self.script("return rotate(viewer.camera.q, [0, 0, 1])")
+        self.assertAlmostEqual(sum(a * n for a, n in zip(ahead, normal)), -1, places=6)
+        self.assertAlmostEqual(sum(t * n for t, n in zip(self.script("return viewer.camera.target"), normal)), offset,
+                               places=6)
+        self.assertAlmostEqual(thickness, 0.1 * self.script("return viewer.scene.radius_m"), places=6)
+        self.choose("section-kinds", "none")
+        self.assertIsNone(self.script("return viewer.view().section"))
 
 
 class Desktop(Case):
@@ -285,6 +333,9 @@ class Desktop(Case):
         stage.send_keys(Keys.ESCAPE)
         self.assertTrue(self.script("return document.getElementById('measure-bar').hidden"))
 
+    def test_a_section_hides_what_is_outside(self):
+        self.cut()
+
     def test_a_saved_view_renders_to_the_screenshot(self):
         self.choose("modes", "orbit")
         self.click("screenshot")
@@ -316,6 +367,39 @@ class Desktop(Case):
         type(self).server = page_client.Server(APVI, "view", self.run_folder, "--port", port)
         self.wait_for("document.getElementById('notice').hidden")
         self.browser.get_log("browser")  # of the connections that failed
+
+
+class Exported(Case):
+    """The page without a server."""
+
+    @classmethod
+    def serve(cls):
+        cls.page = cls.folder / "page.html"
+        subprocess.run([APVI, "-q", "view", cls.run_folder, "--export", cls.page], check=True)
+
+    @classmethod
+    def address(cls):
+        return cls.page.as_uri()
+
+    @classmethod
+    def stop(cls):
+        pass
+
+    def keep(self, name):
+        super().keep(f"exported_{name}")
+
+    def test_a_section_hides_what_is_outside(self):
+        self.cut()
+
+    def test_only_the_section_is_measured(self):
+        self.choose("modes", "orbit")
+        point = "viewer.pointAt(innerWidth / 2 - 40, innerHeight / 2 + 20)"
+        x, y, z = self.script(f"return {point}")
+        self.choose("section-kinds", "horizontal")
+        self.assertEqual(self.script(f"return {point}"), [x, y, z])
+        self.slide("section-position", 0.6)
+        self.rest()
+        self.assertIsNone(self.script(f"return {point}"))
 
 
 class Phone(Case):

@@ -21,6 +21,10 @@ Json view_json() {
           {"layer", "depth"}, {"moving", true}, {"pose", {0.6, 0.8, 0, 0, 1, 2, 3}}};
 }
 
+Json section_json() {
+  return {{"normal", {0.6, 0.0, -0.8}}, {"offset", -2.5}, {"thickness", 0.25}};
+}
+
 bool valid(const Json& json) {
   return parse_message(json.dump()).has_value();
 }
@@ -36,6 +40,53 @@ TEST(Message, ReadsAView) {
   EXPECT_EQ(m.view.viewpoint.width, 640);
   EXPECT_EQ(m.view.viewpoint.T_world_camera.translation, Eigen::Vector3d(1, 2, 3));
   EXPECT_NEAR(m.view.viewpoint.T_world_camera.rotation.x(), 0.8, 1e-12);
+}
+
+TEST(Message, ReadsASection) {
+  Json json = view_json();
+  json["section"] = section_json();
+  const auto message = parse_message(json.dump());
+  ASSERT_TRUE(message);
+  const auto& section = std::get<ViewMessage>(*message).view.viewpoint.section;
+  ASSERT_TRUE(section);
+  EXPECT_TRUE(section->normal.isApprox(Eigen::Vector3d(0.6, 0.0, -0.8)));
+  EXPECT_EQ(section->offset_m, -2.5);
+  EXPECT_EQ(section->thickness_m, 0.25);
+  json.update({{"type", "measure"}, {"column", 0}, {"row", 0}});
+  EXPECT_TRUE(std::get<MeasureMessage>(*parse_message(json.dump())).viewpoint.section);
+}
+
+TEST(Message, WithoutASectionTheWholeMapIsSeen) {
+  Json json = view_json();
+  EXPECT_FALSE(std::get<ViewMessage>(*parse_message(json.dump())).view.viewpoint.section);
+  json["section"] = nullptr;
+  EXPECT_FALSE(std::get<ViewMessage>(*parse_message(json.dump())).view.viewpoint.section);
+}
+
+TEST(Message, RefusesASectionThatIsNone) {
+  const std::vector<std::pair<const char*, Json>> changes = {
+      {"normal", {0, 0, 0}},     {"normal", {1, 1, 0}},   {"normal", {1, 0}},
+      {"normal", {1, 0, "0"}},   {"normal", {{1, 0, 0}}}, {"normal", 1},
+      {"normal", {1e300, 0, 0}}, {"offset", 1e8},         {"offset", nullptr},
+      {"offset", "0"},           {"thickness", 0.0},      {"thickness", -1.0},
+      {"thickness", 1e8},        {"thickness", true}};
+  for (const auto& [key, value] : changes) {
+    Json json = view_json();
+    json["section"] = section_json();
+    json["section"][key] = value;
+    EXPECT_FALSE(valid(json)) << json.dump();
+  }
+  for (const char* key : {"normal", "offset", "thickness"}) {
+    Json json = view_json();
+    json["section"] = section_json();
+    json["section"].erase(key);
+    EXPECT_FALSE(valid(json)) << key;
+  }
+  for (const Json& section : {Json(3), Json("z"), Json::array({1, 2, 3}), Json(false)}) {
+    Json json = view_json();
+    json["section"] = section;
+    EXPECT_FALSE(valid(json)) << json.dump();
+  }
 }
 
 TEST(Message, ReadsEveryType) {
@@ -112,7 +163,9 @@ TEST(Message, RefusesWhatIsNoObject) {
 }
 
 TEST(Message, SurvivesDamagedText) {
-  const std::string text = view_json().dump();
+  Json json = view_json();
+  json["section"] = section_json();
+  const std::string text = json.dump();
   Random random(5);
   int good = 0;
   for (int i = 0; i < 20000; ++i) {

@@ -92,6 +92,20 @@ class Watching(Case):
         page.look(10, kind="measure", column=160, row=120, pose=[1.0, 0, 0, 0, 0, 0, 0])
         self.assertIsNone(page.reply()["point"])
 
+    def test_only_the_section_is_drawn_and_measured(self):
+        page = Page(self.port)
+        level = {"normal": [0, 0, 1], "offset": -tiny_run.DEPTH_M, "thickness": 1.0}
+        images = []
+        for section in (None, level, {**level, "thickness": 0.1}, {**level, "offset": 5.0}):
+            page.look(1, kind="snapshot", layer="alpha", section=section)
+            images.append(page.image()[1])
+        self.assertEqual(images[0], images[1])  # all of the seabed
+        self.assertEqual(len(set(images)), 3)
+        page.look(2, kind="measure", column=160, row=120, section=level)
+        self.assertIsNotNone(page.reply()["point"])
+        page.look(3, kind="measure", column=160, row=120, section={**level, "offset": 5.0})
+        self.assertIsNone(page.reply()["point"])
+
     def test_every_layer_is_drawn(self):
         page = Page(self.port)
         images = set()
@@ -214,8 +228,11 @@ class Malformed(Case):
         return status(request(self.port, data))
 
     def bad_message(self):
-        view = json.dumps({"type": "view", "id": 1, "width": self.random.choice([0, -1, 1e99, 9999999]), "height": 2,
-                           "focal": 1, "pose": [1, 0, 0, 0, 0, 0, 0], "layer": "seen", "water": 1, "moving": True})
+        section = {"normal": self.random.choice([[0, 0, 1], [0, 0, 0], [1e200, 0, 0], "z", []]),
+                   "offset": self.random.choice([0, 1e99, None]), "thickness": self.random.choice([1, 0, -1, "1"])}
+        view = json.dumps({"type": "view", "section": self.random.choice([section, None, 3]), "id": 1,
+                           "width": self.random.choice([0, -1, 1e99, 9999999, 32]), "height": 2, "focal": 1,
+                           "pose": [1, 0, 0, 0, 0, 0, 0], "layer": "seen", "water": 1, "moving": True})
         return self.random.choice([
             page_client.frame(self.noise(200)), page_client.frame(self.noise(200), page_client.BINARY),
             page_client.frame(view.encode()), page_client.frame(b"[" * 5000), page_client.frame(b'{"type":"view"}'),

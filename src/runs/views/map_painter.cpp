@@ -61,6 +61,7 @@ double value_at(const Tensor& values, double fraction) {
 
 void MapPainter::set_map(mapping::Map map, std::vector<gaussians::View> views, bool with_levels) {
   map_ = std::move(map);
+  section_.clear();
   views_ = std::move(views);
   levels_.reset();
   coming_levels_ = {};
@@ -69,14 +70,18 @@ void MapPainter::set_map(mapping::Map map, std::vector<gaussians::View> views, b
                               [all = map_.gaussians] { return gaussians::DetailLevels(all); });
 }
 
-mapping::MapRendering MapPainter::rendering(const gaussians::View& camera, double detail_px) {
+mapping::MapRendering MapPainter::rendering(const gaussians::View& camera,
+                                            const viewer::View& view) {
   if (coming_levels_.valid() &&
       coming_levels_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
     levels_ = coming_levels_.get();
   }
-  if (!levels_ || detail_px <= 0.0) return mapping::render_map(map_, camera);
+  const std::optional<viewer::Section>& section = view.viewpoint.section;
+  if (section || !levels_ || view.detail_px <= 0.0) {
+    return mapping::render_map(section_.of(map_, section), camera);
+  }
   mapping::Map drawn = map_;
-  drawn.gaussians = levels_->select(camera, detail_px);
+  drawn.gaussians = levels_->select(camera, view.detail_px);
   return mapping::render_map(drawn, camera);
 }
 
@@ -84,7 +89,7 @@ std::optional<viewer::Rendering> MapPainter::render(const viewer::View& view) {
   if (empty()) return std::nullopt;
   const torch::NoGradGuard no_grad;
   const gaussians::View camera = to_view(view.viewpoint);
-  const mapping::MapRendering drawn = rendering(camera, view.detail_px);
+  const mapping::MapRendering drawn = rendering(camera, view);
   viewer::Rendering out;
   out.depth = to_mat(drawn.depth);
   out.alpha = to_mat(drawn.alpha);
@@ -118,10 +123,11 @@ std::optional<double> MapPainter::depth(const viewer::Viewpoint& viewpoint, int 
   if (empty()) return std::nullopt;
   const torch::NoGradGuard no_grad;
   const gaussians::View camera = to_view(viewpoint);
-  const mapping::MapRendering r = mapping::render_map(map_, camera);
+  const mapping::Map& shown = section_.of(map_, viewpoint.section);
+  const mapping::MapRendering r = mapping::render_map(shown, camera);
   if (r.alpha[row][column].item<double>() < kOpaque) return std::nullopt;
   const double depth =
-      mapping::surface_depth(map_, camera, r.depth, r.alpha)[row][column].item<double>();
+      mapping::surface_depth(shown, camera, r.depth, r.alpha)[row][column].item<double>();
   if (depth > 0.0) return depth;
   return std::nullopt;
 }

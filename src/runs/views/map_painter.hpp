@@ -9,6 +9,7 @@
 #include "gaussians/detail/detail_levels.hpp"
 #include "mapping/appearance/display_exposure.hpp"
 #include "mapping/rendering.hpp"
+#include "runs/views/map_section.hpp"
 #include "viewer/scene.hpp"
 
 namespace apvi::runs {
@@ -32,13 +33,14 @@ class MapPainter {
   std::optional<double> depth(const viewer::Viewpoint& viewpoint, int column, int row) const;
 
  private:
-  mapping::MapRendering rendering(const gaussians::View& camera, double detail_px);
+  mapping::MapRendering rendering(const gaussians::View& camera, const viewer::View& view);
   torch::Tensor color(const viewer::View& view, const gaussians::View& camera,
                       const mapping::MapRendering& rendering);
 
   mapping::Map map_;
   std::future<gaussians::DetailLevels> coming_levels_;
   std::optional<gaussians::DetailLevels> levels_;
+  mutable MapSection section_;  // of `map_`
   std::vector<gaussians::View> views_;
   std::optional<mapping::DisplayExposure> exposure_;  // once it is needed: it takes a second
 };

@@ -28,13 +28,15 @@ class Overlay {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `measure`: a MeasureTool.
-  draw(view, scene, shown, vehicle, measure) {
+  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `measure`: a MeasureTool;
+  // `outline`: polygons of the section.
+  draw(view, scene, shown, vehicle, measure, outline) {
     this.context.clearRect(0, 0, this.width, this.height);
     if (!view || !scene) return;
     this.inverse = conjugate(rotationOf(view.pose));
     this.origin = placeOf(view.pose);
     this.focal = view.focal * this.height;
+    for (const polygon of outline) this.polygon(polygon);
     if (shown.path) this.path(scene);
     if (shown.keyframes) this.keyframes(scene);
     if (shown.vehicle && vehicle) this.frustum(vehicle, scene, 0.03 * scene.radius_m, "#ffffff", 1.6);
@@ -75,6 +77,13 @@ class Overlay {
       if (few) this.frustum(camera, scene, size, "rgba(219, 226, 232, .7)", 1);
       else this.dot(placeOf(camera), 1.6);
     }
+  }
+
+  polygon(points) {
+    const seen = points.map((p) => this.toCamera(p));
+    this.context.beginPath();
+    seen.forEach((p, i) => this.segment(p, seen[(i + 1) % seen.length]));
+    this.line("rgba(255, 255, 255, .28)", 1);
   }
 
   dot(point, radius) {

@@ -16,6 +16,8 @@ precision highp int;
 uniform highp sampler2D splats;
 uniform mat3 rotation; // world to camera
 uniform vec3 origin, beta_d, beta_b, b_inf, gains;
+uniform vec4 section; // normal and offset
+uniform float half_thickness; // negative: the whole map
 uniform vec2 size, depths;
 uniform float focal, water, antialiased;
 uniform int layer;
@@ -55,6 +57,7 @@ vec3 shown(vec3 c, vec3 p) {
 void main() {
   vec4 a = texel(0), b = texel(1), c = texel(2), d = texel(3);
   gl_Position = vec4(0.0, 0.0, 2.0, 1.0); // outside
+  if (half_thickness >= 0.0 && abs(dot(section.xyz, a.xyz) - section.w) > half_thickness) return;
   vec3 p = rotation * (a.xyz - origin);
   if (p.z < 0.01) return;
   vec2 limit = 0.65 * size / focal;
@@ -197,9 +200,16 @@ class Renderer {
     for (let i = 0; i < this.count; ++i) this.order[starts[this.keys[i]]++] = i;
   }
 
-  // Depths between which 96 % of the Gaussians in front of the camera are.
-  limits() {
-    const ahead = this.order.filter((i) => this.depths[i] > 0.05);
+  // Whether the center of a Gaussian is in the section of the view, if it has one.
+  isIn(section, i) {
+    if (!section) return true;
+    const at = 4 * TEXELS * i;
+    return Math.abs(dot(section.normal, this.data.subarray(at, at + 3)) - section.offset) <= section.thickness / 2;
+  }
+
+  // Depths between which 96 % of the Gaussians that are seen are.
+  limits(section) {
+    const ahead = this.order.filter((i) => this.depths[i] > 0.05 && this.isIn(section, i));
     if (ahead.length === 0) return [0, 1];
     const at = (part) => this.depths[ahead[Math.floor((1 - part) * (ahead.length - 1))]];
     return [at(0.02), Math.max(at(0.98), at(0.02) * 1.01)];
@@ -219,6 +229,9 @@ class Renderer {
     gl.uniform1f(place("focal"), view.focal * view.height);
     gl.uniform1f(place("water"), this.scene.water ? view.water : 1);
     gl.uniform1f(place("antialiased"), this.scene.antialiased ? 1 : 0);
+    const { normal, offset, thickness } = view.section || { normal: [0, 0, 0], offset: 0, thickness: -1 };
+    gl.uniform4f(place("section"), ...normal, offset);
+    gl.uniform1f(place("half_thickness"), thickness / 2);
     gl.uniform1i(place("layer"), LAYERS.indexOf(view.layer));
     const open = view.layer === "seen" && view.water > 0 ? water.b_inf : [0, 0, 0];
     gl.clearColor(...open, 1);
@@ -228,7 +241,7 @@ class Renderer {
     const gl = this.gl;
     Object.assign(this.canvas, { width: view.width, height: view.height });
     this.sort(rotate(rotationOf(view.pose), [0, 0, 1]), placeOf(view.pose));
-    const depths = view.layer === "depth" ? this.limits() : [0, 1];
+    const depths = view.layer === "depth" ? this.limits(view.section) : [0, 1];
     this.uniforms(view, depths);
     gl.viewport(0, 0, view.width, view.height);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.order);
@@ -267,7 +280,7 @@ class Renderer {
   // Opacity of a Gaussian where the ray passes it nearest, in its own metric.
   alphaAt(i, view, q, ray) {
     const z = this.depths[i];
-    if (z < 0.05) return 0;
+    if (z < 0.05 || !this.isIn(view.section, i)) return 0;
     const at = i * TEXELS * 4;
     const d = this.data;
     const offset = rotate(conjugate(q), subtract([d[at], d[at + 1], d[at + 2]], placeOf(view.pose)));

@@ -14,6 +14,7 @@ class Viewer {
     this.overlay = new Overlay(byId("overlay"));
     this.controls = new Controls(this.stage, this.camera, () => this.changed(), (...at) => this.clicked(...at));
     this.measure = new MeasureTool(() => this.redraw(), () => this.measureAt(innerWidth / 2, innerHeight / 2));
+    this.section = new SectionTool(() => this.changed(), (pose) => this.lookFrom(pose));
     this.bind();
     this.resize();
     this.renderer = new Renderer({
@@ -94,6 +95,7 @@ class Viewer {
     const first = !this.scene;
     this.scene = scene;
     this.measure.up = scene.up;
+    this.section.scene = scene;
     byId("name").textContent = scene.name;
     document.title = `${scene.name} · APVI-SLAM`;
     byId("live").hidden = !scene.live;
@@ -194,6 +196,12 @@ class Viewer {
     this.changed();
   }
 
+  lookFrom(pose) {
+    this.setMode("orbit");
+    this.camera.set(pose, 2 * this.scene.radius_m);
+    this.changed();
+  }
+
   reset() {
     if (!this.scene) return;
     const mode = this.camera.mode;
@@ -263,7 +271,7 @@ class Viewer {
 
   view() {
     return { id: this.viewId, width: this.width, height: this.height, focal: this.focal(), layer: this.layer,
-      water: this.water, pose: this.camera.pose(this.vehicle()) };
+      water: this.water, section: this.section.section, pose: this.camera.pose(this.vehicle()) };
   }
 
   changed() {
@@ -312,7 +320,8 @@ class Viewer {
     const shown = {};
     for (const name of ["path", "keyframes", "vehicle"]) shown[name] = byId(`show-${name}`).checked;
     const inside = this.camera.mode === "follow" && this.camera.behind === 0;
-    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.measure);
+    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.measure,
+      inside ? [] : this.section.outline());
   }
 
   count(header) {
