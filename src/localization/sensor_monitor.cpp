@@ -2,7 +2,6 @@
 #include "localization/sensor_monitor.hpp"
 
 #include <algorithm>
-#include <string_view>
 
 #include "apvi/core/log.hpp"
 
@@ -12,8 +11,9 @@ namespace {
 // Limits the log messages per sensor when a connection is intermittent.
 constexpr int kMaxMessages = 20;
 
-// Longer than the sample period of the slowest sensor of this kind.
-Duration timeout(std::string_view sensor) {
+}  // namespace
+
+Duration outage_timeout(std::string_view sensor) {
   if (sensor == "imu") return {100'000'000};
   if (sensor == "camera") return {1'000'000'000};
   return {2'000'000'000};
@@ -24,13 +24,11 @@ bool is_usable(const SensorEvent& event) {
   return ping == nullptr || ping->valid;
 }
 
-}  // namespace
-
 void SensorMonitor::process(const SensorEvent& event) {
   const Stamp now = stamp_of(event);
   if (!first_) first_ = now;
   for (auto& [sensor, stream] : streams_) {
-    if (!stream.outage && now - stream.last > timeout(sensor)) begin_outage(sensor, stream);
+    if (!stream.outage && now - stream.last > outage_timeout(sensor)) begin_outage(sensor, stream);
   }
   if (!is_usable(event)) return;
   const std::string sensor(kind_of(event));

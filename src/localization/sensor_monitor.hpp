@@ -5,12 +5,19 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/sensors/samples.hpp"
 
 namespace apvi::localization {
+
+/// Time without a usable sample after which a sensor counts as silent; `sensor` as in `kind_of`.
+/// Longer than the sample period of the slowest sensor of its kind.
+Duration outage_timeout(std::string_view sensor);
+/// Not a DVL without bottom lock.
+bool is_usable(const SensorEvent& event);
 
 /// Interval in which a sensor delivered no usable sample.
 struct Outage {

@@ -51,7 +51,9 @@ void AsyncLoopCloser::publish(bool changed) {
   }
   KeyframeCorrections corrections;
   if (changed && lists_corrections_) corrections = closer_.changed_corrections();
-  corrections_->publish(std::move(corrections), closer_.closures());
+  const std::vector<ClosedLoop> loops = closer_.loops(published_loops_);
+  published_loops_ += loops.size();
+  corrections_->publish(std::move(corrections), closer_.closures(), loops);
 }
 
 SE3 AsyncLoopCloser::newest_correction() const {

@@ -64,6 +64,7 @@ class AsyncLoopCloser {
   bool skips_images_;
   bool lists_corrections_;
   std::size_t pushed_ = 0;
+  std::size_t published_loops_ = 0;
   std::shared_ptr<CorrectionLog> corrections_ = std::make_shared<CorrectionLog>();
   mutable std::mutex mutex_;
   SE3 newest_;                                 // guarded by mutex_

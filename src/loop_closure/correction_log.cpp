@@ -6,10 +6,12 @@
 
 namespace apvi::loop_closure {
 
-void CorrectionLog::publish(KeyframeCorrections corrections, std::size_t closures) {
+void CorrectionLog::publish(KeyframeCorrections corrections, std::size_t closures,
+                            const std::vector<ClosedLoop>& new_loops) {
   const std::scoped_lock lock(mutex_);
   ++keyframes_;
   closures_ = closures;
+  loops_.insert(loops_.end(), new_loops.begin(), new_loops.end());
   if (!closed_ && !corrections.empty()) entries_.push_back({keyframes_, std::move(corrections)});
   published_.notify_all();
 }
@@ -42,6 +44,11 @@ std::vector<KeyframeCorrections> CorrectionLog::read_all() {
 std::size_t CorrectionLog::closures() const {
   const std::scoped_lock lock(mutex_);
   return closures_;
+}
+
+std::vector<ClosedLoop> CorrectionLog::loops() const {
+  const std::scoped_lock lock(mutex_);
+  return loops_;
 }
 
 }  // namespace apvi::loop_closure

@@ -22,13 +22,20 @@ struct KeyframeCorrection {
 /// after the last one, which move with it.
 using KeyframeCorrections = std::vector<KeyframeCorrection>;
 
+/// The keyframes that a loop closure joins.
+struct ClosedLoop {
+  Stamp from;  ///< the earlier one
+  Stamp to;
+};
+
 /// Corrections on their way from the thread of the pose graph to that of the map. They are numbered
 /// by the keyframe that caused them, so that a reader can have them in the same order in every run.
 class CorrectionLog {
  public:
   /// After every keyframe, and once after the last one; no corrections if nothing has moved.
-  /// `closures`: accepted loop closures so far.
-  void publish(KeyframeCorrections corrections, std::size_t closures);
+  /// `closures`: accepted loop closures so far. `new_loops`: those since the last call.
+  void publish(KeyframeCorrections corrections, std::size_t closures,
+               const std::vector<ClosedLoop>& new_loops = {});
   /// By writer or reader: no reader waits anymore, and later corrections are not kept.
   void close();
 
@@ -39,6 +46,7 @@ class CorrectionLog {
   std::vector<KeyframeCorrections> read_all();
   /// Accepted loop closures.
   std::size_t closures() const;
+  std::vector<ClosedLoop> loops() const;
 
  private:
   struct Entry {
@@ -53,6 +61,7 @@ class CorrectionLog {
   std::deque<Entry> entries_;
   std::size_t keyframes_ = 0;  ///< processed
   std::size_t closures_ = 0;
+  std::vector<ClosedLoop> loops_;
   bool closed_ = false;
 };
 

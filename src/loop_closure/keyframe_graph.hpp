@@ -105,6 +105,8 @@ class KeyframeGraph {
 
   /// Error of a loop in sigmas.
   double residual_norm(const Loop& loop) const;
+  /// Every loop that was added.
+  const std::vector<Loop>& loops() const { return all_loops_; }
   std::size_t edges() const { return loops_.size() + anchors_.size(); }
   /// How a loop agrees with the graph as it was optimized last. Keyframes that are newer than that
   /// are a few seconds of odometry away from its newest node.

@@ -210,6 +210,15 @@ void LoopCloser::reconnect(const Place& place) {
   was_found_ = true;
 }
 
+std::vector<ClosedLoop> LoopCloser::loops(std::size_t first) const {
+  std::vector<ClosedLoop> all;
+  for (std::size_t i = first; i < graph_.loops().size(); ++i) {
+    const Loop& loop = graph_.loops()[i];
+    all.push_back({graph_[loop.from].stamp, graph_[loop.to].stamp});
+  }
+  return all;
+}
+
 SE3 LoopCloser::correction(std::size_t keyframe) const {
   return graph_.T_world_known().inverse() * graph_.correction(keyframe).transform();
 }

@@ -80,6 +80,8 @@ class LoopCloser {
   bool searched() const { return searched_; }
   /// Number of accepted loop closures.
   std::size_t closures() const { return closures_; }
+  /// The same, but for the first ones.
+  std::vector<ClosedLoop> loops(std::size_t first = 0) const;
   /// Number of loop closures that images support and the graph contradicts.
   std::size_t rejected() const { return rejected_; }
 

@@ -20,6 +20,7 @@
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
 #include "runs/calibrate/self_calibration.hpp"
+#include "runs/dive_files.hpp"
 #include "runs/playback_clock.hpp"
 #include "runs/relocalization.hpp"
 #include "runs/run_folder.hpp"
@@ -148,10 +149,10 @@ class Runner {
       localize(reader, interrupted);
     } catch (...) {
       pipeline_.stop();
-      write_smoothed();
+      write_ends();
       throw;
     }
-    write_smoothed();
+    write_ends();
     if (map_ != nullptr) map_->finish();
     return std::move(pass_);
   }
@@ -167,6 +168,7 @@ class Runner {
       pass_.last = stamp_of(*event);
       if (!pass_.first) pass_.first = pass_.last;
       pass_.samples.add(*event);
+      spans_.add(*event);
       if (playback_) playback_->wait(pass_.last, interrupted);
       pipeline_.process(*event);
       if (++count % 256 == 0) status.update(live_ == nullptr ? reader.fraction() : -1.0, detail());
@@ -180,13 +182,15 @@ class Runner {
   }
 
   // Once the pipeline has ended, with what the graph knows then.
-  void write_smoothed() {
+  void write_ends() {
+    write_sensor_spans(folder_.file(kSensorsFile), spans_.all());
     const localization::VisualPipeline* visual = pipeline_.visual();
     if (visual == nullptr || visual->smoother() == nullptr || pass_.fused.empty()) return;
     pass_.smoothed = visual->smoother()->smoothed(pass_.fused);
     io::write_tum(folder_.file(kSmoothedFile), pass_.smoothed);
     loop_closure::save(visual->smoother()->closer().place_map(),
                        folder_.file(loop_closure::kPlacesFile));
+    write_loops(folder_.file(kLoopsFile), visual->smoother()->closer().loops());
   }
 
   void record(const localization::PingOutput& output) {
@@ -268,6 +272,7 @@ class Runner {
   std::optional<PlaybackClock> playback_;
   std::mutex mutex_;
   Pass pass_;
+  SensorSpans spans_;
   std::string awaited_ = "the camera";
   localization::Pipeline pipeline_;  // last member: its threads use the others
 };

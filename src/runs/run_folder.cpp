@@ -10,6 +10,7 @@
 #include "apvi/core/error.hpp"
 #include "apvi/geometry/so3.hpp"
 #include "apvi/io/tum.hpp"
+#include "runs/dive_files.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -122,7 +123,7 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   for (const char* stale :
        {"metrics.json", "report.html", "trajectory_smoothed.tum", "places.bin", "vio.tum",
         "keyframes.tum", "health.csv", "timing.csv", "rig_estimated.yaml", "mapping.csv",
-        "checkpoint.pt", "map.ply", "medium.json"}) {
+        "checkpoint.pt", "map.ply", "medium.json", kSensorsFile, kLoopsFile}) {
     fs::remove(path / stale, error);
   }
   for (const char* stale : {"renders", "storage"}) fs::remove_all(path / stale, error);

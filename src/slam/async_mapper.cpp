@@ -272,6 +272,10 @@ std::optional<std::size_t> AsyncMapper::closed_loops() const {
   return corrections_ ? std::optional(corrections_->closures()) : std::nullopt;
 }
 
+std::vector<loop_closure::ClosedLoop> AsyncMapper::loops() const {
+  return corrections_ ? corrections_->loops() : std::vector<loop_closure::ClosedLoop>{};
+}
+
 mapping::MapperInput AsyncMapper::to_input(const localization::MapFrame& frame) {
   const auto entry = times_.scope("images");
   mapping::MapperInput input;

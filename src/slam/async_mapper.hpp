@@ -123,6 +123,7 @@ class AsyncMapper : public localization::MapSink {
   std::size_t dropped_keyframes() const { return dropped_; }
   /// Number of loop closures; nothing when loops are not closed.
   std::optional<std::size_t> closed_loops() const;
+  std::vector<loop_closure::ClosedLoop> loops() const;
   /// Rejected keyframes and held-out images by reason.
   std::map<std::string, std::size_t> rejected() const;
 

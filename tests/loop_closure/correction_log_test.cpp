@@ -32,6 +32,18 @@ TEST(CorrectionLog, GivesWhatTheFirstKeyframesCausedOnce) {
   EXPECT_EQ(log.closures(), 4U);
 }
 
+TEST(CorrectionLog, KeepsTheLoopsOfAllKeyframes) {
+  CorrectionLog log;
+  log.publish({}, 0);
+  log.publish(at_second(2), 1, {{Stamp{1}, Stamp{2}}});
+  log.read_all();
+  log.close();
+  log.publish({}, 3, {{Stamp{1}, Stamp{3}}, {Stamp{2}, Stamp{3}}});
+  ASSERT_EQ(log.loops().size(), 3U);
+  EXPECT_EQ(log.loops()[1].from, Stamp{1});
+  EXPECT_EQ(log.loops()[2].to, Stamp{3});
+}
+
 TEST(CorrectionLog, AReaderWaitsForItsKeyframeAndGetsNoLaterOnes) {
   CorrectionLog log;
   std::thread graph([&log] {

@@ -86,6 +86,9 @@ SimulatedRun simulate(const CloserOptions& options, int keyframes) {
   if (result.has_loops_at_flush) result.apply(closer.changed_corrections());
   EXPECT_FALSE(closer.flush());
   result.closures = closer.closures();
+  EXPECT_EQ(closer.loops().size(), closer.closures());
+  for (const ClosedLoop& loop : closer.loops()) EXPECT_LT(loop.from, loop.to);
+  EXPECT_EQ(closer.loops(closer.closures()).size(), 0U);
   return result;
 }
 
