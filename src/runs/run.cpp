@@ -169,6 +169,7 @@ class Runner {
       if (!pass_.first) pass_.first = pass_.last;
       pass_.samples.add(*event);
       spans_.add(*event);
+      if (observer_ != nullptr) observer_->sample(*event);
       if (playback_) playback_->wait(pass_.last, interrupted);
       pipeline_.process(*event);
       if (++count % 256 == 0) status.update(live_ == nullptr ? reader.fraction() : -1.0, detail());

@@ -98,6 +98,7 @@ class WatcherConnection : public std::enable_shared_from_this<WatcherConnection>
     if (const auto* pause = std::get_if<PauseMessage>(&message)) {
       return hub_.scene.pause(pause->paused);
     }
+    if (std::holds_alternative<SaveMessage>(message)) return hub_.scene.save();
     hub_.loop.receive(id_, message);
   }
 

@@ -116,6 +116,7 @@ Message message_of(const Json& json) {
   if (type == "drawn") return DrawnMessage{id_of(field(json, "frame"))};
   if (type == "snapshot") return SnapshotMessage{id_of(field(json, "id")), view_of(json)};
   if (type == "measure") return measure_of(json);
+  if (type == "save") return SaveMessage{};
   if (type == "pause") return PauseMessage{flag(field(json, "paused"))};
   throw Malformed{};
 }

@@ -44,8 +44,10 @@ struct MeasureMessage {
 struct PauseMessage {
   bool paused = false;
 };
-using Message =
-    std::variant<ViewMessage, DrawnMessage, SnapshotMessage, MeasureMessage, PauseMessage>;
+/// Save the map now.
+struct SaveMessage {};
+using Message = std::variant<ViewMessage, DrawnMessage, SnapshotMessage, MeasureMessage,
+                             PauseMessage, SaveMessage>;
 
 /// Nothing for whatever is not a valid message: never throws.
 std::optional<Message> parse_message(std::string_view text);
@@ -80,6 +82,16 @@ std::string scene_message(const SceneDescription& description);
 std::string poses_message(const std::vector<TracePose>& trace);
 /// {"type": "map", ...}: extent, medium and keyframes of a map that has changed.
 std::string map_message(const SceneDescription& description);
+/// {"type": "loops", ...}: all of them.
+std::string loops_message(const std::vector<LoopLine>& loops);
+/// {"type": "beams", ...}: all pings.
+std::string beams_message(const Beams& beams);
+/// {"type": "pings", ...}: those that follow.
+std::string pings_message(const std::vector<BeamPing>& pings);
+/// {"type": "sensors", ...}: all spans.
+std::string sensors_message(const std::vector<SensorTrack>& sensors);
+/// {"type": "saved", "error"}; empty: the map is saved.
+std::string saved_message(const std::string& error);
 /// {"type": "status", "figures": [[name, value], ...], "paused"}
 std::string status_message(const std::vector<std::pair<std::string, std::string>>& figures,
                            bool paused);

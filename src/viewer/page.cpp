@@ -37,16 +37,16 @@ std::string escaped(std::string_view json) {
 }  // namespace
 
 std::string live_page() {
-  return page("", scripts({"math.js", "overlay.js", "controls.js", "link.js", "panel.js",
-                           "measure.js", "section.js", "viewer.js"}));
+  return page("", scripts({"math.js", "overlay.js", "dive.js", "controls.js", "link.js", "panel.js",
+                           "measure.js", "section.js", "live.js", "viewer.js"}));
 }
 
 std::string static_page(std::string_view scene, std::string_view splats) {
   std::string data = "<script type=\"application/json\" id=\"scene-data\">" + escaped(scene);
   data += "</script>\n<script type=\"text/plain\" id=\"splat-data\">";
   data.append(splats).append("</script>");
-  return page(data, scripts({"math.js", "overlay.js", "controls.js", "splats.js", "panel.js",
-                             "measure.js", "section.js", "viewer.js"}));
+  return page(data, scripts({"math.js", "overlay.js", "dive.js", "controls.js", "splats.js",
+                             "panel.js", "measure.js", "section.js", "live.js", "viewer.js"}));
 }
 
 }  // namespace apvi::viewer

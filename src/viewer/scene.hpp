@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apvi/geometry/trajectory.hpp"
@@ -58,11 +61,41 @@ struct TracePose {
   std::string state;
 };
 
+/// Stamps of the keyframes that a loop closure joins.
+struct LoopLine {
+  Stamp from;
+  Stamp to;
+};
+
+inline constexpr std::size_t kBeams = 4;
+
+/// A ping of the DVL, as it is drawn.
+struct BeamPing {
+  Stamp stamp;                            ///< when it was measured
+  std::array<double, kBeams> length_m{};  ///< of the lines along the beams
+  std::array<bool, kBeams> valid{};
+  std::array<bool, kBeams> measured{};  ///< the length is the range of the beam
+};
+
+/// The beams of the DVL.
+struct Beams {
+  SE3 T_body_dvl = SE3::identity();
+  std::array<Eigen::Vector3d, kBeams> directions{};  ///< unit, outward, in the frame of the DVL
+  std::vector<BeamPing> pings;
+};
+
+/// When a sensor served: spans between outages.
+struct SensorTrack {
+  std::string name;  ///< "camera", "imu", "dvl", "pressure" or "depth"
+  std::vector<std::pair<Stamp, Stamp>> spans;
+};
+
 /// What a page needs to know once, beside the images.
 struct SceneDescription {
   std::string name;
   bool live = false;       ///< poses follow
   bool can_pause = false;  ///< mapping can be paused
+  bool can_save = false;   ///< the map can be saved before the end
   bool medium = false;     ///< the map has a medium
   std::int64_t gaussians = 0;
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();     ///< unit
@@ -74,6 +107,9 @@ struct SceneDescription {
   SE3 T_body_camera = SE3::identity();
   std::vector<TracePose> trace;
   std::vector<SE3> keyframes;  ///< T_world_body
+  std::vector<LoopLine> loops;
+  std::optional<Beams> beams;
+  std::vector<SensorTrack> sensors;
 };
 
 /// What is shown. `render` and `depth` are called from one thread, the others from any thread.
@@ -94,6 +130,8 @@ class Scene {
   virtual SceneDescription description() const = 0;
   /// Called when a watcher asks for it, if `description` says that it is possible.
   virtual void pause(bool paused) = 0;
+  /// Likewise: saves the map. Returns at once.
+  virtual void save() = 0;
 };
 
 }  // namespace apvi::viewer

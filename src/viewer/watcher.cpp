@@ -40,7 +40,8 @@ void Watcher::receive(const Message& message, Time now) {
                         },
                         [&](const DrawnMessage& m) { drawn(m.frame, now); },
                         [&](const SnapshotMessage& m) { request(m); },
-                        [&](const MeasureMessage& m) { request(m); }, [](const PauseMessage&) {}},
+                        [&](const MeasureMessage& m) { request(m); }, [](const PauseMessage&) {},
+                        [](const SaveMessage&) {}},
              message);
 }
 

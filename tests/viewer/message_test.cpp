@@ -98,6 +98,7 @@ TEST(Message, ReadsEveryType) {
   EXPECT_EQ(std::get<MeasureMessage>(*parse_message(measure.dump())).column, 639);
   EXPECT_EQ(std::get<DrawnMessage>(*parse_message(R"({"type":"drawn","frame":4294967295})")).frame,
             4294967295U);
+  EXPECT_TRUE(std::holds_alternative<SaveMessage>(*parse_message(R"({"type":"save"})")));
   EXPECT_TRUE(std::get<PauseMessage>(*parse_message(R"({"type":"pause","paused":true})")).paused);
 }
 
@@ -219,6 +220,43 @@ TEST(Message, LongTrajectoriesAreThinnedAndKeepTheirEnd) {
   EXPECT_EQ(scene.at("poses").size(), scene.at("stamps").size());
   EXPECT_EQ(scene.at("states").back(), "frozen");
   EXPECT_EQ(scene.at("stamps").back(), 50000.0);
+}
+
+Stamp at_s(double seconds) {
+  return Stamp{} + Duration::from_seconds(seconds);
+}
+
+TEST(Message, TheSceneHasLoopsBeamsAndSensors) {
+  SceneDescription d;
+  EXPECT_TRUE(Json::parse(scene_message(d)).at("beams").is_null());
+  d.loops = {{at_s(1.5), at_s(9.0)}};
+  d.sensors = {{"imu", {{at_s(0.0), at_s(4.0)}, {at_s(5.0), at_s(9.0)}}}};
+  d.beams.emplace();
+  d.beams->directions.fill(Eigen::Vector3d::UnitZ());
+  d.beams->pings = {{.stamp = at_s(2.0),
+                     .length_m = {1.0, 2.0, 3.00049, 4.0},
+                     .valid = {true, false, false, true},
+                     .measured = {false, true, false, false}}};
+  const Json scene = Json::parse(scene_message(d));
+  EXPECT_EQ(scene.at("loops"), Json::parse("[[1.5, 9.0]]"));
+  EXPECT_EQ(scene.at("sensors"),
+            Json::parse(R"([{"name": "imu", "spans": [[0.0, 4.0], [5.0, 9.0]]}])"));
+  const Json& beams = scene.at("beams");
+  EXPECT_EQ(beams.at("directions").size(), 4U);
+  EXPECT_EQ(beams.at("lengths"), Json::parse("[[1.0, 2.0, 3.0, 4.0]]"));
+  EXPECT_EQ(beams.at("valid"), Json::parse("[9]"));
+  EXPECT_EQ(beams.at("measured"), Json::parse("[2]"));
+  EXPECT_EQ(Json::parse(beams_message(*d.beams)).at("beams"), beams);
+  const Json pings = Json::parse(pings_message(d.beams->pings));
+  EXPECT_EQ(pings.at("type"), "pings");
+  EXPECT_EQ(pings.at("stamps"), beams.at("stamps"));
+  EXPECT_EQ(Json::parse(loops_message(d.loops)).at("loops"), scene.at("loops"));
+  EXPECT_EQ(Json::parse(sensors_message(d.sensors)).at("sensors"), scene.at("sensors"));
+}
+
+TEST(Message, ASaveIsAnswered) {
+  EXPECT_EQ(Json::parse(saved_message("")), Json({{"type", "saved"}, {"error", ""}}));
+  EXPECT_EQ(Json::parse(saved_message("disk full\xff")).at("type"), "saved");
 }
 
 TEST(Message, NamesThatAreNoUtf8DoNotBreakTheScene) {

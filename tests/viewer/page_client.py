@@ -148,9 +148,10 @@ class Page:
                 self.send(type="drawn", frame=header[3])
             return header, data[HEADER.size:]
 
-    def reply(self):
-        """The next JSON message."""
+    def reply(self, kind=None):
+        """The next JSON message, of a kind if one is given."""
         while True:
             opcode, data = self.receive()
-            if opcode == TEXT:
-                return json.loads(data)
+            message = json.loads(data) if opcode == TEXT else None
+            if message and kind in (None, message["type"]):
+                return message

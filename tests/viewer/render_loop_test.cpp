@@ -33,6 +33,7 @@ class WallScene : public Scene {
   std::uint64_t version() const override { return 1; }
   SceneDescription description() const override { return {}; }
   void pause(bool) override {}
+  void save() override {}
 
   std::atomic<int> renders = 0;
   std::atomic<bool> failing = false;

@@ -4,6 +4,7 @@
 import json
 import pathlib
 import random
+import shutil
 import struct
 import subprocess
 import sys
@@ -31,9 +32,13 @@ class Case(unittest.TestCase):
     def setUpClass(cls):
         cls.temporary = tempfile.TemporaryDirectory()
         cls.folder = pathlib.Path(cls.temporary.name)
-        cls.run_folder = tiny_run.make(cls.folder / "dive")
+        cls.run_folder = cls.make_run()
         cls.server = page_client.Server(APVI, "view", cls.run_folder, "--port", 0, *cls.OPTIONS)
         cls.port = cls.server.port
+
+    @classmethod
+    def make_run(cls):
+        return tiny_run.make(cls.folder / "dive")
 
     @classmethod
     def tearDownClass(cls):
@@ -57,6 +62,35 @@ class Watching(Case):
         self.assertEqual(set(scene["states"]), set(tiny_run.STATES))
         self.assertEqual(len(scene["keyframes"]), 31)
         self.assertEqual(scene["up"], [0, 0, 1])
+
+    def test_the_scene_has_loops_and_sensors(self):
+        scene = Page(self.port).scene
+        self.assertEqual(scene["loops"], [[1000 + a, 1000 + b] for a, b in tiny_run.LOOPS])
+        self.assertEqual([s["name"] for s in scene["sensors"]], ["camera", "imu", "dvl", "pressure"])
+        self.assertEqual(scene["sensors"][0]["spans"], [[1000, 1020], [1025, 1060]])
+
+    def test_the_beams_come_from_the_recording(self):
+        for _ in range(100):  # they are read while the page is served
+            beams = Page(self.port).scene["beams"]
+            if beams:
+                break
+            time.sleep(0.1)
+        self.assertEqual(len(beams["stamps"]), 5 * tiny_run.SECONDS)
+        self.assertEqual(beams["lengths"][0][:3], [tiny_run.RANGE_M] * 3)
+        self.assertEqual((beams["valid"][0], beams["measured"][0]), (0b0111, 0b0111))
+        self.assertEqual((beams["valid"][160], beams["measured"][160]), (0, 0))
+        for direction in beams["directions"]:
+            self.assertAlmostEqual(sum(x * x for x in direction), 1, places=3)
+            # Without a range the length is that to a level bottom at the altitude.
+            self.assertAlmostEqual(beams["lengths"][160][0] * direction[2], 2.5, places=2)
+
+    def test_a_finished_run_ignores_what_only_a_run_can_do(self):
+        page = Page(self.port)
+        self.assertFalse(page.scene["can_save"])
+        page.send(type="save")
+        page.send(type="pause", paused=True)
+        page.look()
+        self.assertEqual(page.image()[0][0], 1)
 
     def test_a_snapshot_has_the_pixels_of_apvi_render(self):
         camera = self.folder / "camera.json"
@@ -84,13 +118,13 @@ class Watching(Case):
     def test_a_distance_is_that_of_the_seabed(self):
         page = Page(self.port)
         page.look(9, kind="measure", column=160, row=120)
-        answer = page.reply()
+        answer = page.reply("point")
         self.assertEqual(answer["id"], 9)
         x, y, z = answer["point"]
         self.assertLess(abs(x) + abs(y), 0.03)
         self.assertAlmostEqual(z, tiny_run.height(x, y), delta=0.05)
         page.look(10, kind="measure", column=160, row=120, pose=[1.0, 0, 0, 0, 0, 0, 0])
-        self.assertIsNone(page.reply()["point"])
+        self.assertIsNone(page.reply("point")["point"])
 
     def test_only_the_section_is_drawn_and_measured(self):
         page = Page(self.port)
@@ -102,9 +136,9 @@ class Watching(Case):
         self.assertEqual(images[0], images[1])  # all of the seabed
         self.assertEqual(len(set(images)), 3)
         page.look(2, kind="measure", column=160, row=120, section=level)
-        self.assertIsNotNone(page.reply()["point"])
+        self.assertIsNotNone(page.reply("point")["point"])
         page.look(3, kind="measure", column=160, row=120, section={**level, "offset": 5.0})
-        self.assertIsNone(page.reply()["point"])
+        self.assertIsNone(page.reply("point")["point"])
 
     def test_every_layer_is_drawn(self):
         page = Page(self.port)
@@ -148,6 +182,24 @@ class Watching(Case):
         for thread in watchers:
             thread.join()
         self.assertEqual(sorted(done), list(range(10)))
+
+
+class Incomplete(Case):
+    """Of an interrupted run whose recording is gone."""
+
+    @classmethod
+    def make_run(cls):
+        run = tiny_run.make(cls.folder / "dive", 500)
+        shutil.rmtree(run / "recording")
+        (run / "sensors.csv").write_text("#sensor,begin [ns],end [ns],samples\ncamera,10")
+        (run / "loops.csv").write_text("#from [ns],to [ns]\n1000\n")
+        return run
+
+    def test_the_map_is_shown_all_the_same(self):
+        page = Page(self.port)
+        self.assertEqual((page.scene["loops"], page.scene["sensors"], page.scene["beams"]), ([], [], None))
+        page.look()
+        self.assertEqual(page.image()[0][0], 1)
 
 
 class BadArguments(unittest.TestCase):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A run folder with a small map: a seabed with bumps 3 m below a vehicle that looks down, in greenish water."""
+"""A run folder with a small map, and the DVL's recording: a seabed with bumps 3 m below a vehicle that looks down, in greenish water."""
 import math
 import random
 import struct
@@ -18,7 +18,14 @@ RESOLVED = """rig:
     resolution: [640, 480]
     rate_hz: 10
     T_body_sensor: [0, -1, 0, 0,  -1, 0, 0, 0,  0, 0, -1, 0,  0, 0, 0, 1]
+  dvl0:
+    T_body_sensor: [1, 0, 0, 0.2,  0, -1, 0, 0,  0, 0, -1, 0,  0, 0, 0, 1]
+dataset:
+  path: {recording}
 """
+LOOPS = ((2, 50), (10, 55), (4, 58))  # seconds
+NO_BOTTOM_LOCK = (30, 36)
+RANGE_M = 3.1
 
 
 def height(x, y):
@@ -64,11 +71,42 @@ def write_health(path):
     path.write_text("\n".join(lines) + "\n")
 
 
+def ns(t):
+    return 1000 * 10**9 + round(t * 10**9)
+
+
+def write_loops(path):
+    path.write_text("#from [ns],to [ns]\n" + "".join(f"{ns(a)},{ns(b)}\n" for a, b in LOOPS))
+
+
+def write_sensors(path):
+    spans = [("camera", 0, 20), ("camera", 25, 60), ("dvl", 0, NO_BOTTOM_LOCK[0]), ("dvl", NO_BOTTOM_LOCK[1], 60),
+             ("imu", 0, 60), ("pressure", 5, 60)]
+    path.write_text("#sensor,begin [ns],end [ns],samples\n" + "".join(
+        f"{name},{ns(begin)},{ns(end)},100\n" for name, begin, end in spans))
+
+
+def write_recording(folder):
+    """The DVL alone. Beam 3 never sees the bottom, and reports no range."""
+    (folder / "mav0/dvl0").mkdir(parents=True)
+    names = [f"beam{i}_{what}" for what in ("v", "range", "valid") for i in range(4)]
+    lines = [",".join(["#timestamp [ns]", "v_x", "v_y", "v_z", "altitude", "valid", *names])]
+    for k in range(5 * SECONDS):
+        locked = not NO_BOTTOM_LOCK[0] <= k / 5 < NO_BOTTOM_LOCK[1]
+        ranges = [RANGE_M if locked else "", RANGE_M if locked else "", RANGE_M if locked else "", ""]
+        lines.append(",".join(str(x) for x in (
+            ns(k / 5), 0.1, 0, 0, 2.5, int(locked), *[0.05] * 4, *ranges, *[int(locked)] * 3, 0)))
+    (folder / "mav0/dvl0/data.csv").write_text("\n".join(lines) + "\n")
+
+
 def make(folder, gaussians=4000):
     folder.mkdir(parents=True)
     write_map(folder / "map.ply", gaussians)
     write_poses(folder / "trajectory.tum", 0.1)
     write_poses(folder / "keyframes.tum", 2.0)
     write_health(folder / "health.csv")
-    (folder / "resolved.yaml").write_text(RESOLVED)
+    write_loops(folder / "loops.csv")
+    write_sensors(folder / "sensors.csv")
+    write_recording(folder / "recording")
+    (folder / "resolved.yaml").write_text(RESOLVED.format(recording=folder / "recording"))
     return folder

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "runs/maps/stored_map.hpp"
+#include "runs/views/dive_view.hpp"
 #include "runs/views/stored_scene.hpp"
 #include "viewer/message.hpp"
 
@@ -24,17 +25,69 @@ LiveScene::LiveScene(std::string name) {
 void LiveScene::set_rig(const Rig& rig) {
   const std::scoped_lock lock(mutex_);
   description_.up = -rig.gravity(1.0);
+  dvl_ = rig.dvl;
+  if (dvl_) description_.beams = shown_beams(*dvl_);
   if (rig.cameras.empty()) return;
   const CameraCalibration& camera = rig.cameras.front();
   describe_camera({slam::Undistorter(camera.model, 1.0).intrinsics(), camera.T_body_camera},
                   description_);
 }
 
-void LiveScene::set_mapper(slam::AsyncMapper* mapper) {
+void LiveScene::set_mapper(slam::AsyncMapper* mapper, std::function<void()> save) {
   copier_.set_mapper(mapper);
   const std::scoped_lock lock(mapper_mutex_, mutex_);
   mapper_ = mapper;
-  description_.can_pause = mapper != nullptr;
+  save_ = std::move(save);
+  description_.can_pause = description_.can_save = mapper != nullptr;
+}
+
+void LiveScene::add(const SensorEvent& event) {
+  const std::scoped_lock lock(mutex_);
+  spans_.add(event);
+  const auto* ping = std::get_if<DvlSample>(&event);
+  if (ping != nullptr && dvl_) description_.beams->pings.push_back(shown_ping(*ping, *dvl_));
+}
+
+std::vector<viewer::BeamPing> LiveScene::take_new_pings() {
+  const std::scoped_lock lock(mutex_);
+  if (!description_.beams) return {};
+  const std::vector<viewer::BeamPing>& pings = description_.beams->pings;
+  const std::size_t from = std::exchange(taken_pings_, pings.size());
+  return {pings.begin() + static_cast<std::ptrdiff_t>(from), pings.end()};
+}
+
+std::vector<viewer::SensorTrack> LiveScene::sensors() const {
+  const std::scoped_lock lock(mutex_);
+  return shown_sensors(spans_.all());
+}
+
+void LiveScene::set_loops(const std::vector<loop_closure::ClosedLoop>& loops) {
+  const std::scoped_lock lock(mutex_);
+  if (loops.size() == description_.loops.size()) return;
+  description_.loops = shown_loops(loops);
+  loops_are_new_ = true;
+}
+
+std::optional<std::vector<viewer::LoopLine>> LiveScene::take_loops() {
+  const std::scoped_lock lock(mutex_);
+  if (!std::exchange(loops_are_new_, false)) return std::nullopt;
+  return description_.loops;
+}
+
+void LiveScene::save() {
+  const std::scoped_lock lock(mapper_mutex_);
+  if (mapper_ == nullptr || mapper_->failed()) return set_saved("mapping has ended");
+  save_();
+}
+
+void LiveScene::set_saved(const std::string& error) {
+  const std::scoped_lock lock(mutex_);
+  saved_ = error;
+}
+
+std::optional<std::string> LiveScene::take_saved() {
+  const std::scoped_lock lock(mutex_);
+  return std::exchange(saved_, std::nullopt);
 }
 
 void LiveScene::add(const StampedPose& pose, const std::string& state) {
@@ -84,6 +137,7 @@ viewer::SceneDescription LiveScene::description() const {
   const std::scoped_lock lock(mutex_);
   viewer::SceneDescription description = description_;
   description.trace = trace_.poses();
+  description.sensors = shown_sensors(spans_.all());
   return description;
 }
 

@@ -55,9 +55,13 @@ struct LiveView::Implementation {
   void publish(int turn) {
     try {
       publish_poses();
+      publish_pings();
       publish_image();
+      if (const auto error = scene.take_saved()) server.broadcast(viewer::saved_message(*error));
       if (const std::string map = scene.take_map_message(); !map.empty()) server.broadcast(map);
-      if (turn % kStatusEvery == 0) publish_status();
+      if (turn % kStatusEvery != 0) return;
+      publish_status();
+      publish_sensors();
     } catch (const std::exception& error) {
       log::warning("viewer: {}", error.what());
     }
@@ -67,6 +71,20 @@ struct LiveView::Implementation {
     const auto poses = scene.take_new_poses();
     if (!poses) return server.broadcast(viewer::scene_message(scene.description()));
     if (!poses->empty()) server.broadcast(viewer::poses_message(*poses));
+  }
+
+  void publish_pings() {
+    const std::vector<viewer::BeamPing> pings = scene.take_new_pings();
+    if (!pings.empty()) server.broadcast(viewer::pings_message(pings));
+  }
+
+  void publish_sensors() {
+    server.broadcast(viewer::sensors_message(scene.sensors()));
+    {
+      const std::scoped_lock lock(mutex);
+      if (corrections) scene.set_loops(corrections->loops());
+    }
+    if (const auto loops = scene.take_loops()) server.broadcast(viewer::loops_message(*loops));
   }
 
   void publish_image() {
@@ -103,6 +121,7 @@ struct LiveView::Implementation {
   Newest newest;
   std::optional<TrackImage> newest_image;
   std::optional<CameraCalibration> camera;
+  std::shared_ptr<loop_closure::CorrectionLog> corrections;  // of the pose graph
   Stopwatch since_status;
   std::condition_variable_any wake;
   viewer::Server server;
@@ -120,6 +139,10 @@ void LiveView::begin(const Rig& rig) {
   implementation_->scene.set_rig(rig);
   if (!rig.cameras.empty()) implementation_->camera = rig.cameras.front();
   implementation_->server.broadcast(viewer::scene_message(implementation_->scene.description()));
+}
+
+void LiveView::sample(const SensorEvent& event) {
+  implementation_->scene.add(event);
 }
 
 void LiveView::ping(const localization::PingOutput& output) {
@@ -142,6 +165,10 @@ void LiveView::frame(const localization::FrameOutput& output) {
 }
 
 void LiveView::image(const localization::MapFrame& frame) {
+  if (frame.corrections) {
+    const std::scoped_lock lock(implementation_->mutex);
+    implementation_->corrections = frame.corrections;
+  }
   if (frame.image.empty() || !implementation_->camera) return;
   TrackImage image{
       .image = frame.image,
@@ -154,12 +181,16 @@ void LiveView::image(const localization::MapFrame& frame) {
   implementation_->newest_image = std::move(image);
 }
 
-void LiveView::map_begins(slam::AsyncMapper& mapper) {
-  implementation_->scene.set_mapper(&mapper);
+void LiveView::map_begins(slam::AsyncMapper& mapper, std::function<void()> save) {
+  implementation_->scene.set_mapper(&mapper, std::move(save));
 }
 
 void LiveView::map_ends() {
-  implementation_->scene.set_mapper(nullptr);
+  implementation_->scene.set_mapper(nullptr, {});
+}
+
+void LiveView::map_saved(const std::string& error) {
+  implementation_->scene.set_saved(error);
 }
 
 }  // namespace apvi::runs

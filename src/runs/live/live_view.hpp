@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -17,11 +18,13 @@ class LiveView : public RunObserver {
   ~LiveView() override;
 
   void begin(const Rig& rig) override;
+  void sample(const SensorEvent& event) override;
   void ping(const localization::PingOutput& output) override;
   void frame(const localization::FrameOutput& output) override;
   void image(const localization::MapFrame& frame) override;
-  void map_begins(slam::AsyncMapper& mapper) override;
+  void map_begins(slam::AsyncMapper& mapper, std::function<void()> save) override;
   void map_ends() override;
+  void map_saved(const std::string& error) override;
 
  private:
   struct Implementation;

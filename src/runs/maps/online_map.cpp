@@ -11,6 +11,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
 #include "gaussians/device.hpp"
+#include "runs/dive_files.hpp"
 #include "slam/mapper_options.hpp"
 
 namespace apvi::runs {
@@ -43,6 +44,7 @@ void OnlineMap::open_files() {
 }
 
 void OnlineMap::write_periodic_output() {
+  save_if_asked();
   const mapping::Mapper& mapper = mapper_.mapper();
   if (log_->due(watch_.seconds()) && mapper.size() > 0) {
     const mapping::Map whole = mapper.stored() > 0 ? mapper.snapshot() : mapper.map();
@@ -56,6 +58,7 @@ void OnlineMap::write_periodic_output() {
 }
 
 void OnlineMap::show(const slam::FinalProgress& progress) {
+  save_if_asked();
   if (progress.ended) return status_.reset();
   const bool refining = progress.work == slam::FinalWork::refining;
   if (!status_) status_.emplace(refining ? "refining" : "finishing the map");
@@ -78,12 +81,37 @@ void OnlineMap::save_map() {
   }
   last_save_s_ = watch.seconds();
   saving_s_ += last_save_s_;
+  answer_save(mapper.size() > 0 ? "" : "there is no map yet");
+}
+
+// A failure is told to whoever asked; it is no reason to end the map.
+void OnlineMap::save_if_asked() {
+  if (!save_asked_) return;
+  try {
+    save_map();
+    since_save_.reset();
+  } catch (const std::exception& error) {
+    const std::string text = error.what();
+    log::warning("the map was not saved: {}", text);
+    answer_save(text.substr(0, text.find('\n')));
+  }
+}
+
+void OnlineMap::answer_save(const std::string& error) {
+  if (save_asked_.exchange(false) && options_.observer != nullptr) {
+    options_.observer->map_saved(error);
+  }
 }
 
 void OnlineMap::save() {
   save_map();
   if (mapper_.mapper().size() > 0) {
     io::write_tum(options_.folder / "keyframes.tum", mapper_.keyframes());
+  }
+  // With a pose graph of localization the file is there, with the loops before the map too.
+  const std::filesystem::path loops = options_.folder / kLoopsFile;
+  if (!mapper_.loops().empty() && !std::filesystem::exists(loops)) {
+    write_loops(loops, mapper_.loops());
   }
   if (log_) log_->close();
 }

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <atomic>
+#include <map>
 #include <optional>
+#include <string>
 
 #include "core/status_line.hpp"
 #include "core/stopwatch.hpp"
@@ -20,8 +23,10 @@ class OnlineMap {
 
   /// Opens mapping.csv. Once the run folder exists, before the first frame.
   void open_files();
-  /// Writes map.ply, medium.json, keyframes.tum and checkpoint.pt.
+  /// Writes map.ply, medium.json, keyframes.tum, loops.csv and checkpoint.pt.
   void save();
+  /// Has the map saved as soon as no frame or step is processed; any thread. The observer is told.
+  void request_save() { save_asked_ = true; }
   /// Throws what has disabled mapping while localization continued, if anything has. The map so far
   /// has been saved then. After `mapper().finish()`.
   void rethrow_failure() const;
@@ -33,7 +38,9 @@ class OnlineMap {
  private:
   void write_periodic_output();
   void show(const slam::FinalProgress& progress);
-  void save_map();  ///< all but keyframes.tum
+  void save_map();  ///< all but keyframes.tum and loops.csv
+  void save_if_asked();
+  void answer_save(const std::string& error);
   void report_failure();
 
   const RunConfig& config_;
@@ -42,6 +49,7 @@ class OnlineMap {
   Stopwatch since_save_;
   double saving_s_ = 0.0;
   double last_save_s_ = 0.0;
+  std::atomic<bool> save_asked_ = false;
   std::optional<MappingLog> log_;     // once there is a folder
   std::optional<StatusLine> status_;  // during the work after the last frame
   slam::AsyncMapper mapper_;          // last: its thread ends before what it uses

@@ -51,8 +51,9 @@ class ObservedSink : public localization::MapSink {
 /// Shows the observer the map as long as it exists.
 class MapObservation {
  public:
-  MapObservation(RunObserver* observer, slam::AsyncMapper& mapper) : observer_(observer) {
-    if (observer_ != nullptr) observer_->map_begins(mapper);
+  MapObservation(RunObserver* observer, OnlineMap& map) : observer_(observer) {
+    if (observer_ == nullptr) return;
+    observer_->map_begins(map.mapper(), [&map] { map.request_save(); });
   }
   ~MapObservation() {
     if (observer_ != nullptr) observer_->map_ends();
@@ -154,7 +155,7 @@ OnlineRunResult localize_and_map(const RunConfig& config, io::SequenceReader& re
   torch::set_num_threads(config.run.threads);
   const Rig rig = rig_with_camera(config, recording);
   OnlineMap map(config, options, rig);
-  const MapObservation observation(options.observer, map.mapper());
+  const MapObservation observation(options.observer, map);
   OnlineRunResult result;
   if (options.resume) {
     continue_map(config, options, map);

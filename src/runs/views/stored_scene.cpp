@@ -6,8 +6,10 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
+#include "runs/dive_files.hpp"
 #include "runs/health_file.hpp"
 #include "runs/maps/local_origin.hpp"
+#include "runs/views/dive_view.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -21,13 +23,15 @@ Trajectory read_keyframes(const fs::path& run, const map_io::Origin& origin) {
   return fs::exists(file) ? to_local(io::read_trajectory(file), origin) : Trajectory{};
 }
 
-std::vector<HealthRow> health_of(const fs::path& run) {
-  const fs::path file = run / "health.csv";
+// A file of the run, empty without it. One of an interrupted run may be incomplete; the map is
+// worth seeing all the same.
+template <typename Read>
+auto read_if_whole(const fs::path& file, const Read& read) -> decltype(read(file)) {
   if (!fs::exists(file)) return {};
   try {
-    return read_health(file);
-  } catch (const InputError& error) {  // an interrupted run; the map is worth seeing all the same
-    log::warning("no states of the trajectory: {}", error.what());
+    return read(file);
+  } catch (const InputError& error) {
+    log::warning("not shown: {}", error.what());
     return {};
   }
 }
@@ -93,11 +97,13 @@ StoredScene::StoredScene(const fs::path& source) {
 
 std::vector<gaussians::View> StoredScene::describe_run(const fs::path& run,
                                                        const map_io::Origin& origin) {
-  const RunConfig config = load_recorded_run_config(run / "resolved.yaml");
+  const RunConfig& config = config_.emplace(load_recorded_run_config(run / "resolved.yaml"));
   const CameraMount mount = mount_of_run(config);
   describe_camera(mount, description_);
   const Trajectory path = to_local(load_path(run), origin);
-  description_.trace = trace_of(path, health_of(run));
+  description_.trace = trace_of(path, read_if_whole(run / "health.csv", read_health));
+  description_.loops = shown_loops(read_if_whole(run / kLoopsFile, read_loops));
+  description_.sensors = shown_sensors(read_if_whole(run / kSensorsFile, read_sensor_spans));
   const auto up = config.localization.enabled ? std::nullopt : camera_up(path, mount.T_body_camera);
   description_.up = up ? *up : world_up(config);
   std::vector<gaussians::View> views;
@@ -106,6 +112,19 @@ std::vector<gaussians::View> StoredScene::describe_run(const fs::path& run,
     views.push_back(view_at(pose.T_world_body, mount));
   }
   return views;
+}
+
+viewer::SceneDescription StoredScene::description() const {
+  const std::scoped_lock lock(mutex_);
+  return description_;
+}
+
+bool StoredScene::load_beams(const std::function<bool()>& interrupted) {
+  auto beams = config_ ? read_beams(*config_, interrupted) : std::nullopt;
+  if (!beams) return false;
+  const std::scoped_lock lock(mutex_);
+  description_.beams = std::move(beams);
+  return true;
 }
 
 }  // namespace apvi::runs

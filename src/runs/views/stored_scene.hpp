@@ -2,6 +2,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <mutex>
+#include <optional>
 
 #include "runs/maps/stored_map.hpp"
 #include "runs/views/map_painter.hpp"
@@ -21,8 +24,13 @@ class StoredScene : public viewer::Scene {
     return painter_.depth(viewpoint, column, row);
   }
   std::uint64_t version() const override { return 1; }
-  viewer::SceneDescription description() const override { return description_; }
+  viewer::SceneDescription description() const override;
   void pause(bool) override {}
+  void save() override {}
+
+  /// Reads the beams of the DVL from the recording, which may take a while; any thread. False if
+  /// there are none, or `interrupted`.
+  bool load_beams(const std::function<bool()>& interrupted);
 
   MapPainter& painter() { return painter_; }
 
@@ -30,6 +38,8 @@ class StoredScene : public viewer::Scene {
   std::vector<gaussians::View> describe_run(const std::filesystem::path& run,
                                             const map_io::Origin& origin);
 
+  std::optional<RunConfig> config_;  // of a run
+  mutable std::mutex mutex_;         // of the beams in `description_`
   viewer::SceneDescription description_;
   MapPainter painter_;
 };

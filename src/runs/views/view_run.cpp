@@ -16,6 +16,7 @@
 #include "runs/views/stored_scene.hpp"
 #include "slam/camera_conversion.hpp"
 #include "viewer/export_page.hpp"
+#include "viewer/message.hpp"
 
 namespace apvi::runs {
 
@@ -76,13 +77,20 @@ gaussians::View overview(const viewer::SceneDescription& d) {
 void view_run(const fs::path& source, const viewer::ServerOptions& options,
               const std::function<bool()>& interrupted) {
   StoredScene scene(source);
-  const viewer::Server server(scene, options);
+  viewer::Server server(scene, options);
   log::info("open {} in a browser; Ctrl-C ends", server.url());
+  // Meanwhile the page is served: a large recording takes minutes to read.
+  const std::jthread beams([&](const std::stop_token& stop) {
+    if (scene.load_beams([&] { return stop.stop_requested(); })) {
+      server.broadcast(viewer::beams_message(*scene.description().beams));
+    }
+  });
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
 }
 
 void export_view(const fs::path& source, const fs::path& file) {
   StoredScene scene(source);
+  scene.load_beams([] { return false; });
   const mapping::Map& map = scene.painter().map();
   if (map.medium && map.medium->lamp) {
     log::warning("{}: the lamp of the map is not shown", file.string());

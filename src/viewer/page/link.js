@@ -79,5 +79,6 @@ class Renderer {
 
   snapshot(view) { return this.ask({ type: "snapshot", ...view }); }
   measure(view, column, row) { return this.ask({ type: "measure", ...view, column, row }); }
+  save() { this.send({ type: "save" }); }
   pause(paused) { this.send({ type: "pause", paused }); }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What is drawn over the image: trajectory, keyframes, vehicle, measured points.
+// What is drawn over the image: trajectory, keyframes, vehicle, loop closures, beams, measured points.
 
 const STATES = {
   fused: ["fused", "#2fc0a2"],
@@ -13,6 +13,8 @@ const STATES = {
 };
 const stateStyle = (state) => STATES[state] || [state.replace(/_/g, " "), "#dbe2e8"];
 const NEAR = 0.05;
+const LOOP_COLOR = "#ff8ad8";
+const BEAM_COLOR = "#7cc7ff";
 
 class Overlay {
   constructor(canvas) {
@@ -28,9 +30,9 @@ class Overlay {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // `shown`: {path, keyframes, vehicle}; `vehicle`: pose of its camera or null; `measure`: a MeasureTool;
-  // `outline`: polygons of the section.
-  draw(view, scene, shown, vehicle, measure, outline) {
+  // `shown`: of each kind, whether; `vehicle`: pose of its camera or null; `measure`: a MeasureTool; `outline`:
+  // polygons of the section; `loops`, `beams`: see dive.js.
+  draw(view, scene, shown, { vehicle, measure, outline, loops, beams }) {
     this.context.clearRect(0, 0, this.width, this.height);
     if (!view || !scene) return;
     this.inverse = conjugate(rotationOf(view.pose));
@@ -39,6 +41,8 @@ class Overlay {
     for (const polygon of outline) this.polygon(polygon);
     if (shown.path) this.path(scene);
     if (shown.keyframes) this.keyframes(scene);
+    if (shown.loops) this.loops(loops);
+    if (shown.beams) this.beams(beams);
     if (shown.vehicle && vehicle) this.frustum(vehicle, scene, 0.03 * scene.radius_m, "#ffffff", 1.6);
     if (measure.active) this.measurement(measure);
   }
@@ -76,6 +80,30 @@ class Overlay {
       const camera = compose(pose, scene.body_camera);
       if (few) this.frustum(camera, scene, size, "rgba(219, 226, 232, .7)", 1);
       else this.dot(placeOf(camera), 1.6);
+    }
+  }
+
+  loops(lines) {
+    this.context.beginPath();
+    for (const ends of lines) this.segment(...ends.map((p) => this.toCamera(p)));
+    this.line("rgba(0, 0, 0, .45)", 3);
+    this.line(LOOP_COLOR, 1.3);
+    this.context.fillStyle = LOOP_COLOR;
+    for (const ends of lines) ends.forEach((p) => this.dot(p, 2));
+  }
+
+  // Dashed where the length is not measured, gray where the beam is invalid; a dot where one meets the bottom.
+  beams(lines) {
+    for (const { from, to, valid, measured } of lines) {
+      const color = valid ? BEAM_COLOR : "#a9b3bc";
+      this.context.beginPath();
+      this.segment(this.toCamera(from), this.toCamera(to));
+      this.context.setLineDash(measured ? [] : [6, 5]);
+      this.line("rgba(0, 0, 0, .45)", 3.5);
+      this.line(color, 1.7);
+      this.context.setLineDash([]);
+      this.context.fillStyle = color;
+      if (measured && valid) this.dot(to, 3.5);
     }
   }
 

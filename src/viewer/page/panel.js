@@ -48,21 +48,6 @@ function showLegend(states) {
   }));
 }
 
-// The strip of states under the time slider.
-function drawStates(scene) {
-  const canvas = byId("states");
-  canvas.width = Math.max(1, canvas.clientWidth * devicePixelRatio);
-  canvas.height = 5 * devicePixelRatio;
-  const context = canvas.getContext("2d");
-  const [first, last] = [scene.stamps[0], scene.stamps[scene.stamps.length - 1]];
-  const place = (stamp) => canvas.width * (stamp - first) / Math.max(1e-9, last - first);
-  for (let i = 1; i < scene.stamps.length; ++i) {
-    context.fillStyle = stateStyle(scene.states[i])[1];
-    const from = place(scene.stamps[i - 1]);
-    context.fillRect(from, 0, Math.max(1, place(scene.stamps[i]) - from + 0.5), canvas.height);
-  }
-}
-
 function showRates(figures) {
   byId("rates").replaceChildren(...figures.flatMap(([name, value]) => {
     const term = document.createElement("dt");

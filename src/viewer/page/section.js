@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Cuts through the map: what lies between two parallel planes, vertical or horizontal.
 
-const REACH = 1.5; // of the position, in radii of the map
+const REACH = 1.5; // of position and outline, in radii of the map
 
 class SectionTool {
   // `changed()`: the section is another one; `look(pose)`: a camera in front of it is asked for.
@@ -63,7 +63,7 @@ class SectionTool {
     return [-0.5, 0.5].map((side) => {
       const middle = add(center, times(normal, offset + side * thickness - dot(normal, center)));
       return [[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([a, b]) => add(middle,
-        times(add(times(x, a), times(y, b)), radius_m)));
+        times(add(times(x, a), times(y, b)), REACH * radius_m)));
     });
   }
 }

@@ -294,6 +294,7 @@ class Renderer {
   }
 
   pause() {}
+  save() {}
 }
 
 // Of [xx, xy, xz, yy, yz, zz].

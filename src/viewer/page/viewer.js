@@ -3,6 +3,7 @@
 
 const MAX_PIXELS = 1.6e6; // of an image
 const VIEWS_KEPT = 200; // that images may still come for
+const SHOWN = ["path", "keyframes", "vehicle", "loops", "beams"]; // boxes of the panel
 
 class Viewer {
   constructor() {
@@ -15,11 +16,12 @@ class Viewer {
     this.controls = new Controls(this.stage, this.camera, () => this.changed(), (...at) => this.clicked(...at));
     this.measure = new MeasureTool(() => this.redraw(), () => this.measureAt(innerWidth / 2, innerHeight / 2));
     this.section = new SectionTool(() => this.changed(), (pose) => this.lookFrom(pose));
+    this.live = new LiveFeed(this);
     this.bind();
     this.resize();
     this.renderer = new Renderer({
       scene: (scene) => this.start(scene), frame: (image, header) => this.show(image, header),
-      message: (message) => this.message(message), camera: (blob) => this.cameraImage(blob),
+      message: (message) => this.live.message(message), camera: (blob) => this.live.cameraImage(blob),
       connected: (yes) => notice(yes ? "" : "No connection to apvi. Trying again."),
     });
     requestAnimationFrame((now) => this.tick(now));
@@ -29,7 +31,7 @@ class Viewer {
     this.layers = new Choice(byId("layers"), (layer) => this.setLayer(layer));
     this.modes = new Choice(byId("modes"), (mode) => this.setMode(mode));
     byId("water").addEventListener("input", (e) => this.setWater(Number(e.target.value)));
-    for (const name of ["path", "keyframes", "vehicle"]) {
+    for (const name of SHOWN) {
       byId(`show-${name}`).addEventListener("change", () => this.redraw());
     }
     byId("measure").addEventListener("click", () => this.roomToMeasure());
@@ -39,7 +41,6 @@ class Viewer {
     byId("play").addEventListener("click", () => this.play(!this.playing));
     byId("time").addEventListener("input", (e) => this.setTime(Number(e.target.value)));
     byId("panel-toggle").addEventListener("click", () => this.togglePanel());
-    byId("pause").addEventListener("click", () => this.renderer.pause(byId("pause").getAttribute("aria-pressed") !== "true"));
     addEventListener("resize", () => this.resize());
     new ResizeObserver(() => this.footChanged()).observe(byId("timeline"));
     addEventListener("keydown", (e) => this.key(e));
@@ -98,14 +99,17 @@ class Viewer {
     this.section.scene = scene;
     byId("name").textContent = scene.name;
     document.title = `${scene.name} · APVI-SLAM`;
-    byId("live").hidden = !scene.live;
-    byId("pause").hidden = !scene.can_pause;
-    byId("water-row").hidden = !scene.medium;
-    this.layers.enable("restored", scene.medium);
+    this.live.begin(scene);
+    this.showMedium();
     this.showTrace();
     if (first) this.begin();
     this.notice();
     this.changed();
+  }
+
+  showMedium() {
+    byId("water-row").hidden = !this.scene.medium;
+    this.layers.enable("restored", this.scene.medium);
   }
 
   begin() {
@@ -126,49 +130,16 @@ class Viewer {
     byId("shown").hidden = !any && this.scene.keyframes.length === 0;
     this.modes.enable("follow", any);
     showLegend(this.scene.states);
-    if (this.scene.poses.length > 1) drawStates(this.scene);
+    this.showTracks();
     this.setTime(this.time, true);
   }
 
-  message(message) {
-    if (message.type === "poses") this.addPoses(message);
-    if (message.type === "map") this.mapChanged(message);
-    if (message.type === "status") {
-      showRates(message.figures);
-      byId("pause").setAttribute("aria-pressed", String(message.paused));
-    }
-  }
-
-  addPoses(message) {
-    const atEnd = this.time >= 0.999;
-    const last = this.scene.stamps.length > 0 ? this.scene.stamps[this.scene.stamps.length - 1] : -Infinity;
-    const from = message.stamps.findIndex((stamp) => stamp > last); // the scene may have the first ones
-    if (from < 0) return;
-    const began = this.scene.poses.length === 0;
-    for (const name of ["stamps", "poses", "states"]) this.scene[name].push(...message[name].slice(from));
-    if (atEnd || began) this.time = 1;
-    this.showTrace();
-    this.changed();
-  }
-
-  // The map has grown: its extent, and the keyframes as corrected.
-  mapChanged(map) {
-    const first = this.scene.gaussians === 0;
-    Object.assign(this.scene, { gaussians: map.gaussians, medium: map.medium, center: map.center,
-      radius_m: map.radius_m, keyframes: map.keyframes });
-    this.camera.radius = map.radius_m;
-    byId("water-row").hidden = !map.medium;
-    this.layers.enable("restored", map.medium);
-    if (first) this.begin();
-    this.notice();
-    this.facts();
-  }
-
-  cameraImage(blob) {
-    const image = byId("camera");
-    URL.revokeObjectURL(image.src);
-    image.src = URL.createObjectURL(blob);
-    image.hidden = false;
+  // Loops, beams and sensors, if there are any.
+  showTracks() {
+    byId("show-loops").parentElement.hidden = this.scene.loops.length === 0;
+    byId("show-beams").parentElement.hidden = !this.scene.beams || this.scene.beams.stamps.length === 0;
+    if (this.scene.poses.length > 1) drawStates(this.scene);
+    drawSensors(this.scene);
   }
 
   // --- what is shown ---
@@ -224,6 +195,7 @@ class Viewer {
   setTime(time, quiet) {
     this.time = clamp(time, 0, 1);
     byId("time").value = this.time;
+    byId("timeline").style.setProperty("--time", this.time);
     const stamps = this.scene ? this.scene.stamps : [];
     const span = stamps.length > 1 ? stamps[stamps.length - 1] - stamps[0] : 0;
     byId("clock").textContent = `${clockText(this.time * span)} / ${clockText(span)}`;
@@ -232,17 +204,8 @@ class Viewer {
 
   // Pose of the vehicle's camera at the time, or null.
   vehicle() {
-    const { stamps, poses, body_camera: mount } = this.scene || { poses: [] };
-    if (poses.length === 0) return null;
-    const stamp = stamps[0] + this.time * (stamps[stamps.length - 1] - stamps[0]);
-    let [low, high] = [0, stamps.length - 1];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (stamps[middle] <= stamp) low = middle;
-      else high = middle;
-    }
-    const u = clamp((stamp - stamps[low]) / Math.max(1e-9, stamps[high] - stamps[low]), 0, 1);
-    return compose(between(poses[low], poses[high], u), mount);
+    const body = this.scene && bodyAt(this.scene, stampAt(this.scene, this.time));
+    return body ? compose(body, this.scene.body_camera) : null;
   }
 
   advance(dt) {
@@ -259,6 +222,7 @@ class Viewer {
     const [width, height] = [innerWidth, innerHeight];
     this.ratio = Math.min(devicePixelRatio, Math.sqrt(MAX_PIXELS / (width * height)));
     this.footChanged();
+    if (this.scene) this.showTracks();
     this.width = Math.max(1, Math.round(width * this.ratio));
     this.height = Math.max(1, Math.round(height * this.ratio));
     this.overlay.resize(width, height, devicePixelRatio);
@@ -317,11 +281,14 @@ class Viewer {
   // The overlay belongs to the view of the image, not to the newest one.
   redraw(view) {
     this.shownView = view || this.shownView;
+    if (!this.scene) return;
     const shown = {};
-    for (const name of ["path", "keyframes", "vehicle"]) shown[name] = byId(`show-${name}`).checked;
+    for (const name of SHOWN) shown[name] = byId(`show-${name}`).checked;
     const inside = this.camera.mode === "follow" && this.camera.behind === 0;
-    this.overlay.draw(this.shownView, this.scene, shown, inside ? null : this.vehicle(), this.measure,
-      inside ? [] : this.section.outline());
+    this.overlay.draw(this.shownView, this.scene, shown, {
+      vehicle: inside ? null : this.vehicle(), measure: this.measure, outline: inside ? [] : this.section.outline(),
+      loops: loopLines(this.scene), beams: beamLines(this.scene, this.time),
+    });
   }
 
   count(header) {

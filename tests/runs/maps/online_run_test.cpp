@@ -19,9 +19,11 @@
 #include "apvi/io/tum.hpp"
 #include "eval/metrics_file.hpp"
 #include "map_io/ply.hpp"
+#include "runs/run_observer.hpp"
 #include "runs/survey/export.hpp"
 #include "runs/views/render_run.hpp"
 #include "sim/simulate.hpp"
+#include "slam/async_mapper.hpp"
 #include "support/out_of_memory.hpp"
 #include "support/source_dir.hpp"
 #include "support/tmp_dir.hpp"
@@ -99,8 +101,9 @@ TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
   EXPECT_TRUE(metrics["medium"].contains("error_percent"));
   EXPECT_TRUE(metrics["trajectory"].contains("ate_rmse_m"));
   EXPECT_EQ(metrics["dropped"]["keyframes"], 0);
-  for (const char* file : {"map.ply", "medium.json", "keyframes.tum", "trajectory.tum",
-                           "checkpoint.pt", "resolved.yaml", "mapping.csv"}) {
+  for (const char* file :
+       {"map.ply", "medium.json", "keyframes.tum", "trajectory.tum", "checkpoint.pt",
+        "resolved.yaml", "mapping.csv", "sensors.csv", "loops.csv"}) {
     EXPECT_TRUE(fs::exists(folder("run") / file)) << file;
   }
   // The map can be rendered, exported and refined further.
@@ -112,6 +115,57 @@ TEST_F(OnlineRunTest, WritesLocalizationAndMapIntoOneFolder) {
                                              {.folder = folder("run"), .resume = true});
   EXPECT_FALSE(more.localization);
   EXPECT_EQ(more.map.iterations, result.map.iterations + 10);
+}
+
+/// Asks for the map to be saved once, when there is one.
+class SavingObserver : public RunObserver {
+ public:
+  explicit SavingObserver(fs::path folder) : folder_(std::move(folder)) {}
+
+  void begin(const Rig&) override {}
+  void sample(const SensorEvent&) override { ++samples; }
+  void ping(const localization::PingOutput&) override {}
+  void frame(const localization::FrameOutput&) override {}
+  void image(const localization::MapFrame&) override {
+    if (mapper_->gaussian_count() > 0 && !std::exchange(asked_, true)) save_();
+  }
+  void map_begins(slam::AsyncMapper& mapper, std::function<void()> save) override {
+    mapper_ = &mapper;
+    save_ = std::move(save);
+  }
+  void map_ends() override {}
+  void map_saved(const std::string& error) override {
+    answers.push_back(error);
+    saved = map_io::read_ply(folder_ / "map.ply").size();
+    has_checkpoint = fs::exists(folder_ / "checkpoint.pt");
+    was_over = fs::exists(folder_ / "metrics.json");
+  }
+
+  int samples = 0;
+  std::vector<std::string> answers;
+  std::int64_t saved = 0;
+  bool has_checkpoint = false;
+  bool was_over = true;
+
+ private:
+  fs::path folder_;
+  slam::AsyncMapper* mapper_ = nullptr;
+  std::function<void()> save_;
+  bool asked_ = false;
+};
+
+TEST_F(OnlineRunTest, SavesTheMapOnRequestAndGoesOn) {
+  const RunConfig plain = config({"mapping.final_iterations=5", "dataset.duration_s=4"});
+  run_recording(plain, {.folder = folder("plain")});
+  SavingObserver observer(folder("asked"));
+  const auto result = run_recording(plain, {.folder = folder("asked"), .observer = &observer});
+  EXPECT_EQ(observer.answers, std::vector<std::string>{""});
+  EXPECT_GT(observer.saved, 0);
+  EXPECT_TRUE(observer.has_checkpoint);
+  EXPECT_FALSE(observer.was_over);
+  EXPECT_GT(observer.samples, 800);
+  EXPECT_FALSE(result.map.interrupted);
+  EXPECT_EQ(bytes(folder("asked") / "map.ply"), bytes(folder("plain") / "map.ply"));
 }
 
 TEST_F(OnlineRunTest, ReplayOnThreadsGivesSameMap) {
