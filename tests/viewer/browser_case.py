@@ -139,6 +139,10 @@ class Case(unittest.TestCase):
         return file
 
 
+    def box(self, element):
+        return self.script("const b = document.getElementById(arguments[0]).getBoundingClientRect();"
+                           "return [b.left, b.right, b.top, b.bottom];", element)
+
     def slide(self, element, value):
         self.script("const box = document.getElementById(arguments[0]); box.value = arguments[1];"
                     "box.dispatchEvent(new Event('input'));", element, value)

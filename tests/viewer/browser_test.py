@@ -117,6 +117,7 @@ class Desktop(Case):
         length = self.script("return pathLength(viewer.measure.points)")
         self.assertAlmostEqual(length, 2 * expected, delta=0.4 * expected)
         self.assertIn("along 3 points", self.text("measured"))
+        self.assertLess(self.box("measure-bar")[1], self.box("panel")[0])
         self.keep("measure")
 
     def test_clicks_measure_an_area(self):
@@ -332,10 +333,6 @@ class Phone(Case):
     def touch(self, kind, points):
         self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {
             "type": kind, "touchPoints": [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]})
-
-    def box(self, element):
-        return self.script("const b = document.getElementById(arguments[0]).getBoundingClientRect();"
-                           "return [b.left, b.right, b.top, b.bottom];", element)
 
     def test_taps_measure_an_area(self):
         self.click("panel-toggle")
