@@ -266,6 +266,18 @@ void choose(const CameraGyroProblem& problem, const CameraGyroModel& rig,
   fit.is_near_rig = so3::angle_between(fit.model.R_camera_body, rig.R_camera_body) < kNearRig;
 }
 
+// How much better the time offset is than the best one of the minima with another.
+double time_uniqueness(const CameraGyroProblem& problem, const CameraGyroModel& model,
+                       const std::vector<Solution>& found, double noise) {
+  const auto other = std::ranges::find_if(found, [&](const Solution& solution) {
+    return std::abs(solution.model.time_offset_s - model.time_offset_s) > kSameOffset;
+  });
+  if (other == found.end()) return kMaxUniqueness;
+  const CameraGyroModel refined = refine(problem, other->model, noise, false, 6).model;
+  if (std::abs(refined.time_offset_s - model.time_offset_s) <= kSameOffset) return kMaxUniqueness;
+  return sigmas_better(problem, model, refined, noise);
+}
+
 }  // namespace
 
 std::optional<CameraGyroFit> fit_camera_against_gyro(const CameraGyroProblem& problem,
@@ -276,6 +288,8 @@ std::optional<CameraGyroFit> fit_camera_against_gyro(const CameraGyroProblem& pr
   CameraGyroFit fit;
   fit.pairs = problem.pairs().size();
   choose(problem, rig, found, fit);
+  fit.time_uniqueness =
+      time_uniqueness(problem, fit.model, found, noise_at(problem, fit.model, kSearchNoise_px));
   fit.rms_px = noise_at(problem, fit.model, kSearchNoise_px);
   CameraGyroModel as_rig = rig;
   as_rig.gyro_bias = fit.model.gyro_bias;

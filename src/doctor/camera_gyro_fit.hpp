@@ -19,6 +19,7 @@ struct CameraGyroFit {
   double rms_with_rig_px = 0.0;  ///< with the rig's time offset and rotation
   double lens_gain = 0.0;        ///< of the free lens, in sigmas
   double uniqueness = 0.0;       ///< how much better than any other solution [sigmas]
+  double time_uniqueness = 0.0;  ///< the same, against those with another time offset
   bool is_near_rig = false;      ///< its rotation is within 30 degrees of the rig's
   std::size_t pairs = 0;
 };

@@ -2,208 +2,31 @@
 #include "doctor/image_pairs.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdint>
 #include <exception>
-#include <opencv2/calib3d.hpp>
-#include <optional>
 
 #include "apvi/sensors/rig.hpp"
-#include "sensors/camera_mask.hpp"
-#include "vio/frontend/corner_grid.hpp"
-#include "vio/frontend/optical_flow.hpp"
+#include "doctor/pair_collector.hpp"
 
 namespace apvi::doctor {
 namespace {
 
-constexpr double kMaxImages = 260.0;    // of one camera
-constexpr double kShortestStep = 0.03;  // between images [s]
-constexpr double kLongestStep = 0.1;
-constexpr double kPairTime = 0.3;  // wanted between the images of a pair [s]
-constexpr double kMinPairTime = 0.15;
-constexpr double kMaxGap = 0.5;  // corners are not followed over longer gaps [s]
-constexpr int kCorners = 150;    // in one image
-constexpr std::size_t kPairCorners = 80;
-constexpr std::size_t kMinPairCorners = 12;
-constexpr double kMinDistance_px = 15.0;
-constexpr double kMaxForwardBackward_px = 0.7;
-constexpr double kMaxEpipolar_px = 2.0;
-
-struct Corner {
-  std::int64_t id = 0;
-  cv::Point2f pixel;
-  cv::Point2f velocity;  // [px/s]
-};
-
-struct Frame {
-  Stamp stamp;
-  std::vector<Corner> corners;  // by id
-};
-
-// Follows corners through the images of a span.
-class SpanTracker {
- public:
-  SpanTracker(cv::Size size, const cv::Mat& mask)
-      : size_(size),
-        mask_(reduced_mask(mask, 1, vio::kFlowWindow / 2)),
-        preparer_(true),
-        grid_(size, kCorners, kMinDistance_px, mask_) {}
-
-  void clear() { frames_.clear(); }
-  const std::vector<Frame>& frames() const { return frames_; }
-
-  void add(const cv::Mat& image, Stamp stamp) {
-    if (!vio::FramePreparer::load(image, size_, current_)) return;
-    if (!frames_.empty() && vio::identical(current_.gray, last_.gray)) return;
-    preparer_.build_pyramid(current_);
-    Frame frame{stamp, {}};
-    if (!frames_.empty() && seconds_between(frames_.back().stamp, stamp) < kMaxGap)
-      frame.corners = followed(frames_.back(), stamp);
-    add_new(frame);
-    frames_.push_back(std::move(frame));
-    std::swap(last_, current_);
-  }
-
- private:
-  std::vector<Corner> followed(const Frame& before, Stamp stamp) const {
-    const auto dt = static_cast<float>(seconds_between(before.stamp, stamp));
-    std::vector<cv::Point2f> from;
-    std::vector<cv::Point2f> guess;
-    for (const Corner& corner : before.corners) {
-      from.push_back(corner.pixel);
-      guess.push_back(corner.pixel + dt * corner.velocity);
-    }
-    const vio::Flow flow =
-        vio::compute_flow(last_, current_, from, guess, from, kMaxForwardBackward_px);
-    std::vector<Corner> corners;
-    for (std::size_t i = 0; i < flow.to.size(); ++i) {
-      if (flow.found[i] == 0 || is_hidden(mask_, flow.to[i])) continue;
-      corners.push_back({before.corners[i].id, flow.to[i], (flow.to[i] - from[i]) / dt});
-    }
-    return corners;
-  }
-
-  void add_new(Frame& frame) {
-    std::vector<cv::Point2f> pixels;
-    for (const Corner& corner : frame.corners) pixels.push_back(corner.pixel);
-    for (const cv::Point2f& pixel : grid_.find(current_.half_gradient(), pixels)) {
-      frame.corners.push_back({next_id_++, pixel, {}});
-    }
-  }
-
-  cv::Size size_;
-  cv::Mat mask_;
-  vio::FramePreparer preparer_;
-  vio::CornerGrid grid_;
-  vio::FrameImage last_;
-  vio::FrameImage current_;
-  std::vector<Frame> frames_;
-  std::int64_t next_id_ = 0;
-};
-
-Eigen::Vector2d to_eigen(const cv::Point2f& p) {
-  return {p.x, p.y};
-}
-
-ImagePair common_corners(const Frame& before, const Frame& now) {
-  ImagePair pair{before.stamp, now.stamp, {}};
-  auto it = now.corners.begin();
-  for (const Corner& corner : before.corners) {
-    while (it != now.corners.end() && it->id < corner.id) ++it;
-    if (it == now.corners.end()) break;
-    if (it->id == corner.id) pair.points.push_back({to_eigen(corner.pixel), to_eigen(it->pixel)});
-  }
-  // Every n-th, as corners of one age lie together.
-  const std::size_t count = pair.points.size();
-  if (count <= kPairCorners) return pair;
-  std::vector<PixelPair> some;
-  for (std::size_t i = 0; i < kPairCorners; ++i)
-    some.push_back(pair.points[i * count / kPairCorners]);
-  pair.points = std::move(some);
-  return pair;
-}
-
-// Pairs each image with the earlier one nearest to kPairTime before it.
-void add_pairs(const std::vector<Frame>& frames, std::vector<ImagePair>& pairs) {
-  for (std::size_t j = 1; j < frames.size(); ++j) {
-    const auto off = [&](std::size_t i) {
-      return std::abs(seconds_between(frames[i].stamp, frames[j].stamp) - kPairTime);
-    };
-    std::size_t best = j - 1;
-    for (std::size_t i = j - 1; i-- > 0 && off(i) < off(best);) best = i;
-    if (seconds_between(frames[best].stamp, frames[j].stamp) < kMinPairTime) continue;
-    ImagePair pair = without_outliers(common_corners(frames[best], frames[j]));
-    if (pair.points.size() >= kMinPairCorners) pairs.push_back(std::move(pair));
+void add_frame(const ImageFrame& frame, ImagePairCollector& collector) {
+  if (!collector.wants(frame.stamp)) return;
+  try {
+    collector.add(frame.decode(), frame.stamp);
+  } catch (const std::exception&) {
+    return;  // counted elsewhere
   }
 }
-
-// Takes the images of one camera in order of time and keeps the pairs.
-class PairCollector {
- public:
-  PairCollector(const std::vector<TimeSpan>& spans, cv::Size size, const cv::Mat& mask)
-      : spans_(spans), tracker_(size, mask) {
-    double total = 0.0;
-    for (const TimeSpan& span : spans) total += seconds_between(span.from, span.to);
-    step_ = std::clamp(total / kMaxImages, kShortestStep, kLongestStep);
-  }
-
-  void add(const ImageFrame& frame) {
-    while (span_ < spans_.size() && !(frame.stamp < spans_[span_].to)) finish_span();
-    if (span_ >= spans_.size() || frame.stamp < spans_[span_].from) return;
-    if (last_ && seconds_between(*last_, frame.stamp) < step_ - 0.005) return;
-    last_ = frame.stamp;
-    try {
-      tracker_.add(frame.decode(), frame.stamp);
-    } catch (const std::exception&) {
-      return;  // counted elsewhere
-    }
-  }
-  bool is_complete() const { return span_ >= spans_.size(); }
-  std::vector<ImagePair> take() {
-    if (!is_complete()) finish_span();
-    return std::move(pairs_);
-  }
-
- private:
-  void finish_span() {
-    add_pairs(tracker_.frames(), pairs_);
-    tracker_.clear();
-    ++span_;
-  }
-
-  std::vector<TimeSpan> spans_;
-  std::size_t span_ = 0;
-  SpanTracker tracker_;
-  double step_ = 0.0;
-  std::optional<Stamp> last_;
-  std::vector<ImagePair> pairs_;
-};
 
 }  // namespace
-
-ImagePair without_outliers(const ImagePair& pair) {
-  ImagePair kept{pair.before, pair.now, {}};
-  if (pair.points.size() < kMinPairCorners) return kept;
-  std::vector<cv::Point2d> before;
-  std::vector<cv::Point2d> now;
-  for (const PixelPair& point : pair.points) {
-    before.emplace_back(point.before.x(), point.before.y());
-    now.emplace_back(point.now.x(), point.now.y());
-  }
-  std::vector<uchar> inlier;
-  cv::findFundamentalMat(before, now, cv::FM_RANSAC, kMaxEpipolar_px, 0.99, inlier);
-  for (std::size_t i = 0; i < inlier.size(); ++i) {
-    if (inlier[i] != 0) kept.points.push_back(pair.points[i]);
-  }
-  return kept;
-}
 
 std::vector<std::vector<ImagePair>> match_images(const io::DatasetConfig& config,
                                                  const std::vector<TimeSpan>& spans,
                                                  const std::function<bool()>& interrupted) {
   const auto reader = io::open_sequence(config, {"camera"});
   const Rig rig = make_rig(reader->rig());
-  std::vector<PairCollector> collectors;
+  std::vector<ImagePairCollector> collectors;
   for (const CameraCalibration& camera : rig.cameras) {
     const CameraModel::Parameters& p = camera.model.parameters();
     collectors.emplace_back(spans, cv::Size(p.width, p.height), camera.mask);
@@ -212,12 +35,12 @@ std::vector<std::vector<ImagePair>> match_images(const io::DatasetConfig& config
     const auto* image = std::get_if<ImageFrame>(&*event);
     if (image == nullptr || image->camera < 0) continue;
     const auto camera = static_cast<std::size_t>(image->camera);
-    if (camera < collectors.size()) collectors[camera].add(*image);
+    if (camera < collectors.size()) add_frame(*image, collectors[camera]);
     if (interrupted && interrupted()) break;
-    if (std::ranges::all_of(collectors, &PairCollector::is_complete)) break;
+    if (std::ranges::all_of(collectors, &ImagePairCollector::is_complete)) break;
   }
   std::vector<std::vector<ImagePair>> pairs;
-  for (PairCollector& collector : collectors) pairs.push_back(collector.take());
+  for (ImagePairCollector& collector : collectors) pairs.push_back(collector.take());
   return pairs;
 }
 
