@@ -33,7 +33,7 @@ BELOW = {
     "eval": ["io"],
     "live": ["io"],
     "doctor": ["io", "vio"],
-    "importer": ["io", "vio"],
+    "importer": ["doctor", "io", "vio"],
     "sim": ["io"],  # independent of the estimators that are tested with its data
     "localization": ["fusion", "loop_closure"],
     "gaussians": ["core"],

@@ -73,11 +73,12 @@ void add_calibration(CLI::App& command, importer::ImportOptions& options) {
 }
 
 void take_video_start(const std::string& text, importer::ImportOptions& options) {
+  options.video_start_by_gyro = text == "gyro";
   options.video_start = importer::parse_time(text);
-  if (options.video_start) return;
+  if (options.video_start || options.video_start_by_gyro) return;
   fail_input(
-      "--video-start: {}: not a time; write seconds since 1970, such as 1714567890.25, or a date "
-      "and time, such as 2024-05-01T12:51:30.25Z",
+      "--video-start: {}: not a time; write seconds since 1970, such as 1714567890.25, a date and "
+      "time, such as 2024-05-01T12:51:30.25Z, or gyro",
       text);
 }
 
@@ -97,8 +98,9 @@ void add_sensors(CLI::App& command, importer::ImportOptions& options) {
       .add_option_function<std::string>(
           "--video-start", [&options](const std::string& text) { take_video_start(text, options); },
           "video with --sensors: time of its first image on the sensors' clock: seconds, or date "
-          "and time (UTC without a zone)")
-      ->type_name("TIME")
+          "and time (UTC without a zone); gyro: where the rotation of the images fits that of the "
+          "IMU, else an error")
+      ->type_name("TIME|gyro")
       ->group(kGroup);
 }
 

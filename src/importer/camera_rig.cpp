@@ -27,11 +27,6 @@ CameraRig given_rig(const std::filesystem::path& file, ImageSize size) {
   return {.yaml = config::to_yaml(node), .given = std::move(rig)};
 }
 
-FieldOfView field_of_view(const ImportOptions& options, const std::optional<FieldOfView>& known) {
-  if (!options.fov_deg) return known ? *known : default_field_of_view();
-  return {.degrees = *options.fov_deg, .stated = true, .origin = "--fov"};
-}
-
 LensChoice lens_by_images(const FieldOfView& view, const ImportOptions& options, ImageSize size,
                           const DiveWriter& dive) {
   if (view.stated) return {view, ""};
@@ -52,6 +47,11 @@ std::string note_of(const LensChoice& choice, bool under_water) {
 }
 
 }  // namespace
+
+FieldOfView field_of_view(const ImportOptions& options, const std::optional<FieldOfView>& known) {
+  if (!options.fov_deg) return known ? *known : default_field_of_view();
+  return {.degrees = *options.fov_deg, .stated = true, .origin = "--fov"};
+}
 
 CameraRig make_camera_rig(const ImportOptions& options, const std::optional<FieldOfView>& known,
                           ImageSize size, const DiveWriter& dive, const std::string& pose) {

@@ -103,7 +103,8 @@ void check(const ImportOptions& options) {
 void check_sensors(SourceKind kind, const ImportOptions& o) {
   if (kind != SourceKind::video && kind != SourceKind::log && !o.sensors.empty())
     fail_input("--sensors: only for a video or a log");
-  if (o.video_start && (kind != SourceKind::video || o.sensors.empty())) {
+  const bool has_start = o.video_start || o.video_start_by_gyro;
+  if (has_start && (kind != SourceKind::video || o.sensors.empty())) {
     fail_input("--video-start: only for a video with --sensors");
   }
   const bool of_images = o.fov_deg || o.in_air || o.images.scale < 1.0 || o.images.png;

@@ -33,6 +33,7 @@ struct ImportOptions {
   /// Video, log: files with samples of other sensors, see `read_sensor_files`.
   std::vector<std::filesystem::path> sensors;
   std::optional<Stamp> video_start;  ///< video: its first image's time, on the clock of `sensors`
+  bool video_start_by_gyro = false;  ///< video: that time must be found by its rotation
   bool overwrite = false;
   std::function<bool()> interrupted = [] { return false; };
 };

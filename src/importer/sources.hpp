@@ -31,6 +31,9 @@ std::optional<std::filesystem::path> find_metashape_cameras(const std::filesyste
 /// JPEG and PNG files of a folder, in natural order ("img2" before "img10").
 std::vector<std::filesystem::path> list_photos(const std::filesystem::path& folder);
 
+/// The field of view of an assumed camera: `options.fov_deg`, else `known`, else the default.
+FieldOfView field_of_view(const ImportOptions& options, const std::optional<FieldOfView>& known);
+
 /// The rig of images without calibration: `options.rig`, else `options.fov_deg`, else `known`, else
 /// the default; with a warning unless a rig was given. A lens that is not stated is replaced by one
 /// that explains the dive's images clearly better (`choose_lens`). `size` is that of the images,

@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <opencv2/videoio.hpp>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "core/status_line.hpp"
+#include "importer/alignment/video_alignment.hpp"
 #include "importer/gpmf.hpp"
 #include "importer/mp4.hpp"
 #include "importer/sources.hpp"
@@ -42,13 +42,22 @@ void read_index(const fs::path& path, VideoFile& file) {
   if (file.movie.created_unix_s) file.clock = {Stamp{*file.movie.created_unix_s * 1'000'000'000}};
 }
 
+std::optional<FieldOfView> recorded_field_of_view(const VideoFile& file) {
+  const GpmfSettings settings = parse_gpmf_settings(file.movie.gpmf);
+  std::string device = settings.device;
+  if (device.empty() && file.telemetry) device = file.telemetry->device;
+  return gopro_field_of_view(device, settings.field_of_view, settings.diagonal_deg);
+}
+
 VideoFile read_file(const fs::path& path, const ImportOptions& options) {
   VideoFile file;
   read_index(path, file);
   if (options.sensors.empty()) return file;
   file.sensors = read_sensor_files(options.sensors);
   const auto created = file.movie.created_unix_s ? std::optional(file.clock.zero) : std::nullopt;
-  const Stamp start = video_start(path, created, file.sensors, options);
+  const Stamp start = video_start(path, created, file.sensors, options, [&] {
+    return align_video(path, options, recorded_field_of_view(file), created, file.sensors.imu);
+  });
   file.clock = {start - Duration::from_seconds(file.first_image_s)};
   return file;
 }
@@ -56,24 +65,6 @@ VideoFile read_file(const fs::path& path, const ImportOptions& options) {
 // The IMU of the camera counts unless there is one of the vehicle.
 bool has_imu(const VideoFile& file) {
   return file.telemetry && !file.telemetry->imu.empty() && file.sensors.imu.empty();
-}
-
-cv::VideoCapture open_video(const fs::path& path, bool keep_sensor_axes) {
-  cv::VideoCapture video;
-  // FFmpeg reports a broken file on a line of its own; -8 is its AV_LOG_QUIET.
-  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
-  try {
-    // Others load plugins of the system and take a name with digits for a series of images.
-    video.open(path.string(), cv::CAP_FFMPEG);
-  } catch (const cv::Exception&) {  // reported below
-  }
-  if (!video.isOpened()) {
-    fail_input("{}: not a video that this OpenCV can read; convert it to H.264 in MP4",
-               path.string());
-  }
-  // A camera that hung upside down turns its images, but not its IMU.
-  if (keep_sensor_axes) video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0.0);
-  return video;
 }
 
 struct Images {
@@ -143,22 +134,17 @@ double rate_of(const std::vector<ImuRow>& rows) {
   return std::clamp(rate, 1.0, 10000.0);
 }
 
-std::optional<FieldOfView> field_of_view(const VideoFile& file) {
-  const GpmfSettings settings = parse_gpmf_settings(file.movie.gpmf);
-  std::string device = settings.device;
-  if (device.empty() && file.telemetry) device = file.telemetry->device;
-  if (settings.field_of_view == "S") {
-    log::warning(
-        "SuperView stretches images unevenly; no camera model fits them. Record in linear "
-        "or wide mode");
-  }
-  return gopro_field_of_view(device, settings.field_of_view, settings.diagonal_deg);
-}
-
 std::string imu_note(const Telemetry& telemetry) {
   const std::string device = telemetry.device.empty() ? "the camera" : telemetry.device;
   return fmt::format("IMU of {}; its noise is ASSUMED. The body frame is that of the camera",
                      device);
+}
+
+void warn_about_super_view(const VideoFile& file) {
+  if (parse_gpmf_settings(file.movie.gpmf).field_of_view != "S") return;
+  log::warning(
+      "SuperView stretches images unevenly; no camera model fits them. Record in linear "
+      "or wide mode");
 }
 
 void warn_about_rotation(const Telemetry& telemetry) {
@@ -203,9 +189,10 @@ ImportResult import_video(const fs::path& path, const ImportOptions& options, Di
   result.interrupted = images.interrupted;
   if (result.interrupted || dive.images() == 0) return result;
   write_other_sensors(file, dive, result);
+  warn_about_super_view(file);
   const BodyAxes assumed = body_axes(file.sensors, /*has_images=*/true);
-  const CameraRig camera =
-      make_camera_rig(options, field_of_view(file), images.size, dive, camera_pose(assumed));
+  const CameraRig camera = make_camera_rig(options, recorded_field_of_view(file), images.size, dive,
+                                           camera_pose(assumed));
   result.interrupted = options.interrupted();
   result.assumed_camera = camera.assumed;
   const std::string own_imu = write_telemetry(file, options, images.last_s, dive, result);

@@ -2,11 +2,16 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <opencv2/videoio.hpp>
 
 #include "importer/import.hpp"
 
 namespace apvi::importer {
+
+/// Opens a video. Images are turned as the file says unless `keep_sensor_axes`. Throws InputError
+/// when it cannot be decoded.
+cv::VideoCapture open_video(const std::filesystem::path& path, bool keep_sensor_axes);
 
 /// Presentation times of images: the decoder's, or by the frame rate where it gives none.
 class FrameClock {

@@ -161,8 +161,27 @@ TEST_F(SensorImportTest, CreationTimeCountsWithinTheSensorsTime) {
   const SensorData sensors = read_sensor_file(dvl_csv());
   const Stamp within{(kStart_s + 50) * kSecond_ns};
   const Stamp outside{(kStart_s + 5000) * kSecond_ns};
-  EXPECT_EQ(video_start("clip.mp4", within, sensors, {}), within);
-  EXPECT_EQ(video_start("clip.mp4", outside, sensors, {}).ns, kStart_s * kSecond_ns);
+  const auto no_gyro = []() -> GyroAlignment { throw std::logic_error("there is no gyro"); };
+  EXPECT_EQ(video_start("clip.mp4", within, sensors, {}, no_gyro), within);
+  EXPECT_EQ(video_start("clip.mp4", outside, sensors, {}, no_gyro).ns, kStart_s * kSecond_ns);
+  ImportOptions by_gyro;
+  by_gyro.video_start_by_gyro = true;
+  EXPECT_THAT(input_error([&] { video_start("clip.mp4", within, sensors, by_gyro, no_gyro); }),
+              HasSubstr("the sensors have no gyro"));
+}
+
+TEST_F(SensorImportTest, TheGyroCountsBeforeTheCreationTime) {
+  const SensorData sensors = read_sensor_file(telemetry_log());
+  const Stamp created{(kStart_s + 50) * kSecond_ns};
+  const Stamp found{(kStart_s + 20) * kSecond_ns};
+  const auto fits = [&] { return GyroAlignment{.start = found}; };
+  const auto fails = [] { return GyroAlignment{.why_not = "the camera hardly turns"}; };
+  EXPECT_EQ(video_start("clip.mp4", created, sensors, {}, fits), found);
+  EXPECT_EQ(video_start("clip.mp4", created, sensors, {}, fails), created);
+  EXPECT_EQ(video_start("clip.mp4", {}, sensors, {}, fails).ns, kStart_s * kSecond_ns);
+  ImportOptions given;
+  given.video_start = Stamp{(kStart_s + 7) * kSecond_ns};
+  EXPECT_EQ(video_start("clip.mp4", created, sensors, given, fits), *given.video_start);
 }
 
 TEST_F(SensorImportTest, ALogAloneBecomesADataSet) {
