@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "apvi/core/constants.hpp"
+#include "core/median.hpp"
 
 namespace apvi::change {
 namespace {
@@ -36,13 +37,6 @@ Pose pose_of(const gaussians::View& view) {
 bool is_near(const Pose& a, const Pose& b, double depth_m) {
   return (a.center - b.center).norm() < kMinShift * depth_m &&
          a.axis.dot(b.axis) > std::cos(kMinTurn_deg / kDegreesPerRadian);
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 gaussians::View reduced(gaussians::View view, double focal) {

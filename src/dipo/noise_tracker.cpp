@@ -8,6 +8,8 @@
 #include <limits>
 #include <vector>
 
+#include "core/median.hpp"
+
 namespace apvi::dipo {
 namespace {
 
@@ -51,9 +53,7 @@ double residual_sigma(const std::vector<Difference>& differences) {
     fit = A.ldlt().solve(b);
     std::vector<double> sizes;
     for (const Difference& d : differences) sizes.push_back(off(d));
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    sigma = 1.4826 * *middle;  // for a normal distribution
+    sigma = 1.4826 * median(std::move(sizes));  // for a normal distribution
   }
   return sigma;
 }

@@ -8,6 +8,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 #include "doctor/scan.hpp"
 
 namespace apvi::doctor {
@@ -55,11 +56,9 @@ double total_cost(const CameraGyroProblem& problem, const CameraGyroModel& model
 
 // Standard deviation of the distances that does not see outliers.
 double noise_at(const CameraGyroProblem& problem, const CameraGyroModel& model, double noise) {
-  std::vector<double> d = problem.distances(model, noise);
+  const std::vector<double> d = problem.distances(model, noise);
   if (d.empty()) return noise;
-  const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
-  std::nth_element(d.begin(), middle, d.end());
-  return std::max(1.4826 * *middle, kMinNoise_px);
+  return std::max(1.4826 * median(d), kMinNoise_px);
 }
 
 // Keeps unknowns that the data do not determine near the start.

@@ -10,6 +10,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 #include "doctor/scan.hpp"
 #include "doctor/velocity_changes.hpp"
 
@@ -102,9 +103,8 @@ std::optional<Scan> scan_free(const InertialPath& path, const std::vector<DvlPin
     rms.push_back(scan.solutions.back().rms);
   }
   find_scan_minimum(scan);
-  const auto middle = rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2);
-  std::nth_element(rms.begin(), middle, rms.end());
-  scan.dip = std::sqrt(std::max(0.0, scan.best.value)) / std::max(1e-12, *middle);
+  const double usual = median(std::move(rms));
+  scan.dip = std::sqrt(std::max(0.0, scan.best.value)) / std::max(1e-12, usual);
   if (!scan.best.inside || scan.dip > kMaxDipRatio) return std::nullopt;
   return scan;
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 #include "doctor/scan.hpp"
 
 namespace apvi::doctor {
@@ -91,9 +92,7 @@ class VelocityInterpolator {
       v_.emplace_back(mounting * ping.velocity);
     }
     if (gaps.empty()) return;
-    const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
-    std::nth_element(gaps.begin(), middle, gaps.end());
-    max_gap_ = std::clamp(2.5 * *middle, 1.0, 5.0);
+    max_gap_ = std::clamp(2.5 * median(std::move(gaps)), 1.0, 5.0);
   }
 
   std::optional<Vector3d> at(double t) const {

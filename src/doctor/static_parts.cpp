@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "core/median.hpp"
 #include "io/recorded_images.hpp"
 #include "sensors/reduced_camera.hpp"
 #include "vio/frontend/frame_image.hpp"
@@ -61,10 +62,7 @@ double median(const cv::Mat& values, const cv::Mat& where) {
         chosen.push_back(values.at<float>(row, column));
     }
   }
-  if (chosen.empty()) return 0.0;
-  const auto middle = chosen.begin() + static_cast<std::ptrdiff_t>(chosen.size() / 2);
-  std::nth_element(chosen.begin(), middle, chosen.end());
-  return *middle;
+  return apvi::median(std::move(chosen));
 }
 
 // Adds regions that hardly change within a static outline.

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 
 namespace apvi::doctor {
 namespace {
@@ -129,12 +130,6 @@ Eigen::VectorXd lengths(const ChangeBlock& block, const Weights& weights,
     result(i) = clean.segment<3>(3 * i).norm() / std::max(1e-9, root(3 * i));
   }
   return result;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 ChangeNormal total(const std::vector<ChangeNormal>& normals) {

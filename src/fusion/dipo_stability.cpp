@@ -7,6 +7,8 @@
 #include <cmath>
 #include <vector>
 
+#include "core/median.hpp"
+
 namespace apvi::fusion {
 namespace {
 
@@ -29,12 +31,9 @@ double tilt_sigma(const PoseEstimate& dipo) {
   return worst_sigma<2>(world_rotation_covariance(dipo).topLeftCorner<2, 2>());
 }
 
-// Upper median; robust to single rejected outliers.
-double median(const std::deque<double>& of) {
-  std::vector<double> values(of.begin(), of.end());
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+// Robust to single rejected outliers.
+double median_of(const std::deque<double>& values) {
+  return median(std::vector<double>(values.begin(), values.end()));
 }
 
 }  // namespace
@@ -66,7 +65,7 @@ Stability DipoStability::check_pings(Stamp now) const {
   const double age = seconds_between(*last_used_, now);
   if (age > config_.max_dvl_age_s) return {StabilityReason::dvl_old, age, config_.max_dvl_age_s};
   if (!nis_.empty()) {
-    const double median_nis = median(nis_);
+    const double median_nis = median_of(nis_);
     if (!(median_nis <= config_.max_median_nis))
       return {StabilityReason::innovations, median_nis, config_.max_median_nis};
   }

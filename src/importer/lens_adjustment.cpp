@@ -14,6 +14,7 @@
 #include <limits>
 #include <optional>
 
+#include "core/median.hpp"
 #include "vio/visual/two_view.hpp"
 
 namespace apvi::importer {
@@ -112,7 +113,7 @@ std::vector<Vector3d> points_of(const std::vector<vio::PointPair>& pairs, const 
     depths.push_back(point ? std::optional(point->depth) : std::nullopt);
     if (point) known.push_back(point->depth);
   }
-  const double middle = known.empty() ? 1.0 : vio::median(known);
+  const double middle = known.empty() ? 1.0 : median(known);
   std::vector<Vector3d> points;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     points.emplace_back(depths[i].value_or(middle) * pairs[i].before.homogeneous());

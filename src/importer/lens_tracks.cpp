@@ -8,6 +8,7 @@
 #include <opencv2/video/tracking.hpp>
 #include <optional>
 
+#include "core/median.hpp"
 #include "core/status_line.hpp"
 
 namespace apvi::importer {
@@ -97,9 +98,7 @@ class Follower {
   double motion() const {
     std::vector<double> moved;
     for (const Points& path : paths_) moved.push_back(distance(path.front(), path.back()));
-    const auto middle = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2);
-    std::nth_element(moved.begin(), middle, moved.end());
-    return *middle;
+    return median(std::move(moved));
   }
   // Some images of the paths, evenly spread from first to last.
   TrackSegment segment() const {

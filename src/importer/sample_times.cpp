@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "core/median.hpp"
 #include "importer/telemetry.hpp"
 
 namespace apvi::importer {
@@ -48,9 +49,7 @@ double period(const std::vector<Place>& places, std::size_t i) {
   std::vector<double> all;
   for (std::size_t k = 0; k + 1 < places.size(); ++k) all.push_back(own(k));
   const double last = i + 1 < places.size() ? own(i) : all.back();
-  std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2),
-                   all.end());
-  return std::min(last, 1.2 * all[all.size() / 2]);
+  return std::min(last, 1.2 * median(std::move(all)));
 }
 
 std::vector<double> spread(const std::vector<Place>& places) {

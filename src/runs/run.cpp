@@ -10,6 +10,7 @@
 #include "apvi/io/tum.hpp"
 #include "apvi/sensors/central_fit.hpp"
 #include "apvi/version.hpp"
+#include "core/median.hpp"
 #include "core/memory.hpp"
 #include "core/status_line.hpp"
 #include "core/stopwatch.hpp"
@@ -27,7 +28,6 @@
 #include "runs/scale.hpp"
 #include "runs/smoothed.hpp"
 #include "runs/warnings.hpp"
-#include "vio/visual/two_view.hpp"
 
 namespace apvi::runs {
 namespace {
@@ -469,7 +469,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
     warn_about_breaks(*pipeline.visual()->smoother(), result.warnings);
   }
   eval::Json speed = speed_json(result);
-  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / vio::median(pass.frame_s);
+  if (!pass.frame_s.empty()) speed["tracking_fps"] = 1.0 / median(pass.frame_s);
   eval::Json sections{{"trajectory", eval::to_json(result.metrics)},
                       {"warnings", result.warnings},
                       {"scale", scale_section(scale, sensors, pass, evidence)},

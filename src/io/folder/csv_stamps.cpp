@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
 #include <iterator>
 #include <string>
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "core/median.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
 #include "io/folder/csv_file.hpp"
@@ -26,9 +26,7 @@ constexpr std::ptrdiff_t kSpanRows = 9;
 
 double median_of(std::vector<double>::const_iterator begin,
                  std::vector<double>::const_iterator end) {
-  std::vector<double> values(begin, end);
-  std::nth_element(values.begin(), values.begin() + kSpanRows / 2, values.end());
-  return values[kSpanRows / 2];
+  return median(std::vector<double>(begin, end));
 }
 
 // "2024-05-01T12:00:00Z", "01.05.2024 12:00:00", "12:00:00.5"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/folder/imu_unit.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -9,6 +8,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/core/log.hpp"
+#include "core/median.hpp"
 #include "io/folder/units.hpp"
 
 namespace apvi::io {
@@ -20,12 +20,6 @@ constexpr std::size_t kMaxKept = 100'000;
 constexpr double kTolerance = 0.1;      // of the median norm against gravity
 constexpr double kMaxMedianRate = 2.0;  // no vehicle keeps turning so fast [rad/s]
 constexpr double kMaxTurn = 0.3;        // of gravity, as a fraction of the gyro's, in deg/s
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // The unit in which the norm is nearest gravity; nullptr when none is near.
 const Unit* unit_of_gravity(double norm) {

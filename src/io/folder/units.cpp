@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "apvi/core/constants.hpp"
+#include "core/median.hpp"
 #include "core/text.hpp"
 
 namespace apvi::io {
@@ -114,10 +115,7 @@ double median_step(const std::vector<double>& times) {
   for (std::size_t i = 1; i < times.size(); ++i) {
     if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
   }
-  if (steps.empty()) return 0.0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return median(std::move(steps));
 }
 
 }  // namespace

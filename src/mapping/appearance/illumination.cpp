@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.hpp"
 #include "gaussians/model/archive.hpp"
 #include "gaussians/optimizer/adam.hpp"
 
@@ -52,9 +53,7 @@ bool resolves_moving_light(const KeyframeStore& keyframes) {
   std::vector<std::int64_t> gaps;
   for (std::size_t k = 1; k < views.size(); ++k)
     gaps.push_back(keyframes[views[k]].stamp_ns - keyframes[views[k - 1]].stamp_ns);
-  const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
-  std::nth_element(gaps.begin(), middle, gaps.end());
-  return 1e-9 * static_cast<double>(*middle) <= kCorrelationTime_s;
+  return 1e-9 * static_cast<double>(median(std::move(gaps))) <= kCorrelationTime_s;
 }
 
 Illumination::Illumination(std::size_t views, const std::vector<std::size_t>& training,

@@ -12,6 +12,7 @@
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
 #include "apvi/sensors/rig.hpp"
+#include "core/median.hpp"
 #include "mapping/rendering.hpp"
 #include "runs/maps/local_origin.hpp"
 #include "runs/maps/stored_map.hpp"
@@ -59,9 +60,7 @@ double median_over_views(const SurveySource& source, const Divisor& divisor) {
   if (values.empty()) {
     fail_input("--resolution: required for a map file, or a run whose keyframes show no surface");
   }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return median(std::move(values));
 }
 
 /// Exposure by views from above, at a resolution that shows the whole map in a few of them.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.hpp"
+
 namespace apvi::sim {
 namespace {
 
@@ -22,9 +24,7 @@ double clear_gain(const std::vector<Metering>& meterings, const Development& dev
   std::vector<double> levels;
   for (const Metering& metering : meterings)
     levels.push_back(level(metering.light.clear, development));
-  const auto middle = levels.begin() + static_cast<std::ptrdiff_t>(levels.size() / 2);
-  std::nth_element(levels.begin(), middle, levels.end());
-  return target_mean / std::max(1e-9, *middle);
+  return target_mean / std::max(1e-9, median(std::move(levels)));
 }
 
 double between(double a, double b, double part) {

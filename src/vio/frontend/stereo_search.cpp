@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vio/frontend/stereo_search.hpp"
 
-#include <algorithm>
-
+#include "core/median.hpp"
 #include "vio/factors/projection.hpp"
 #include "vio/frontend/epipolar_check.hpp"
 #include "vio/frontend/optical_flow.hpp"
@@ -70,12 +69,7 @@ std::vector<std::optional<StereoMatch>> StereoSearch::find(
     matches[i] = check(queries[i], flow.to[i]);
     if (matches[i]) inverse_depths.push_back(matches[i]->inverse_depth);
   }
-  if (!inverse_depths.empty()) {
-    const auto middle =
-        inverse_depths.begin() + static_cast<std::ptrdiff_t>(inverse_depths.size() / 2);
-    std::nth_element(inverse_depths.begin(), middle, inverse_depths.end());
-    median_inverse_depth_ = *middle;
-  }
+  if (!inverse_depths.empty()) median_inverse_depth_ = median(std::move(inverse_depths));
   return matches;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.hpp"
 #include "imu/preintegration.hpp"
 
 namespace apvi::vio {
@@ -152,11 +153,9 @@ class ClosedForm {
   void update(const Vector9& x) {
     std::vector<double> misfits;
     for (std::size_t t = 0; t < problem_.tracks.size(); ++t) misfits.push_back(misfit(t, x));
-    std::vector<double> sorted = misfits;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double usual = median(misfits);
     for (std::size_t t = 0; t < problem_.tracks.size(); ++t) {
-      const double s = misfits[t] / (9.0 * *middle + 1e-12);
+      const double s = misfits[t] / (9.0 * usual + 1e-12);
       weights_[t] = track_weights_[t] / ((1.0 + s) * (1.0 + s));
       measure_distances(t, x);
     }

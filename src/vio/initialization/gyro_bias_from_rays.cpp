@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -178,9 +179,7 @@ class RayProblem {
     for (const Pair& pair : pairs_) {
       for (const Match& match : pair.matches) sizes.push_back(std::abs(match.residual_px));
     }
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    scale_px_ = std::max(1.4826 * *middle, kMinNoise_px);
+    scale_px_ = std::max(1.4826 * median(std::move(sizes)), kMinNoise_px);
     for (Pair& pair : pairs_) {
       for (Match& match : pair.matches) {
         const double s = match.residual_px / (3.0 * scale_px_);

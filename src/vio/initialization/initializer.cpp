@@ -9,6 +9,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 #include "vio/initialization/closed_form_start.hpp"
 #include "vio/initialization/gyro_bias_from_rays.hpp"
 #include "vio/initialization/start_graph.hpp"
@@ -56,10 +57,7 @@ double parallax(const StartProblem& problem, const std::vector<imu::Preintegrati
     const Vector3d b = rotation(keyframe) * seen->point.homogeneous().normalized();
     angles.push_back(std::atan2(a.cross(b).norm(), a.dot(b)));
   }
-  if (angles.empty()) return 0.0;
-  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
-  std::nth_element(angles.begin(), middle, angles.end());
-  return *middle;
+  return median(std::move(angles));
 }
 
 double largest_parallax(const StartProblem& problem, const Vector3d& gyro_bias) {

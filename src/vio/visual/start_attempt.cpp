@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apvi/core/constants.hpp"
+#include "core/median.hpp"
 #include "vio/initialization/start_problem.hpp"
 #include "vio/visual/depth_profile.hpp"
 #include "vio/visual/resection.hpp"

@@ -7,6 +7,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
+#include "core/median.hpp"
+
 namespace apvi::vio {
 namespace {
 
@@ -92,13 +94,6 @@ std::vector<SE3> possible_motions(const Pairs& pairs, double max_error) {
     if (count > 0.0 && count >= kMinShare * best) possible.push_back(motions[i]);
   }
   return possible;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 double median_parallax(const Pairs& pairs, const SE3& T_first_second) {

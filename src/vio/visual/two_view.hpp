@@ -24,9 +24,6 @@ std::optional<TwoViewPoint> triangulate(const PointPair& pair, const SE3& T_firs
 /// front of both cameras than the best one are left out. `max_error` is on the plane z = 1.
 std::vector<SE3> possible_motions(const std::vector<PointPair>& pairs, double max_error);
 
-/// The middle value; zero without any.
-double median(std::vector<double> values);
-
 /// Median of the parallax over the pairs in front of both cameras [rad]; zero without any.
 double median_parallax(const std::vector<PointPair>& pairs, const SE3& T_first_second);
 

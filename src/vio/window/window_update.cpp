@@ -12,6 +12,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/median.hpp"
 
 namespace apvi::vio {
 namespace {
@@ -202,9 +203,8 @@ double outlier_limit_px(const Window& window, const Rig& rig, double max_error_p
     if (const auto error = mean_error_px(landmark, window, rig)) errors.push_back(*error);
   }
   if (errors.empty()) return max_error_px;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
-  return std::min(max_error_px, std::max(kMinOutlier_px, kOutlierMedians * *middle));
+  const double limit_px = kOutlierMedians * median(std::move(errors));
+  return std::min(max_error_px, std::max(kMinOutlier_px, limit_px));
 }
 
 void remove_rejected(Window& window) {
