@@ -24,8 +24,7 @@ std::string begin_together(const std::string& kind, double first_s, double imu_f
 
 }  // namespace
 
-std::optional<ClockSpan> span_of(SampleSource& source) {
-  const auto stamps = source.stamp_summary();
+std::optional<ClockSpan> span_of(const std::optional<StampSummary>& stamps) {
   if (!stamps) return std::nullopt;
   const double to_s = std::pow(10.0, stamps->power - 9);
   if (stamps->last < stamps->first) return std::nullopt;  // the clock was set back

@@ -17,7 +17,7 @@ struct ClockSpan {
 };
 
 /// nullopt where it is not known before the samples are read.
-std::optional<ClockSpan> span_of(SampleSource& source);
+std::optional<ClockSpan> span_of(const std::optional<StampSummary>& stamps);
 
 /// Whether two sensors have no time in common, and more than `gap_s` lies between them.
 bool are_apart(const ClockSpan& a, const ClockSpan& b, double gap_s);

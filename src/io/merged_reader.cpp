@@ -9,7 +9,6 @@
 #include "apvi/core/log.hpp"
 #include "io/clock_spans.hpp"
 #include "io/shifted_source.hpp"
-#include "io/time_units.hpp"
 
 namespace apvi::io {
 namespace {
@@ -101,16 +100,16 @@ void MergedReader::leave_out(Stream& stream, const std::string& remark) {
 
 // A sensor that counts from another epoch than the IMU would only put poses at times without any
 // other sensor.
-void MergedReader::leave_out_other_clocks() {
+void MergedReader::leave_out_other_clocks(const std::vector<SettledStamps>& settled) {
   const auto imu = std::ranges::find(recording_.kinds, "imu");
   if (imu == recording_.kinds.end()) return;
   const auto index = static_cast<std::size_t>(imu - recording_.kinds.begin());
-  const auto imu_span = span_of(*recording_.sources[index]);
+  const auto imu_span = span_of(settled[index].stamps);
   const bool has_imu = fill(streams_[index]);
   for (Stream& stream : streams_) {
     const std::string& kind = recording_.kinds[stream.index];
     if (stream.index == index || kind == "gnss") continue;
-    const auto span = span_of(*recording_.sources[stream.index]);
+    const auto span = span_of(settled[stream.index].stamps);
     if (span && imu_span) {
       if (are_apart(*span, *imu_span, config_.max_time_jump_s)) {
         leave_out(stream, describe_clocks(kind, *span, *imu_span));
@@ -126,11 +125,11 @@ void MergedReader::leave_out_other_clocks() {
 }
 
 void MergedReader::find_start() {
-  const std::vector<std::string> remarks = settle_time_units(recording_);
+  const std::vector<SettledStamps> settled = settle_time_units(recording_);
   for (const Stream& stream : streams_) {
-    if (stream.report->remark.empty()) stream.report->remark = remarks[stream.index];
+    if (stream.report->remark.empty()) stream.report->remark = settled[stream.index].remark;
   }
-  leave_out_other_clocks();
+  leave_out_other_clocks(settled);
   const Stream* first = earliest();
   if (first == nullptr) return;
   begin_ = stamp_of(first->cleaner.ready.front());

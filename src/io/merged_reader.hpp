@@ -11,6 +11,7 @@
 #include "io/clock_monitor.hpp"
 #include "io/sample_source.hpp"
 #include "io/stream_cleaner.hpp"
+#include "io/time_units.hpp"
 
 namespace apvi::io {
 
@@ -37,7 +38,7 @@ class MergedReader : public SequenceReader {
   bool fill(Stream& stream);
   Stream* earliest();
   void find_start();
-  void leave_out_other_clocks();
+  void leave_out_other_clocks(const std::vector<SettledStamps>& settled);
   void leave_out(Stream& stream, const std::string& remark);
   bool in_blackout(const SensorEvent& event) const;
 

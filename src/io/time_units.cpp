@@ -155,20 +155,21 @@ std::vector<std::optional<TimeUnitChange>> decide_time_units(std::vector<SensorS
   return changes;
 }
 
-std::vector<std::string> settle_time_units(const Recording& recording) {
+std::vector<SettledStamps> settle_time_units(const Recording& recording) {
   std::vector<SensorStamps> sensors;
   for (std::size_t i = 0; i < recording.sources.size(); ++i) {
     sensors.push_back({recording.kinds[i], recording.sources[i]->stamp_summary()});
   }
-  const auto changes = decide_time_units(std::move(sensors));
-  std::vector<std::string> remarks(changes.size());
+  const auto changes = decide_time_units(sensors);
+  std::vector<SettledStamps> settled;
   for (std::size_t i = 0; i < changes.size(); ++i) {
+    settled.push_back({"", sensors[i].stamps});
     if (!changes[i]) continue;
     recording.sources[i]->set_stamp_power(changes[i]->power);
-    remarks[i] = changes[i]->remark;
-    log::warning("{}", remarks[i]);
+    settled.back() = {changes[i]->remark, recording.sources[i]->stamp_summary()};
+    log::warning("{}", changes[i]->remark);
   }
-  return remarks;
+  return settled;
 }
 
 }  // namespace apvi::io

@@ -29,8 +29,13 @@ struct SensorStamps {
 ///   them in one other unit.
 std::vector<std::optional<TimeUnitChange>> decide_time_units(std::vector<SensorStamps> sensors);
 
-/// Applies `decide_time_units` to the sources, with a warning for each change. Returns the remarks,
-/// by source; "" where nothing changed. To be called before the first sample is read.
-std::vector<std::string> settle_time_units(const Recording& recording);
+/// What is known of the stamps of a source before its first sample is read.
+struct SettledStamps {
+  std::string remark;                  ///< that their unit was changed; else ""
+  std::optional<StampSummary> stamps;  ///< in the unit that counts
+};
+/// Applies `decide_time_units` to the sources, with a warning for each change. Returns what is
+/// known, by source. To be called before the first sample is read.
+std::vector<SettledStamps> settle_time_units(const Recording& recording);
 
 }  // namespace apvi::io
