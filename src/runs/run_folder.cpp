@@ -123,10 +123,10 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   for (const char* stale :
        {"metrics.json", "report.html", "trajectory_smoothed.tum", "places.bin", "vio.tum",
         "keyframes.tum", "health.csv", "timing.csv", "rig_estimated.yaml", "mapping.csv",
-        "checkpoint.pt", "map.ply", "medium.json", kSensorsFile, kLoopsFile}) {
+         kCheckpointFile, "map.ply", "medium.json", kSensorsFile, kLoopsFile}) {
     fs::remove(path / stale, error);
   }
-  for (const char* stale : {"renders", "storage"}) fs::remove_all(path / stale, error);
+  for (const char* stale : {"renders", kStorageFolder}) fs::remove_all(path / stale, error);
 }
 
 void copy_files(const fs::path& from, const fs::path& to, std::span<const char* const> names) {

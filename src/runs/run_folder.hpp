@@ -11,6 +11,11 @@
 
 namespace apvi::runs {
 
+/// Checkpoint that a mapping run resumes from, in the run folder.
+inline constexpr const char* kCheckpointFile = "checkpoint.pt";
+/// Parts of a large map that belong to the checkpoint.
+inline constexpr const char* kStorageFolder = "storage";
+
 /// Throws InputError when the folder already holds a run and `overwrite` is false.
 void check_vacant(const std::filesystem::path& path, bool overwrite);
 

@@ -16,13 +16,9 @@
 #include "mapping/evaluation.hpp"
 #include "mapping/rendering.hpp"
 #include "runs/run_config.hpp"
+#include "runs/run_folder.hpp"
 
 namespace apvi::runs {
-
-/// Checkpoint that a mapping run resumes from, in the run folder.
-inline constexpr const char* kCheckpointFile = "checkpoint.pt";
-/// Parts of a large map that belong to the checkpoint.
-inline constexpr const char* kStorageFolder = "storage";
 
 /// Creates the folder of the rendered held-out images. Throws RunError on failure.
 std::filesystem::path make_renders_folder(const std::filesystem::path& run);
