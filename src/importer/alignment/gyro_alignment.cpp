@@ -20,7 +20,7 @@ using doctor::TimeSpan;
 
 constexpr double kMinTime_s = 4.0;        // of known rates
 constexpr double kMinVariation = 0.02;    // of the rates [rad/s]
-constexpr double kMinSigmas = 3.5;        // by which the best time is better
+constexpr double kMinSigmas = 3.0;        // by which the best time is better
 constexpr double kMinUniqueness = 2.0;    // the same, of the exact time within a second
 constexpr double kMinLensGain = 3.0;      // by which a free lens is better [sigmas]
 constexpr double kMaxSigma_s = 0.02;      // of the exact time
@@ -83,7 +83,7 @@ std::optional<CameraGyroFit> fit_near(const std::vector<ImagePair>& pairs,
 // The start by the rates of camera and gyro.
 std::optional<RateMatch> search(const RateGrid& camera, const RateGrid& gyro,
                                 const std::optional<std::pair<Stamp, Stamp>>& near) {
-  const auto match = match_rates(camera, gyro);
+  auto match = match_rates(camera, gyro);
   if (!near || !match || match->sigmas >= kMinSigmas) return match;
   const auto nearer = match_rates(camera, gyro, lags_of(*near, camera, gyro));
   return nearer && nearer->sigmas >= kMinSigmas ? nearer : match;
@@ -106,9 +106,11 @@ GyroAlignment align_by_gyro(const std::vector<ImagePair>& pairs, const CameraMod
   result.correlation = match->correlation;
   result.elsewhere = match->elsewhere;
   if (match->sigmas < kMinSigmas) {
-    return failed(result, fmt::format("the rotation of the images fits no time clearly best "
-                                      "(correlation {:.2f}, elsewhere up to {:.2f})",
-                                      match->correlation, match->elsewhere));
+    return failed(result,
+                  fmt::format("the rotation of the images fits no time clearly best "
+                              "(correlation {:.2f}, at other times up to {:.2f}; {:.1f} of "
+                              "{:.0f} sigma)",
+                              match->correlation, match->elsewhere, match->sigmas, kMinSigmas));
   }
   const Stamp start = gyro.start + Duration::from_seconds(match->lag_s) - (seen.start - Stamp{});
   const auto fit = fit_near(pairs, camera, imu, start, match->R_camera_body);

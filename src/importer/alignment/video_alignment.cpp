@@ -88,22 +88,22 @@ std::optional<std::pair<Stamp, Stamp>> range_about(std::optional<Stamp> created,
 
 }  // namespace
 
-GyroAlignment align_video(const std::filesystem::path& path, const ImportOptions& options,
+GyroAlignment align_video(const std::filesystem::path& video, const ImportOptions& options,
                           const std::optional<FieldOfView>& known, std::optional<Stamp> created,
                           const std::vector<ImuSample>& imu) {
-  cv::VideoCapture video = open_video(path, /*keep_sensor_axes=*/false);
-  FrameClock clock(video);
+  cv::VideoCapture capture = open_video(video, /*keep_sensor_axes=*/false);
+  FrameClock clock(capture);
   PairReader reader(options);
   StatusLine status("comparing the rotation of the images with the gyro");
-  while (!options.interrupted() && video.grab()) {
+  while (!options.interrupted() && capture.grab()) {
     const double time = clock.next();
     if (time >= reader.end_s()) break;
     status.update(-1.0, fmt::format("{:.1f} s", time));
-    reader.add(video, time);
+    reader.add(capture, time);
   }
   const std::vector<doctor::ImagePair> pairs = reader.take();
   if (pairs.empty()) return {.why_not = "its images have no corners in common"};
-  const double length = video.get(cv::CAP_PROP_FRAME_COUNT) / clock.fps();
+  const double length = capture.get(cv::CAP_PROP_FRAME_COUNT) / clock.fps();
   return align_by_gyro(pairs, camera_for(options, known, reader.size()), imu,
                        range_about(created, std::max(0.0, length)));
 }
