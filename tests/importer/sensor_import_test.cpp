@@ -210,7 +210,8 @@ TEST_F(SensorImportTest, FilesOfDifferentClocksAreAnError) {
   ImportOptions options;
   options.sensors = {dvl_csv()};
   EXPECT_THAT(input_error([&] { import_source(dataflash_log(), out(), options); }),
-              HasSubstr("all files must have the same clock"));
+              HasSubstr("all files must have the same clock: a .BIN log without GNSS counts from "
+                        "when the autopilot was switched on; take the .tlog"));
 }
 
 TEST_F(SensorImportTest, FilesWithoutSensorsAreErrors) {

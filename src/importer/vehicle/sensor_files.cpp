@@ -105,11 +105,17 @@ void check_overlap(const SensorData& data, const SensorData& other, const fs::pa
   const auto a = data.span();
   const auto b = other.span();
   if (!a || !b || (a->first <= b->second && b->first <= a->second)) return;
+  const bool has_date = counts_from_1970(a->first);
+  const bool other_has_date = counts_from_1970(b->first);
   fail_input(
       "{}: from {} to {}, but the other sensors are from {} to {}; all files must have the same "
-      "clock",
+      "clock{}",
       path.string(), time_text(b->first), time_text(b->second), time_text(a->first),
-      time_text(a->second));
+      time_text(a->second),
+      has_date == other_has_date
+          ? ""
+          : ": a .BIN log without GNSS counts from when the autopilot was switched on; take the "
+            ".tlog of the dive instead, or leave one of the files out");
 }
 
 template <typename Sample>

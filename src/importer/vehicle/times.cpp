@@ -75,8 +75,12 @@ std::optional<Stamp> parse_time(std::string_view text) {
   return Stamp{whole.count() * kSecond_ns + *second};
 }
 
+bool counts_from_1970(Stamp stamp) {
+  return stamp.ns >= kUnix2001_ns;
+}
+
 std::string time_text(Stamp stamp) {
-  if (stamp.ns < kUnix2001_ns) return fmt::format("{:.3f} s", stamp.seconds());
+  if (!counts_from_1970(stamp)) return fmt::format("{:.3f} s", stamp.seconds());
   const std::int64_t ms = stamp.ns / 1'000'000;
   const chrono::sys_seconds whole{chrono::seconds(ms / 1000)};
   return fmt::format("{:%FT%T}.{:03}Z", fmt::gmtime(whole), ms % 1000);

@@ -7,7 +7,6 @@
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
 #include "importer/alignment/video_alignment.hpp"
-#include "importer/dive_writer.hpp"
 #include "importer/vehicle/times.hpp"
 
 namespace apvi::importer {
@@ -15,10 +14,6 @@ namespace apvi::importer {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool counts_from_1970(Stamp stamp) {
-  return stamp > kWithoutDate;
-}
 
 // A camera's clock is hardly ever right, but more than this is a wrong date or another time zone.
 void compare_with_creation(const fs::path& video, Stamp created, Stamp start) {
