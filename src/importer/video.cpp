@@ -11,6 +11,7 @@
 #include "core/status_line.hpp"
 #include "importer/alignment/video_alignment.hpp"
 #include "importer/gpmf.hpp"
+#include "importer/matroska.hpp"
 #include "importer/mp4.hpp"
 #include "importer/sources.hpp"
 #include "importer/vehicle/sensor_files.hpp"
@@ -28,18 +29,21 @@ struct VideoFile {
   Mp4Movie movie;
   std::optional<Telemetry> telemetry;
   double first_image_s = 0.0;  // on the clock of the telemetry
-  SensorData sensors;          // of other devices
+  std::optional<Stamp> created;
+  SensorData sensors;  // of other devices
   Clock clock{kWithoutDate};
 };
 
 void read_index(const fs::path& path, VideoFile& file) {
+  file.created = matroska_date(path);
   if (!is_mp4(path)) return;
   file.movie = read_mp4(path);
   if (const Mp4Track* video = file.movie.with_handler("vide")) {
     file.first_image_s = video->first_s();
   }
   file.telemetry = read_telemetry(path, file.movie);
-  if (file.movie.created_unix_s) file.clock = {Stamp{*file.movie.created_unix_s * 1'000'000'000}};
+  if (const auto seconds = file.movie.created_unix_s)
+    file.created = Stamp{*seconds * 1'000'000'000};
 }
 
 std::optional<FieldOfView> recorded_field_of_view(const VideoFile& file) {
@@ -52,11 +56,11 @@ std::optional<FieldOfView> recorded_field_of_view(const VideoFile& file) {
 VideoFile read_file(const fs::path& path, const ImportOptions& options) {
   VideoFile file;
   read_index(path, file);
+  if (file.created) file.clock = {*file.created};
   if (options.sensors.empty()) return file;
   file.sensors = read_sensor_files(options.sensors);
-  const auto created = file.movie.created_unix_s ? std::optional(file.clock.zero) : std::nullopt;
-  const Stamp start = video_start(path, created, file.sensors, options, [&] {
-    return align_video(path, options, recorded_field_of_view(file), created, file.sensors.imu);
+  const Stamp start = video_start(path, file.created, file.sensors, options, [&] {
+    return align_video(path, options, recorded_field_of_view(file), file.created, file.sensors.imu);
   });
   file.clock = {start - Duration::from_seconds(file.first_image_s)};
   return file;
