@@ -116,7 +116,7 @@ class FaultCombinations : public testing::Test {
   ~FaultCombinations() override { log::set_console_level(log::Level::info); }
 
  protected:
-  enum class Container { folder, mcap };
+  enum class Container { folder, mcap, db3 };
 
   void run_with(const std::vector<test::Fault>& faults, const std::set<std::size_t>& chosen,
                 Random random, Container container = Container::folder) {
@@ -132,9 +132,12 @@ class FaultCombinations : public testing::Test {
     fs::path recording = tmp_.path() / "dive";
     if (container == Container::folder) {
       dive.write_folder(recording);
-    } else {
+    } else if (container == Container::mcap) {
       recording /= "dive.mcap";
       dive.write_mcap(recording);
+    } else {
+      recording /= "dive.db3";
+      dive.write_db3(recording);
     }
     check(outcome_of(recording, tmp_.path() / "run"), names);
   }
@@ -159,6 +162,7 @@ class FaultCombinations : public testing::Test {
 TEST_F(FaultCombinations, AGoodRecordingGivesARightResult) {
   run_with({}, {}, Random(1));
   run_with({}, {}, Random(1), Container::mcap);
+  run_with({}, {}, Random(1), Container::db3);
 }
 
 TEST_F(FaultCombinations, EachFaultAloneIsHandled) {
@@ -170,6 +174,7 @@ TEST_F(FaultCombinations, EachFaultAloneIsHandledInABag) {
   const auto faults = test::bag_faults();
   for (std::size_t i = 0; i < faults.size(); ++i) {
     run_with(faults, {i}, Random(i), Container::mcap);
+    run_with(faults, {i}, Random(i), Container::db3);
   }
 }
 
@@ -179,6 +184,7 @@ TEST_F(FaultCombinations, FaultsTogetherAreNeitherFatalNorSilent) {
 
 TEST_F(FaultCombinations, FaultsTogetherAreNeitherFatalNorSilentInABag) {
   run_combinations(test::bag_faults(), kBagCombinations, Random(7), Container::mcap);
+  run_combinations(test::bag_faults(), kBagCombinations / 2, Random(8), Container::db3);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "core/text.hpp"
 #include "io/cdr_bytes.hpp"
+#include "io/db3_writer.hpp"
 #include "io/mcap_writer.hpp"
 #include "io/rosbag2/ros2_definitions.hpp"
 
@@ -227,9 +228,9 @@ std::vector<double> numbers_of(const std::vector<std::string>& row) {
 }
 
 // Adds a topic with a message for each row that has `count` numbers.
-template <typename Fill>
-void add_topic(McapWriter& file, const FaultTable& table, const char* topic,
-               const std::string& type, std::size_t count, Fill&& fill) {
+template <typename Writer, typename Fill>
+void add_topic(Writer& file, const FaultTable& table, const char* topic, const std::string& type,
+               std::size_t count, Fill&& fill) {
   const std::string plain = type.substr(0, type.find('/')) + type.substr(type.rfind('/'));
   const auto channel = file.add_topic(topic, type, io::ros2_definitions(plain).at(0));
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
@@ -240,6 +241,39 @@ void add_topic(McapWriter& file, const FaultTable& table, const char* topic,
     fill(bytes.header(ns), v);
     file.write(channel, ns, bytes.get());
   }
+}
+
+// The messages of a bag of ROS 2.
+template <typename Writer>
+void write_topics(const FaultyDive& dive, Writer& bag) {
+  const auto put = [](CdrBytes& bytes, const std::vector<double>& v, std::size_t from,
+                      std::size_t count) {
+    for (std::size_t i = from; i < from + count; ++i) bytes.put(v[i]);
+  };
+  add_topic(bag, dive.imu, "/imu/data", "sensor_msgs/msg/Imu", 6,
+            [&](CdrBytes& bytes, const auto& v) {
+              bytes.zeros(3).put(1.0).zeros(9);
+              put(bytes, v, 0, 3);
+              bytes.zeros(9);
+              put(bytes, v, 3, 3);
+              bytes.zeros(9);
+            });
+  add_topic(bag, dive.dvl, "/dvl/twist", "geometry_msgs/msg/TwistWithCovarianceStamped", 3,
+            [&](CdrBytes& bytes, const auto& v) {
+              put(bytes, v, 0, 3);
+              bytes.zeros(3 + 36);
+            });
+  add_topic(bag, dive.depth, "/depth", "nav_msgs/msg/Odometry", 1,
+            [&](CdrBytes& bytes, const auto& v) {
+              bytes.text("child").zeros(2).put(-v[0]).zeros(3).put(1.0).zeros(36 + 6 + 36);
+            });
+  add_topic(bag, dive.truth, "/gt", "nav_msgs/msg/Odometry", 7,
+            [&](CdrBytes& bytes, const auto& v) {
+              bytes.text("child");
+              put(bytes, v, 0, 3);
+              put(bytes, v, 4, 3);  // x y z w, from w x y z
+              bytes.put(v[3]).zeros(36 + 6 + 36);
+            });
 }
 
 }  // namespace
@@ -278,32 +312,15 @@ void FaultyDive::write_folder(const std::filesystem::path& folder) const {
 
 void FaultyDive::write_mcap(const std::filesystem::path& file) const {
   McapWriter mcap;
-  const auto put = [](CdrBytes& bytes, const std::vector<double>& v, std::size_t from,
-                      std::size_t count) {
-    for (std::size_t i = from; i < from + count; ++i) bytes.put(v[i]);
-  };
-  add_topic(mcap, imu, "/imu/data", "sensor_msgs/msg/Imu", 6, [&](CdrBytes& bytes, const auto& v) {
-    bytes.zeros(3).put(1.0).zeros(9);
-    put(bytes, v, 0, 3);
-    bytes.zeros(9);
-    put(bytes, v, 3, 3);
-    bytes.zeros(9);
-  });
-  add_topic(mcap, dvl, "/dvl/twist", "geometry_msgs/msg/TwistWithCovarianceStamped", 3,
-            [&](CdrBytes& bytes, const auto& v) {
-              put(bytes, v, 0, 3);
-              bytes.zeros(3 + 36);
-            });
-  add_topic(mcap, depth, "/depth", "nav_msgs/msg/Odometry", 1, [&](CdrBytes& bytes, const auto& v) {
-    bytes.text("child").zeros(2).put(-v[0]).zeros(3).put(1.0).zeros(36 + 6 + 36);
-  });
-  add_topic(mcap, truth, "/gt", "nav_msgs/msg/Odometry", 7, [&](CdrBytes& bytes, const auto& v) {
-    bytes.text("child");
-    put(bytes, v, 0, 3);
-    put(bytes, v, 4, 3);  // x y z w, from w x y z
-    bytes.put(v[3]).zeros(36 + 6 + 36);
-  });
+  write_topics(*this, mcap);
   std::ofstream(file, std::ios::binary) << mcap.finish();
+}
+
+void FaultyDive::write_db3(const std::filesystem::path& file) const {
+  std::filesystem::remove(file);
+  Db3Writer db3(file);
+  write_topics(*this, db3);
+  db3.close();
 }
 
 void FaultTable::scale(std::size_t column, double factor) {

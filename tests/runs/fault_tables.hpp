@@ -38,6 +38,8 @@ struct FaultyDive {
   void write_folder(const std::filesystem::path& folder) const;
   /// As an MCAP file. Rows that are no numbers are messages that nobody published.
   void write_mcap(const std::filesystem::path& file) const;
+  /// The same messages as a .db3 file.
+  void write_db3(const std::filesystem::path& file) const;
 };
 
 /// A fault that people have reported of their recordings.
