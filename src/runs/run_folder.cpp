@@ -123,7 +123,7 @@ void prepare_folder(const fs::path& path, bool overwrite) {
   for (const char* stale :
        {"metrics.json", "report.html", "trajectory_smoothed.tum", "places.bin", "vio.tum",
         "keyframes.tum", "health.csv", "timing.csv", "rig_estimated.yaml", "mapping.csv",
-         kCheckpointFile, "map.ply", "medium.json", kSensorsFile, kLoopsFile}) {
+        kCheckpointFile, "map.ply", "medium.json", kSensorsFile, kLoopsFile}) {
     fs::remove(path / stale, error);
   }
   for (const char* stale : {"renders", kStorageFolder}) fs::remove_all(path / stale, error);
