@@ -240,6 +240,9 @@ class Desktop(Case):
         label = self.script("return document.getElementById('sensors').getAttribute('aria-label')")
         self.assertEqual(label, "Camera: silent for 5.0 s, 1 gap; IMU: no gap; DVL: silent for 6.0 s, 1 gap; "
                                 "Pressure: silent for 5.0 s, 1 gap")
+        late = "return spansUntilNow({live: arguments[0], stamps: [1, 9]}, [[1, 4], [5, 8]])"
+        self.assertEqual(self.script(late, True), [[1, 4], [5, 9]])  # the next message will say so
+        self.assertEqual(self.script(late, False), [[1, 4], [5, 8]])
         red = """const c = document.getElementById("sensors"), rows = 4, row = arguments[0], at = arguments[1];
           const d = c.getContext("2d").getImageData(Math.round(at * c.width), (row + 0.5) * c.height / rows, 1, 1).data;
           return d[0] > 1.3 * d[2];"""

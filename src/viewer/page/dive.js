@@ -4,6 +4,7 @@
 const PING_S = 1; // how old the ping that is shown may be, at least
 const POSE_GAP_S = 2; // from the path to a stamp beside it
 const SENSORS = { camera: "Camera", imu: "IMU", dvl: "DVL", pressure: "Pressure", depth: "Depth" };
+const LIVE_LAG_S = 2.5; // of what a run sends of its sensors
 const SENSOR_ROW_PX = 12; // as in viewer.css
 
 // Index of the last of the increasing stamps that is not later, or 0.
@@ -81,8 +82,17 @@ function placeInTime({ stamps }, width) {
   return (stamp) => width * clamp((stamp - first) / Math.max(1e-9, last - first), 0, 1);
 }
 
+// While a run is made, the spans come later than the poses; that is no gap.
+function spansUntilNow(scene, spans) {
+  const last = scene.stamps[scene.stamps.length - 1];
+  const isLate = (to, i) => scene.live && i === spans.length - 1 && last - to < LIVE_LAG_S;
+  return spans.map(([from, to], i) => [from, isLate(to, i) ? Math.max(last, to) : to]);
+}
+
 // How long a sensor was silent during the path, in words.
-function gapsText(scene, { name, spans }) {
+function gapsText(scene, sensor) {
+  const { name } = sensor;
+  const spans = spansUntilNow(scene, sensor.spans);
   const [first, last] = [scene.stamps[0], scene.stamps[scene.stamps.length - 1]];
   let [end, silent, count] = [first, 0, 0];
   for (const [from, to] of [...spans, [last, last]]) {
@@ -117,7 +127,7 @@ function drawSensors(scene) {
     const [top, height] = [(row * SENSOR_ROW_PX + 3) * devicePixelRatio, (SENSOR_ROW_PX - 6) * devicePixelRatio];
     context.fillStyle = "rgba(240, 96, 107, .75)";
     context.fillRect(0, top, canvas.width, height);
-    for (const [from, to] of spans) {
+    for (const [from, to] of spansUntilNow(scene, spans)) {
       const [left, right] = [place(from), place(to)];
       context.clearRect(left, top, right - left, height);
       context.fillStyle = "#7f93a3";
