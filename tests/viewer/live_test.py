@@ -37,8 +37,8 @@ class Running(unittest.TestCase):
         subprocess.run([APVI, "-q", "sim", ROOT / "configs/scenes/seabed_easy.yaml", "-o", self.folder / "dive",
                         *settings(SIMULATION)], check=True)
         self.run_folder = self.folder / "run"
-        self.server = page_client.Server(APVI, "run", self.folder / "dive", "-o", self.run_folder, f"--view={free_port()}",
-                                         *settings(MAPPING))
+        self.server = page_client.Server(APVI, "run", self.folder / "dive", "-o", self.run_folder,
+                                         f"--view={free_port()}", *settings(MAPPING))
 
     def tearDown(self):
         self.server.stop()
