@@ -59,7 +59,7 @@ TEST(MapSection, WithoutASectionItIsTheMapItself) {
 
 TEST(MapSection, IsOfTheNewestMap) {
   MapPainter painter;
-  painter.set_map(staircase(), {});
+  painter.set_map(staircase(), {}, /*with_levels=*/false);
   viewer::Viewpoint view = below(2);
   view.section = slab(Eigen::Vector3d::UnitZ(), 2.0, 0.5);
   const auto depth = painter.depth(view, 32, 24);
@@ -67,13 +67,13 @@ TEST(MapSection, IsOfTheNewestMap) {
   EXPECT_NEAR(*depth, 4.0, 0.1);
   mapping::Map higher = staircase();
   higher.gaussians.means.select(1, 2).add_(0.2);
-  painter.set_map(higher, {});
+  painter.set_map(higher, {}, /*with_levels=*/false);
   EXPECT_NEAR(painter.depth(view, 32, 24).value_or(0.0), 4.2, 0.1);
 }
 
 TEST(MapSection, OnlyWhatItHoldsIsDrawnAndMeasured) {
   MapPainter painter;
-  painter.set_map(staircase(), {});
+  painter.set_map(staircase(), {}, /*with_levels=*/false);
   viewer::View view{.viewpoint = below(0), .layer = viewer::Layer::depth};
   EXPECT_NEAR(painter.depth(view.viewpoint, 32, 24).value_or(0.0), 2.0, 0.1);
   view.viewpoint.section = slab(Eigen::Vector3d::UnitZ(), 3.0, 0.5);
@@ -83,7 +83,7 @@ TEST(MapSection, OnlyWhatItHoldsIsDrawnAndMeasured) {
 
 TEST(MapSection, WithoutGaussiansIsEmptyNotAbsent) {
   MapPainter painter;
-  painter.set_map(staircase(), {});
+  painter.set_map(staircase(), {}, /*with_levels=*/false);
   viewer::View view{.viewpoint = below(0)};
   view.viewpoint.section = slab(Eigen::Vector3d::UnitZ(), 50.0, 0.5);
   const auto rendering = painter.render(view);
