@@ -35,7 +35,7 @@ void report(const runs::MappingRunResult& result) {
 }
 
 // Of the time of one thread, so that the run goes on.
-constexpr double kRenderShare = 0.25;
+constexpr double kRenderShare = 0.18;
 
 }  // namespace
 
