@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 
@@ -15,10 +16,11 @@ struct Arguments {
   fs::path source;
   viewer::ServerOptions server;
   fs::path file;
+  std::int64_t max_gaussians = 1'000'000;
 };
 
 void view(const Arguments& a) {
-  if (!a.file.empty()) return runs::export_view(a.source, a.file);
+  if (!a.file.empty()) return runs::export_view(a.source, a.file, a.max_gaussians);
   const InterruptGuard guard;
   runs::view_run(a.source, a.server, [&guard] { return guard.interrupted(); });
 }
@@ -47,6 +49,12 @@ void add_view(CLI::App& app) {
       ->type_name("TEXT");
   command->add_option("--export", a->file, "write a page that needs no server, and end")
       ->type_name("FILE");
+  command
+      ->add_option("--max-gaussians", a->max_gaussians,
+                   "with --export: merge neighbors until there are at most so many (default: "
+                   "1000000, about 50 MB)")
+      ->check(CLI::PositiveNumber)
+      ->type_name("N");
   command->footer("Ctrl-C ends it.");
   command->callback([a] { view(*a); });
 }

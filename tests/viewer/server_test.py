@@ -202,6 +202,21 @@ class Incomplete(Case):
         self.assertEqual(page.image()[0][0], 1)
 
 
+class ExportedPages(unittest.TestCase):
+    def test_merge_neighbors_beyond_the_limit(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            run = tiny_run.make(folder / "dive", 4000)
+            sizes = []
+            for limit in (4000, 1500):
+                page = folder / f"{limit}.html"
+                done = subprocess.run([APVI, "view", run, "--export", page, "--max-gaussians", str(limit)],
+                                      capture_output=True, text=True, check=True)
+                self.assertEqual("merged into" in done.stderr, limit < 4000, done.stderr)
+                sizes.append(page.stat().st_size)
+            self.assertLess(sizes[1], sizes[0] - 100_000)
+
+
 class BadArguments(unittest.TestCase):
     def test_are_refused(self):
         for arguments in (["/nowhere/map.ply"], [], ["x.ply", "--port", "99999"]):

@@ -159,6 +159,13 @@ std::vector<std::int64_t> DetailLevels::sizes() const {
   return sizes;
 }
 
+Gaussians DetailLevels::at_most(std::int64_t count) const {
+  for (const Level& level : levels_) {
+    if (level.gaussians.size() <= count) return level.gaussians;
+  }
+  return levels_.back().gaussians;
+}
+
 std::size_t DetailLevels::level_for(const Intrinsics& camera, const Sphere& in_camera,
                                     double max_cell_px) const {
   const auto& [x, y, z] = in_camera.center;

@@ -29,6 +29,9 @@ class DetailLevels {
   /// most `max_cell_px` wide in the image; 0: the finest.
   Gaussians select(const View& view, double max_cell_px) const;
 
+  /// The finest level of at most so many Gaussians, or the coarsest.
+  Gaussians at_most(std::int64_t count) const;
+
   /// Gaussians of each level, from the finest to the coarsest.
   std::vector<std::int64_t> sizes() const;
 

@@ -12,6 +12,7 @@
 
 #include "apvi/core/log.hpp"
 #include "apvi/io/tum.hpp"
+#include "gaussians/detail/detail_levels.hpp"
 #include "gaussians/model/point_cloud.hpp"
 #include "runs/views/stored_scene.hpp"
 #include "slam/camera_conversion.hpp"
@@ -61,6 +62,16 @@ std::optional<viewer::StaticMap::Water> water_of(const mapping::Map& map) {
                                   three(map.medium->b_inf)};
 }
 
+// In less detail when there are more.
+gaussians::Gaussians limited(const gaussians::Gaussians& all, std::int64_t max_gaussians,
+                             const fs::path& file) {
+  if (all.size() <= max_gaussians) return all;
+  const gaussians::Gaussians fewer = gaussians::DetailLevels(all).at_most(max_gaussians);
+  log::info("{}: {} Gaussians merged into {}; --max-gaussians sets the limit", file.string(),
+            all.size(), fewer.size());
+  return fewer;
+}
+
 // The whole map from above, for maps without keyframes.
 gaussians::View overview(const viewer::SceneDescription& d) {
   const Eigen::Vector3d down = -d.up;
@@ -88,15 +99,16 @@ void view_run(const fs::path& source, const viewer::ServerOptions& options,
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
 }
 
-void export_view(const fs::path& source, const fs::path& file) {
+void export_view(const fs::path& source, const fs::path& file, std::int64_t max_gaussians) {
   StoredScene scene(source);
   scene.load_beams([] { return false; });
   const mapping::Map& map = scene.painter().map();
   if (map.medium && map.medium->lamp) {
     log::warning("{}: the lamp of the map is not shown", file.string());
   }
+  const gaussians::Gaussians shown = limited(map.gaussians, max_gaussians, file);
   const viewer::StaticMap exported{
-      .splats = splats_of(gaussians::with_encoded_colors(map.gaussians, map.tone_curve)),
+      .splats = splats_of(gaussians::with_encoded_colors(shown, map.tone_curve)),
       .water = water_of(map),
       .gains = map.medium ? scene.painter().exposure(overview(scene.description())).gains()
                           : std::array{1.0, 1.0, 1.0},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 
@@ -13,8 +14,9 @@ namespace apvi::runs {
 void view_run(const std::filesystem::path& source, const viewer::ServerOptions& options,
               const std::function<bool()>& interrupted);
 
-/// Writes a page that shows the map without a server: in SH degree 0, without the lamp. Throws
-/// InputError, RunError.
-void export_view(const std::filesystem::path& source, const std::filesystem::path& file);
+/// Writes a page that shows the map without a server: in SH degree 0, without the lamp, and in less
+/// detail when the map has more Gaussians than `max_gaussians`. Throws InputError, RunError.
+void export_view(const std::filesystem::path& source, const std::filesystem::path& file,
+                 std::int64_t max_gaussians);
 
 }  // namespace apvi::runs

@@ -101,6 +101,16 @@ TEST(DetailLevels, AreTheMapItselfNearby) {
   EXPECT_LT(rms(image_of(DetailLevels(g).select(view, 1.0), view), image_of(g, view)), 1e-3);
 }
 
+TEST(DetailLevels, GiveTheFinestLevelOfAtMostSoManyGaussians) {
+  const Gaussians g = make_floor();
+  const DetailLevels levels(g);
+  const std::vector<std::int64_t> sizes = levels.sizes();
+  EXPECT_EQ(levels.at_most(g.size()).size(), g.size());
+  EXPECT_EQ(levels.at_most(sizes[2]).size(), sizes[2]);
+  EXPECT_EQ(levels.at_most(sizes[2] - 1).size(), sizes[3]);
+  EXPECT_EQ(levels.at_most(0).size(), sizes.back());
+}
+
 TEST(DetailLevels, DrawNothingOutsideOfTheView) {
   const DetailLevels levels(make_floor());
   View view = view_from(2.0);
