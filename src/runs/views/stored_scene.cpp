@@ -78,7 +78,7 @@ void describe_camera(const CameraMount& mount, viewer::SceneDescription& descrip
   description.T_body_camera = mount.T_body_camera;
 }
 
-StoredScene::StoredScene(const fs::path& source) {
+StoredScene::StoredScene(const fs::path& source, bool with_levels) {
   StoredMap stored = load_drawable_map(source);
   const MapExtent extent = extent_of(stored.map);
   viewer::SceneDescription& d = description_;
@@ -92,7 +92,7 @@ StoredScene::StoredScene(const fs::path& source) {
   if (!stored.map.medium) d.up = -Eigen::Vector3d::UnitY();
   std::vector<gaussians::View> views;
   if (fs::is_directory(source)) views = describe_run(source, stored.origin);
-  painter_.set_map(std::move(stored.map), std::move(views), /*with_levels=*/true);
+  painter_.set_map(std::move(stored.map), std::move(views), with_levels);
 }
 
 std::vector<gaussians::View> StoredScene::describe_run(const fs::path& run,

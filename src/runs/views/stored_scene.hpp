@@ -14,8 +14,9 @@ namespace apvi::runs {
 /// The map of a run folder with its trajectory, or a map file alone.
 class StoredScene : public viewer::Scene {
  public:
-  /// Throws InputError for a folder without a map or a damaged file.
-  explicit StoredScene(const std::filesystem::path& source);
+  /// `with_levels`: see MapPainter::set_map. Throws InputError for a folder without a map or a
+  /// damaged file.
+  StoredScene(const std::filesystem::path& source, bool with_levels);
 
   std::optional<viewer::Rendering> render(const viewer::View& view) override {
     return painter_.render(view);

@@ -87,7 +87,7 @@ gaussians::View overview(const viewer::SceneDescription& d) {
 
 void view_run(const fs::path& source, const viewer::ServerOptions& options,
               const std::function<bool()>& interrupted) {
-  StoredScene scene(source);
+  StoredScene scene(source, /*with_levels=*/true);
   viewer::Server server(scene, options);
   log::info("open {} in a browser; Ctrl-C ends", server.url());
   // Meanwhile the page is served: a large recording takes minutes to read.
@@ -100,7 +100,7 @@ void view_run(const fs::path& source, const viewer::ServerOptions& options,
 }
 
 void export_view(const fs::path& source, const fs::path& file, std::int64_t max_gaussians) {
-  StoredScene scene(source);
+  StoredScene scene(source, /*with_levels=*/false);
   scene.load_beams([] { return false; });
   const mapping::Map& map = scene.painter().map();
   if (map.medium && map.medium->lamp) {
