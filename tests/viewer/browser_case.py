@@ -4,7 +4,6 @@ import importlib.util
 import os
 import pathlib
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -17,7 +16,6 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/bin/apvi")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRIVER = shutil.which("chromedriver")
-SKIPPED = 77
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
 
 
@@ -192,5 +190,4 @@ def skip_reason():
         return "Chromium and its driver are not installed: apt install chromium chromium-driver"
     if importlib.util.find_spec("selenium") is None:
         return "apt install python3-selenium"
-    done = subprocess.run([APVI, "view", "--help"], capture_output=True, text=True)
-    return "this build has no mapping" if "not in this build" in done.stdout else None
+    return page_client.why_no_viewer(APVI)

@@ -6,13 +6,11 @@ APVI_SCREENSHOTS names a folder for the images of the page."""
 import json
 import math
 import subprocess
-import sys
 import time
-import unittest
 
 import page_client
 import tiny_run
-from browser_case import APVI, SKIPPED, Case, skip_reason
+from browser_case import APVI, Case, skip_reason
 
 
 class Desktop(Case):
@@ -375,7 +373,4 @@ class Phone(Case):
 
 
 if __name__ == "__main__":
-    if skip_reason():
-        print(f"skipped: {skip_reason()}")
-        sys.exit(SKIPPED)
-    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])
+    page_client.run_tests(skip_reason())

@@ -14,7 +14,6 @@ from page_client import Page
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/bin/apvi")
-SKIPPED = 77
 SIMULATION = ["duration_s=8", "rig.cam0.resolution=[160, 120]", "rig.cam0.intrinsics=[105, 105, 79.5, 59.5]",
               "rig.cam0.rate_hz=10"]
 MAPPING = ["mapping.final_iterations=3000", "mapping.max_gaussians=4000", "mapping.initial_downscale=2",
@@ -79,13 +78,5 @@ class Running(unittest.TestCase):
         self.assertTrue((self.run_folder / "checkpoint.pt").exists())
 
 
-def skip_reason():
-    done = subprocess.run([APVI, "view", "--help"], capture_output=True, text=True)
-    return "this build has no mapping" if "not in this build" in done.stdout else None
-
-
 if __name__ == "__main__":
-    if skip_reason():
-        print(f"skipped: {skip_reason()}")
-        sys.exit(SKIPPED)
-    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])
+    page_client.run_tests(page_client.why_no_viewer(APVI))

@@ -8,10 +8,26 @@ import signal
 import socket
 import struct
 import subprocess
+import sys
+import unittest
 
+SKIPPED = 77  # exit status of a test, for CTest
 TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 DOWN = [0.0, 1.0, 0.0, 0.0]  # a camera that looks along -z
 HEADER = struct.Struct("<BBBxIIHHff")
+
+
+def why_no_viewer(apvi):
+    done = subprocess.run([apvi, "view", "--help"], capture_output=True, text=True)
+    return "this build has no mapping" if "not in this build" in done.stdout else None
+
+
+def run_tests(why_not=None):
+    """Runs the tests of the program, or skips all of them for a reason."""
+    if why_not:
+        print(f"skipped: {why_not}")
+        sys.exit(SKIPPED)
+    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])
 
 
 class Server:

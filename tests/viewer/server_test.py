@@ -19,7 +19,6 @@ from page_client import Page, get, request, status
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 APVI = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/cpu/bin/apvi")
-SKIPPED = 77
 TOKEN = "depths-of-the-sea"
 MALFORMED = 10_000
 MAX_GROWTH_KIB = 30_000  # of the server's memory, by allocators
@@ -337,13 +336,5 @@ class Malformed(Case):
             stream.close()
 
 
-def skip_reason():
-    done = subprocess.run([APVI, "view", "--help"], capture_output=True, text=True)
-    return "this build has no mapping" if "not in this build" in done.stdout else None
-
-
 if __name__ == "__main__":
-    if skip_reason():
-        print(f"skipped: {skip_reason()}")
-        sys.exit(SKIPPED)
-    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])
+    page_client.run_tests(page_client.why_no_viewer(APVI))
