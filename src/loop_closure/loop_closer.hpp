@@ -80,7 +80,7 @@ class LoopCloser {
   bool searched() const { return searched_; }
   /// Number of accepted loop closures.
   std::size_t closures() const { return closures_; }
-  /// The same, but for the first ones.
+  /// The keyframes that loop closures join, in the order of their acceptance, from number `first`.
   std::vector<ClosedLoop> loops(std::size_t first = 0) const;
   /// Number of loop closures that images support and the graph contradicts.
   std::size_t rejected() const { return rejected_; }
