@@ -133,6 +133,7 @@ void Smoother::push(const Keyframe& keyframe, Stamp stamp, const cv::Mat& image,
   loop_closure::LoopInput input;
   input.keyframe = {.stamp = stamp,
                     .T_world_camera = keyframe.T_graph_image * keyframe.T_body_camera,
+                    .T_body_camera = keyframe.T_body_camera,
                     .drift = drift_.take(vio_continues) * (drift_factor_ * drift_factor_),
                     .height_sigma_m = std::nullopt};
   if (height_is_measured_) input.keyframe.height_sigma_m = drift_.height_sigma_m();
@@ -168,8 +169,8 @@ SE3 Smoother::T_map_odom() const {
 SE3 Smoother::correction(const StampedPose& pose, std::size_t keyframe) const {
   const Keyframe& k = keyframes_[keyframe];
   const loop_closure::KeyframeGraph& graph = closer().graph();
-  const SE3 T_map_body = graph.T_world_known().inverse() * graph.corrected_pose(keyframe) *
-                         k.T_body_camera.inverse() * k.T_image_body;
+  const SE3 T_map_body = graph.T_world_known().inverse() * closer().corrected_pose(keyframe) *
+                         closer().T_body_camera(keyframe).inverse() * k.T_image_body;
   return T_map_body * k.T_odom_body.inverse() * pose.T_world_body;
 }
 

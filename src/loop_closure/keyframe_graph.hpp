@@ -29,7 +29,8 @@ struct DriftVariance {
 struct Keyframe {
   Stamp stamp;
   SE3 T_world_camera;
-  DriftVariance drift;  ///< since the keyframe before
+  SE3 T_body_camera = SE3::identity();  ///< by which the pose of the camera was computed
+  DriftVariance drift;                  ///< since the keyframe before
   /// Standard deviation of the absolute height [m]; nothing if it is not measured.
   std::optional<double> height_sigma_m;
 };
@@ -99,6 +100,10 @@ class KeyframeGraph {
   /// Gives every keyframe from a break on the same correction, a heading and a translation.
   void place_since(std::size_t first, const SE3& T_corrected_odometry);
   SE3 corrected_pose(std::size_t keyframe) const;
+  /// Motion of the camera from one keyframe to a later one by odometry, and how uncertain it is.
+  SE3 motion(std::size_t from, std::size_t to) const;
+  EdgeSigmas drift(std::size_t from, std::size_t to) const { return with_drift({}, from, to); }
+  const std::vector<Anchor>& anchors() const { return anchors_; }
   bool has_known_map() const { return T_world_known_.has_value(); }
   /// Where the known map lies in the corrected frame; identity without one.
   SE3 T_world_known() const;
@@ -129,7 +134,6 @@ class KeyframeGraph {
   void merge_loops();
   void take_pending();
   const LinearGraph& linear() const;
-  SE3 motion(std::size_t a, std::size_t b) const;
   /// Sigmas with the drift between two keyframes added.
   EdgeSigmas with_drift(const EdgeSigmas& sigmas, std::size_t a, std::size_t b) const;
   /// Between the first `count` nodes.

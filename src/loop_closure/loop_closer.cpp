@@ -9,6 +9,8 @@
 #include "apvi/core/constants.hpp"
 #include "apvi/core/log.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "core/stopwatch.hpp"
+#include "loop_closure/bundle_views.hpp"
 #include "loop_closure/loop_measurement.hpp"
 
 namespace apvi::loop_closure {
@@ -53,7 +55,9 @@ CloserOptions closer_options(const SmoothingOptions& options) {
   return {.places = places,
           .graph = {.node_step_s = options.node_step_s,
                     .max_nodes = static_cast<std::size_t>(options.max_nodes)},
-          .gate = options.gate};
+          .gate = options.gate,
+          .drift_factor = options.drift_factor,
+          .adjusts_bundle = options.bundle_adjustment};
 }
 
 LoopCloser::LoopCloser(const CloserOptions& options, const CameraModel& camera)
@@ -220,7 +224,8 @@ std::vector<ClosedLoop> LoopCloser::loops(std::size_t first) const {
 }
 
 SE3 LoopCloser::correction(std::size_t keyframe) const {
-  return graph_.T_world_known().inverse() * graph_.correction(keyframe).transform();
+  return graph_.T_world_known().inverse() * corrected_pose(keyframe) *
+         graph_[keyframe].T_world_camera.inverse();
 }
 
 PlaceMap LoopCloser::place_map() const {
@@ -228,7 +233,7 @@ PlaceMap LoopCloser::place_map() const {
   std::vector<PosedPlace> posed;
   for (const PlaceStore::Stored* stored : places_.all()) {
     posed.push_back({graph_[stored->keyframe].stamp,
-                     T_known_world * graph_.corrected_pose(stored->keyframe), &stored->place});
+                     T_known_world * corrected_pose(stored->keyframe), &stored->place});
   }
   return make_place_map(posed, places_.ray_sigma());
 }
@@ -244,7 +249,31 @@ bool LoopCloser::flush() {
 bool LoopCloser::finish() {
   const bool changed = flush();
   if (std::isinf(options_.gate)) return changed;
-  return graph_.refine() || changed;
+  const bool refined = graph_.refine();
+  return (options_.adjusts_bundle && adjust()) || refined || changed;
+}
+
+// Moves the keyframes of the places, and those between them.
+bool LoopCloser::adjust() {
+  const std::vector<const PlaceStore::Stored*> places = places_.all();
+  if (places.size() < 2) return false;
+  log::info("bundle adjustment of {} images", places.size());
+  const Stopwatch watch;
+  const auto result = adjust_bundle(
+      bundle_views(graph_, places, options_.drift_factor), camera_,
+      {.ray_sigma = places_.ray_sigma(), .T_body_camera = graph_[graph_.newest()].T_body_camera});
+  if (!result) return false;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const std::size_t keyframe = places[k]->keyframe;
+    shifts_.add(keyframe, graph_.corrected_pose(keyframe),
+                result->T_world_body[k] * result->T_body_camera);
+  }
+  T_body_camera_ = result->T_body_camera;
+  const double pixel = places_.ray_sigma() / options_.places.pixel_sigma;
+  log::info("bundle adjustment: {} rays to {} points, {:.2f} px off, {:.2f} px before; {:.1f} s",
+            result->rays, result->points, result->rms_after / pixel, result->rms_before / pixel,
+            watch.seconds());
+  return true;
 }
 
 }  // namespace apvi::loop_closure

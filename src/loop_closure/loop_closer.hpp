@@ -17,6 +17,7 @@
 #include "loop_closure/own_map_search.hpp"
 #include "loop_closure/place_map.hpp"
 #include "loop_closure/place_store.hpp"
+#include "loop_closure/view_shifts.hpp"
 
 namespace apvi::loop_closure {
 
@@ -28,6 +29,10 @@ struct CloserOptions {
   double gate = std::numeric_limits<double>::infinity();
   /// Error in sigmas that a loop must have to cause an optimization.
   double min_news_sigmas = 0.0;
+  /// Factor on the sigmas of odometry in the drift of the keyframes.
+  double drift_factor = 1.0;
+  /// Whether all poses are adjusted to the images at the end of a run.
+  bool adjusts_bundle = false;
   /// Whether keyframe corrections are listed whenever they change.
   bool lists_corrections = false;
   /// Drift of odometry that does not report its own.
@@ -55,8 +60,8 @@ class LoopCloser {
   /// Optimizes with the loops found since the last optimization. True if the corrections have
   /// changed.
   bool flush();
-  /// At the end of a run: `flush`, and in a long one with every node and loop. True if the
-  /// corrections have changed.
+  /// At the end of a run: `flush`, in a long one with every node and loop, and the bundle
+  /// adjustment. True if the corrections have changed.
   bool finish();
   /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
   void update_pose(Stamp stamp, const SE3& T_world_camera) {
@@ -67,8 +72,16 @@ class LoopCloser {
   /// the newest keyframe. The corrected frame is that of the known map once it has been found.
   KeyframeCorrections changed_corrections();
   const KeyframeGraph& graph() const { return graph_; }
+  /// Of the camera, by the graph and, at the end of a run, by the bundle adjustment.
+  SE3 corrected_pose(std::size_t keyframe) const {
+    return shifts_.moved(graph_, keyframe, graph_.corrected_pose(keyframe));
+  }
   /// From odometry to the corrected frame, which is that of the known map once it has been found.
   SE3 newest_correction() const { return correction(graph_.newest()); }
+  /// By which the pose of the body follows from the corrected one of the camera.
+  SE3 T_body_camera(std::size_t keyframe) const {
+    return T_body_camera_.value_or(graph_[keyframe].T_body_camera);
+  }
   /// What a later dive needs to be found here.
   PlaceMap place_map() const;
   /// Nothing without a known map.
@@ -101,6 +114,7 @@ class LoopCloser {
   void reconnect(const Place& place);
   void search(const cv::Mat& gray, bool new_place);
   bool is_optimization_due() const;
+  bool adjust();
 
   CloserOptions options_;
   KeyframeGraph graph_;
@@ -109,6 +123,8 @@ class LoopCloser {
   std::optional<MapAnchors> anchors_;
   std::optional<OwnMapSearch> search_;  ///< since a break of the path, until it is found again
   std::vector<SE3> reported_;           ///< by keyframe, from odometry to the corrected frame
+  ViewShifts shifts_;
+  std::optional<SE3> T_body_camera_;  ///< since the bundle adjustment
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
   std::size_t breaks_ = 0;

@@ -27,9 +27,10 @@ constexpr int kMaskMargin_px = 8;  // of features, which are described by what i
 constexpr float kMaxRatio = 0.8F;  // Lowe's ratio test
 // How fast the number of SIFT matches falls with the angle between two views and with their scale.
 constexpr double kViewSigma = 15.0 * kRadiansPerDegree;
-constexpr double kScaleSigma = 0.4;    // [octaves]
-constexpr double kInlierSigmas = 3.0;  // inlier threshold of a ray
-constexpr double kMinParallax = 0.02;  // of two rays to be triangulated [rad]
+constexpr double kScaleSigma = 0.4;        // [octaves]
+constexpr double kMaxDistanceRatio = 2.0;  // limit on the change of distance, either way
+constexpr double kInlierSigmas = 3.0;      // inlier threshold of a ray
+constexpr double kMinParallax = 0.02;      // of two rays to be triangulated [rad]
 constexpr int kRansacIterations = 200;
 constexpr double kConfidence = 0.999;
 constexpr double kMinInlierFraction = 0.4;  // minimum inlier fraction of the matches
@@ -151,6 +152,25 @@ double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now
   const double octaves = std::log2(now.norm() / then.norm());
   return std::exp(-0.5 * (angle * angle / (kViewSigma * kViewSigma) +
                           octaves * octaves / (kScaleSigma * kScaleSigma)));
+}
+
+VisiblePart visible_part(const Place& then, const SE3& T_now_then, const CameraModel& camera) {
+  VisiblePart visible;
+  std::size_t points = 0;
+  std::size_t in_image = 0;
+  for (const auto& point : then.points) {
+    if (!point) continue;
+    ++points;
+    const Eigen::Vector3d p = T_now_then * *point;
+    if (p.z() * kMaxDistanceRatio < point->z() || p.z() > kMaxDistanceRatio * point->z()) continue;
+    const auto pixel = camera.project(p);
+    if (!pixel || !camera.in_image(*pixel)) continue;
+    ++in_image;
+    visible.matches += match_probability(T_now_then.rotation * *point, p);
+  }
+  visible.fraction =
+      static_cast<double>(in_image) / static_cast<double>(std::max<std::size_t>(1, points));
+  return visible;
 }
 
 // All squared distances as one matrix product; exact, as descriptors are integers.

@@ -47,6 +47,13 @@ int squared_distance(const unsigned char* a, const unsigned char* b);
 /// points in the orientation of one camera.
 double match_probability(const Eigen::Vector3d& then, const Eigen::Vector3d& now);
 
+/// What one camera should show of a place that another has seen.
+struct VisiblePart {
+  double fraction = 0.0;  ///< of the points, at a similar distance
+  double matches = 0.0;   ///< expected number, from the change of each point's view
+};
+VisiblePart visible_part(const Place& then, const SE3& T_now_then, const CameraModel& camera);
+
 /// Mutual nearest neighbors that pass the ratio test.
 std::vector<std::pair<int, int>> match_features(const Place& a, const Place& b);
 

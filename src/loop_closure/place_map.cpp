@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "loop_closure/place_map.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <utility>
+
+#include "loop_closure/ray_intersection.hpp"
 
 namespace apvi::loop_closure {
 namespace {
@@ -16,54 +16,11 @@ constexpr std::size_t kNeighbors = 4;  // places on either side
 constexpr double kInlierSigmas = 3.0;
 constexpr double kMinParallax = 0.04;  // [rad]
 constexpr std::size_t kMinPoints = 8;  // of a place
-constexpr double kMaxDistance_m = 1e3;
-
-/// A ray in the map frame.
-struct MapRay {
-  Eigen::Vector3d origin, direction;
-};
 
 MapRay ray_of(const PosedPlace& place, int feature) {
   const Eigen::Vector2d& ray = place.place->rays[static_cast<std::size_t>(feature)];
   return {place.T_map_camera.translation,
           place.T_map_camera.rotation * ray.homogeneous().normalized()};
-}
-
-// Largest angle between a ray and the others.
-double parallax(const MapRay& own, const std::vector<MapRay>& others) {
-  double largest = 0.0;
-  for (const MapRay& other : others) {
-    largest = std::max(largest, own.direction.cross(other.direction).norm());
-  }
-  return largest;
-}
-
-/// The point with the least squared distance to the rays, each divided by the distance from its
-/// origin: one step of reweighting, as the errors are angles.
-Eigen::Vector3d nearest_point(const std::vector<MapRay>& rays) {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  for (const bool weighted : {false, true}) {
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-    for (const MapRay& ray : rays) {
-      const double weight = weighted ? 1.0 / (point - ray.origin).squaredNorm() : 1.0;
-      const Eigen::Matrix3d across =
-          weight * (Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose());
-      A += across;
-      b += across * ray.origin;
-    }
-    point = A.ldlt().solve(b);
-  }
-  return point;
-}
-
-bool fits(const Eigen::Vector3d& point, const std::vector<MapRay>& rays, double tolerance) {
-  return std::ranges::all_of(rays, [&](const MapRay& ray) {
-    const Eigen::Vector3d offset = point - ray.origin;
-    const double along = offset.dot(ray.direction);
-    return along > 0.0 && along < kMaxDistance_m &&
-           offset.cross(ray.direction).norm() < tolerance * along;
-  });
 }
 
 std::optional<Eigen::Vector3d> triangulate(std::vector<MapRay> rays, double sigma) {

@@ -20,7 +20,6 @@ constexpr double kMinInterval_s = 0.5;
 constexpr std::size_t kMaxCandidates = 3;
 constexpr double kMinVisibleFraction = 0.3;            // of the triangulated points of a place
 constexpr double kMaxTurn = 50.0 * kRadiansPerDegree;  // SIFT matches fail at larger view angles
-constexpr double kMaxDistanceRatio = 2.0;  // limit on the change of distance, either way
 // No camera farther from a place than this many times the distance of its points sees one of them
 // at a similar distance.
 constexpr double kMaxReach = 5.0;
@@ -79,23 +78,6 @@ Place PlaceStore::describe(const KeyframeGraph& graph, const cv::Mat& gray) {
   return place;
 }
 
-PlaceStore::Visibility PlaceStore::visibility(const Stored& stored, const SE3& T_now_then) const {
-  Visibility visibility;
-  std::size_t in_image = 0;
-  for (const auto& point : stored.place.points) {
-    if (!point) continue;
-    const Eigen::Vector3d p = T_now_then * *point;
-    if (p.z() * kMaxDistanceRatio < point->z() || p.z() > kMaxDistanceRatio * point->z()) continue;
-    const auto pixel = camera_.project(p);
-    if (!pixel || !camera_.in_image(*pixel)) continue;
-    ++in_image;
-    visibility.matches += match_probability(T_now_then.rotation * *point, p);
-  }
-  visibility.fraction = static_cast<double>(in_image) /
-                        static_cast<double>(std::max<std::size_t>(1, stored.triangulated));
-  return visibility;
-}
-
 std::vector<PlaceStore::Near> PlaceStore::nearest(const KeyframeGraph& graph,
                                                   std::size_t first) const {
   const SE3 T_camera_world = graph.corrected_pose(graph.newest()).inverse();
@@ -122,7 +104,7 @@ std::vector<const PlaceStore::Stored*> PlaceStore::candidates(const KeyframeGrap
   };
   std::vector<Candidate> found;
   for (const Near& near : nearest(graph, first)) {
-    const Visibility visible = visibility(*near.stored, near.T_now_then);
+    const VisiblePart visible = visible_part(near.stored->place, near.T_now_then, camera_);
     if (visible.fraction > kMinVisibleFraction) found.push_back({near.stored, visible.matches});
   }
   std::ranges::stable_sort(found, std::greater{}, &Candidate::matches);

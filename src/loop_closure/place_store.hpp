@@ -58,13 +58,6 @@ class PlaceStore {
   };
 
   std::vector<Near> nearest(const KeyframeGraph& graph, std::size_t first) const;
-  /// What the newest image should show of a place.
-  struct Visibility {
-    double fraction = 0.0;  ///< of the points, at a similar distance
-    double matches = 0.0;   ///< expected number, from the change of each point's view
-  };
-
-  Visibility visibility(const Stored& stored, const SE3& T_now_then) const;
   void keep(const KeyframeGraph& graph, Stored stored);
   void thin_out(const KeyframeGraph& graph);
 

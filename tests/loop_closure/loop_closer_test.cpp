@@ -216,5 +216,40 @@ TEST(LoopCloser, AcceptsAPlaceWhereTheGraphExpectsIt) {
   EXPECT_LT(newest_shift_m(same), 0.02);
 }
 
+/// A lap with drift and what its images tell, to the end.
+LoopCloser finished_lap(const CloserOptions& options) {
+  LoopCloser closer(options, test::floor_camera());
+  for (int i = 0; i < kKeyframes; ++i) {
+    Keyframe added = keyframe(i, odometry(i));
+    added.drift = {.heading = 1e-5, .horizontal = 1e-5, .vertical = 1e-5};
+    closer.add(added, test::render_floor(truth(i)));
+  }
+  closer.finish();
+  return closer;
+}
+
+double rms_position_error(const LoopCloser& closer) {
+  double sum = 0.0;
+  for (int i = 0; i < kKeyframes; ++i) {
+    const SE3 pose = closer.corrected_pose(static_cast<std::size_t>(i));
+    sum += (pose.translation - truth(i).translation).squaredNorm();
+  }
+  return std::sqrt(sum / kKeyframes);
+}
+
+TEST(LoopCloser, TheBundleAdjustmentAtTheEndImprovesTheGraph) {
+  CloserOptions options = closer_options(SmoothingOptions{});
+  options.drift_factor = 1.0;
+  options.adjusts_bundle = false;
+  const LoopCloser graph = finished_lap(options);
+  options.adjusts_bundle = true;
+  LoopCloser bundle = finished_lap(options);
+  ASSERT_GT(graph.closures(), 5U);
+  EXPECT_LT(rms_position_error(bundle), 0.7 * rms_position_error(graph));
+  EXPECT_FALSE(bundle.changed_corrections().empty());
+  const SE3 shown = bundle.corrected_pose(50) * bundle.T_body_camera(50).inverse();
+  EXPECT_LT((shown.translation - truth(50).translation).norm(), 0.05);
+}
+
 }  // namespace
 }  // namespace apvi::loop_closure

@@ -52,6 +52,7 @@ struct SmoothingOptions : PlaceOptions {
   int max_nodes = 500;        ///< during the dive; beyond this number every second one is dropped
   std::string known_map;      ///< run folder of an earlier dive to be found in; empty: none
   double gate = 16.25;        ///< squared Mahalanobis distance of a loop, 4 degrees of freedom
+  bool bundle_adjustment = true;  ///< of all places, at the end of the dive
 
   template <typename V>
   void visit(V& v) {
@@ -73,6 +74,8 @@ struct SmoothingOptions : PlaceOptions {
       "largest squared Mahalanobis distance of a loop closure or anchor from the graph; 16.25 "
       "rejects 0.27 % "
       "of the true ones (4 degrees of freedom)");
+    v("bundle_adjustment", bundle_adjustment,
+      "at the end of the dive, adjust all poses to the features of all places");
   }
 };
 

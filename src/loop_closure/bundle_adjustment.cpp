@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loop_closure/bundle_adjustment.hpp"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "apvi/core/constants.hpp"
+#include "core/median.hpp"
+#include "loop_closure/bundle_factors.hpp"
+#include "loop_closure/feature_tracks.hpp"
+#include "loop_closure/ray_intersection.hpp"
+
+namespace apvi::loop_closure {
+namespace {
+
+constexpr double kMatchSigmas = 10.0;  // of a match with the poses before the adjustment
+constexpr double kInlierSigmas = 3.0;
+constexpr double kRobustSigmas = 1.5;  // scale of the Cauchy loss of rays
+constexpr double kRobustFixSigmas = 3.0;
+constexpr double kMinParallax = 0.03;  // of a point [rad]
+constexpr std::size_t kMinPoints = 20;
+constexpr int kIterations = 20;
+// Roll and pitch of odometry: mostly the error of gravity in the camera, which views share.
+constexpr double kTiltSigma = 0.3 * kRadiansPerDegree;
+// Of what is held, and of what nothing else holds.
+constexpr double kHeld_m = 1e-4;
+constexpr double kHeld_rad = 1e-4;
+constexpr double kLoose_m = 10.0;
+constexpr double kLoose_rad = 1.0;
+// Of the rig, as people know it.
+constexpr double kMountingSigma = 1.0 * kRadiansPerDegree;
+constexpr double kLeverArmSigma_m = 0.01;
+constexpr double kLensSigma = 0.01;
+// Features of one point err alike, so that their errors do not average out as fast as they scatter.
+constexpr double kScatterFactor = 2.0;
+constexpr double kMedianOfRayleigh = 1.17741;  // for a sigma of 1
+
+struct Pose {
+  std::array<double, 4> rotation{};
+  std::array<double, 3> position{};
+};
+
+Pose to_block(const SE3& T) {
+  Pose block;
+  Eigen::Map<Eigen::Quaterniond>(block.rotation.data()) = T.rotation;
+  Eigen::Map<Eigen::Vector3d>(block.position.data()) = T.translation;
+  return block;
+}
+
+SE3 to_pose(const Pose& block) {
+  return {Eigen::Map<const Eigen::Quaterniond>(block.rotation.data()).normalized(),
+          Eigen::Map<const Eigen::Vector3d>(block.position.data())};
+}
+
+struct Point {
+  FeatureTrack track;
+  std::array<double, 3> position{};
+};
+
+class Bundle {
+ public:
+  Bundle(const std::vector<BundleView>& views, const BundleOptions& options)
+      : views_(views), options_(options), ray_sigma_(options.ray_sigma) {
+    camera_ = to_block(options.T_body_camera);
+    for (const BundleView& view : views) poses_.push_back(to_block(view.T_world_body));
+  }
+
+  void set_points(std::vector<FeatureTrack> tracks) {
+    points_.clear();
+    for (FeatureTrack& track : tracks) {
+      if (const auto position = triangulate(track)) {
+        points_.push_back({std::move(track), {position->x(), position->y(), position->z()}});
+      }
+    }
+  }
+
+  bool solve();
+
+  /// Weights rays by how far they scatter now.
+  void weigh_by_scatter() {
+    std::vector<double> errors;
+    for (const Point& point : points_) {
+      for (const TrackedFeature& feature : point.track) errors.push_back(error_of(point, feature));
+    }
+    const double scatter = ray_sigma_ * median(std::move(errors)) / kMedianOfRayleigh;
+    ray_sigma_ = std::min(options_.ray_sigma, kScatterFactor * scatter);
+  }
+
+  /// Tracks without the features that do not fit, triangulated again.
+  void drop_outliers() {
+    std::vector<FeatureTrack> kept;
+    for (Point& point : points_) {
+      std::erase_if(point.track, [&](const TrackedFeature& feature) {
+        return error_of(point, feature) > kInlierSigmas;
+      });
+      if (point.track.size() > 1) kept.push_back(std::move(point.track));
+    }
+    set_points(std::move(kept));
+  }
+
+  std::size_t points() const { return points_.size(); }
+  std::size_t rays() const {
+    std::size_t rays = 0;
+    for (const Point& point : points_) rays += point.track.size();
+    return rays;
+  }
+  /// Of the rays, on the plane z = 1.
+  double rms() const {
+    double sum = 0.0;
+    for (const Point& point : points_) {
+      for (const TrackedFeature& feature : point.track) {
+        const double error = error_of(point, feature);
+        sum += error * error;
+      }
+    }
+    return ray_sigma_ * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, rays())));
+  }
+  std::vector<SE3> poses() const {
+    std::vector<SE3> all;
+    for (const Pose& pose : poses_) all.push_back(to_pose(pose));
+    return all;
+  }
+  SE3 T_body_camera() const { return to_pose(camera_); }
+  LensCorrection lens() const { return {std::exp(lens_[0]), {lens_[1], lens_[2]}}; }
+
+ private:
+  const Eigen::Vector2d& ray_of(const TrackedFeature& feature) const {
+    return views_[feature.view].place->rays[feature.feature];
+  }
+  MapRay map_ray(const TrackedFeature& feature) const {
+    const LensCorrection corrected = lens();
+    const Eigen::Vector2d ray = (ray_of(feature) - corrected.offset) / corrected.scale;
+    const SE3 T = to_pose(poses_[feature.view]) * to_pose(camera_);
+    return {T.translation, T.rotation * ray.homogeneous().normalized()};
+  }
+  std::optional<Eigen::Vector3d> triangulate(const FeatureTrack& track) const {
+    std::vector<MapRay> rays;
+    for (const TrackedFeature& feature : track) rays.push_back(map_ray(feature));
+    double widest = 0.0;
+    for (const MapRay& ray : rays) widest = std::max(widest, parallax(ray, rays));
+    if (widest < kMinParallax) return std::nullopt;
+    const Eigen::Vector3d point = nearest_point(rays);
+    return fits(point, rays, kMatchSigmas * ray_sigma_) ? std::optional(point) : std::nullopt;
+  }
+  double error_of(const Point& point, const TrackedFeature& feature) const {
+    const Pose& pose = poses_[feature.view];
+    Eigen::Vector2d error;
+    const RayFactor factor{ray_of(feature), ray_sigma_};
+    if (!factor(pose.rotation.data(), pose.position.data(), camera_.rotation.data(),
+                camera_.position.data(), lens_.data(), point.position.data(), error.data())) {
+      return std::numeric_limits<double>::infinity();
+    }
+    return error.norm();
+  }
+  void add_rays(ceres::Problem& problem);
+  void add_measurements(ceres::Problem& problem);
+  void add_gauge(ceres::Problem& problem);
+  void add_calibration(ceres::Problem& problem);
+
+  const std::vector<BundleView>& views_;
+  BundleOptions options_;
+  double ray_sigma_;
+  std::vector<Pose> poses_;
+  std::vector<Point> points_;
+  Pose camera_;  ///< in the body
+  std::array<double, 3> lens_{};
+};
+
+void Bundle::add_rays(ceres::Problem& problem) {
+  for (Point& point : points_) {
+    for (const TrackedFeature& feature : point.track) {
+      Pose& pose = poses_[feature.view];
+      problem.AddResidualBlock(RayFactor::create(ray_of(feature), ray_sigma_),
+                               new ceres::CauchyLoss(kRobustSigmas), pose.rotation.data(),
+                               pose.position.data(), camera_.rotation.data(),
+                               camera_.position.data(), lens_.data(), point.position.data());
+    }
+  }
+}
+
+void Bundle::add_measurements(ceres::Problem& problem) {
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    const BundleView& view = views_[k];
+    Pose& pose = poses_[k];
+    const Eigen::Vector3d up = view.T_odometry_body.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+    problem.AddResidualBlock(TiltFactor::create(up, std::hypot(kTiltSigma, view.tilt_error)),
+                             nullptr, pose.rotation.data());
+    if (view.motion) {
+      Pose& before = poses_[k - 1];
+      problem.AddResidualBlock(
+          MotionFactor::create(*view.motion, views_[k - 1].T_odometry_body.rotation), nullptr,
+          before.rotation.data(), before.position.data(), pose.rotation.data(),
+          pose.position.data());
+    }
+    if (view.height) {
+      problem.AddResidualBlock(ViewHeightFactor::create(*view.height), nullptr,
+                               pose.position.data());
+    }
+    for (const ViewPose& fix : view.fixes) {
+      problem.AddResidualBlock(ViewPoseFactor::create(fix), new ceres::CauchyLoss(kRobustFixSigmas),
+                               pose.rotation.data(), pose.position.data());
+    }
+  }
+}
+
+// Heading and position of the first view are free to choose unless a known map fixes them.
+void Bundle::add_gauge(ceres::Problem& problem) {
+  const bool is_fixed =
+      std::ranges::any_of(views_, [](const BundleView& view) { return !view.fixes.empty(); });
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    const bool held = k == 0 && !is_fixed;
+    const ViewPose pose{views_[k].T_world_body,
+                        {.heading_rad = held ? kHeld_rad : kLoose_rad,
+                         .horizontal_m = held ? kHeld_m : kLoose_m,
+                         .vertical_m = kLoose_m}};
+    problem.AddResidualBlock(ViewPoseFactor::create(pose), nullptr, poses_[k].rotation.data(),
+                             poses_[k].position.data());
+  }
+}
+
+void Bundle::add_calibration(ceres::Problem& problem) {
+  const SE3& rig = options_.T_body_camera;
+  problem.AddResidualBlock(RotationFactor::create(rig.rotation, kMountingSigma), nullptr,
+                           camera_.rotation.data());
+  problem.AddResidualBlock(VectorFactor::create(rig.translation, kLeverArmSigma_m), nullptr,
+                           camera_.position.data());
+  problem.AddResidualBlock(VectorFactor::create(Eigen::Vector3d::Zero(), kLensSigma), nullptr,
+                           lens_.data());
+}
+
+bool Bundle::solve() {
+  ceres::Problem problem;
+  add_rays(problem);
+  add_measurements(problem);
+  add_gauge(problem);
+  add_calibration(problem);
+  auto* order = new ceres::ParameterBlockOrdering;
+  for (Point& point : points_) order->AddElementToGroup(point.position.data(), 0);
+  for (Pose& pose : poses_) {
+    problem.SetManifold(pose.rotation.data(), new ceres::EigenQuaternionManifold);
+    order->AddElementToGroup(pose.rotation.data(), 1);
+    order->AddElementToGroup(pose.position.data(), 1);
+  }
+  order->AddElementToGroup(lens_.data(), 1);
+  order->AddElementToGroup(camera_.rotation.data(), 1);
+  order->AddElementToGroup(camera_.position.data(), 1);
+  problem.SetManifold(camera_.rotation.data(), new ceres::EigenQuaternionManifold);
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::SPARSE_SCHUR;
+  options.linear_solver_ordering.reset(order);
+  options.max_num_iterations = kIterations;
+  options.function_tolerance = 1e-5;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;  // sums in the same order in every run
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  return summary.IsSolutionUsable();
+}
+
+}  // namespace
+
+std::optional<BundleResult> adjust_bundle(const std::vector<BundleView>& views,
+                                          const CameraModel& camera, const BundleOptions& options) {
+  std::vector<TrackView> posed;
+  for (const BundleView& view : views)
+    posed.push_back({view.place, view.T_world_body * options.T_body_camera});
+  Bundle bundle(views, options);
+  bundle.set_points(
+      track_features(posed, overlapping_views(posed, camera), kMatchSigmas * options.ray_sigma));
+  if (bundle.points() < kMinPoints) return std::nullopt;
+  BundleResult result;
+  result.rms_before = bundle.rms();
+  if (!bundle.solve()) return std::nullopt;
+  bundle.weigh_by_scatter();
+  bundle.drop_outliers();
+  if (bundle.points() < kMinPoints || !bundle.solve()) return std::nullopt;
+  result.T_world_body = bundle.poses();
+  result.T_body_camera = bundle.T_body_camera();
+  result.lens = bundle.lens();
+  result.points = bundle.points();
+  result.rays = bundle.rays();
+  result.rms_after = bundle.rms();
+  return result;
+}
+
+}  // namespace apvi::loop_closure
