@@ -77,7 +77,8 @@ std::vector<std::string> visible_devices() {
     for (const std::string_view part : parts) names.emplace_back(part);
     return names;
   }
-  for (std::size_t i = 0; i < torch::cuda::device_count(); ++i) names.push_back(std::to_string(i));
+  const auto count = static_cast<std::size_t>(torch::cuda::device_count());
+  for (std::size_t i = 0; i < count; ++i) names.push_back(std::to_string(i));
   return names;
 }
 
