@@ -34,6 +34,10 @@ loop_closure::CloserOptions closer_options(const Options& options, const CameraC
   loop_closure::CloserOptions closer = loop_closure::closer_options(options.smoothing);
   closer.lists_corrections = for_map;
   closer.mask = camera.mask;
+  const vio::CalibrationConfig& calibration = options.vio.calibration;
+  closer.estimates = {.mounting = calibration.camera_mounting.estimate,
+                      .lever_arm = calibration.camera_lever_arm.estimate,
+                      .lens = calibration.focal_length.estimate};
   const std::string& run = options.smoothing.known_map;
   if (run.empty()) return closer;
   closer.known_map = std::make_shared<loop_closure::KnownMap>(

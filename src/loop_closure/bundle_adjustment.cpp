@@ -203,7 +203,8 @@ void Bundle::add_measurements(ceres::Problem& problem) {
     }
     for (const ViewPose& fix : view.fixes) {
       problem.AddResidualBlock(ViewPoseFactor::create(fix), new ceres::CauchyLoss(kRobustFixSigmas),
-                               pose.rotation.data(), pose.position.data());
+                               pose.rotation.data(), pose.position.data(), camera_.rotation.data(),
+                               camera_.position.data());
     }
   }
 }
@@ -214,23 +215,28 @@ void Bundle::add_gauge(ceres::Problem& problem) {
       std::ranges::any_of(views_, [](const BundleView& view) { return !view.fixes.empty(); });
   for (std::size_t k = 0; k < views_.size(); ++k) {
     const bool held = k == 0 && !is_fixed;
-    const ViewPose pose{views_[k].T_world_body,
+    const ViewPose pose{views_[k].T_world_body * options_.T_body_camera,
                         {.heading_rad = held ? kHeld_rad : kLoose_rad,
                          .horizontal_m = held ? kHeld_m : kLoose_m,
                          .vertical_m = kLoose_m}};
     problem.AddResidualBlock(ViewPoseFactor::create(pose), nullptr, poses_[k].rotation.data(),
-                             poses_[k].position.data());
+                             poses_[k].position.data(), camera_.rotation.data(),
+                             camera_.position.data());
   }
 }
 
 void Bundle::add_calibration(ceres::Problem& problem) {
   const SE3& rig = options_.T_body_camera;
-  problem.AddResidualBlock(RotationFactor::create(rig.rotation, kMountingSigma), nullptr,
-                           camera_.rotation.data());
-  problem.AddResidualBlock(VectorFactor::create(rig.translation, kLeverArmSigma_m), nullptr,
-                           camera_.position.data());
-  problem.AddResidualBlock(VectorFactor::create(Eigen::Vector3d::Zero(), kLensSigma), nullptr,
-                           lens_.data());
+  const auto add = [&](bool estimate, ceres::CostFunction* prior, double* values) {
+    problem.AddResidualBlock(prior, nullptr, values);
+    if (!estimate) problem.SetParameterBlockConstant(values);
+  };
+  const CameraEstimates& estimates = options_.estimates;
+  add(estimates.mounting, RotationFactor::create(rig.rotation, kMountingSigma),
+      camera_.rotation.data());
+  add(estimates.lever_arm, VectorFactor::create(rig.translation, kLeverArmSigma_m),
+      camera_.position.data());
+  add(estimates.lens, VectorFactor::create(Eigen::Vector3d::Zero(), kLensSigma), lens_.data());
 }
 
 bool Bundle::solve() {

@@ -25,9 +25,9 @@ struct ViewHeight {
   double sigma_m = 0.0;
 };
 
-/// A measured pose of the body, of which roll and pitch do not count.
+/// A measured pose of the camera, of which roll and pitch do not count.
 struct ViewPose {
-  SE3 T_world_body;
+  SE3 T_world_camera;
   EdgeSigmas sigmas;
 };
 
@@ -49,9 +49,17 @@ struct LensCorrection {
   Eigen::Vector2d offset = Eigen::Vector2d::Zero();
 };
 
+/// What is estimated of the camera.
+struct CameraEstimates {
+  bool mounting = true;
+  bool lever_arm = true;
+  bool lens = true;
+};
+
 struct BundleOptions {
   double ray_sigma = 0.0;  ///< of a ray on the plane z = 1, at most
   SE3 T_body_camera;       ///< where the adjustment begins, and the mean of its prior
+  CameraEstimates estimates = {};
 };
 
 struct BundleResult {

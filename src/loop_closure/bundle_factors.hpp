@@ -111,19 +111,22 @@ struct ViewHeightFactor {
   }
 };
 
-/// Of position and heading.
+/// Of position and heading of the camera.
 struct ViewPoseFactor {
   ViewPose pose;
 
   static ceres::CostFunction* create(const ViewPose& pose) {
-    return new ceres::AutoDiffCostFunction<ViewPoseFactor, 4, 4, 3>(new ViewPoseFactor{pose});
+    return new ceres::AutoDiffCostFunction<ViewPoseFactor, 4, 4, 3, 4, 3>(new ViewPoseFactor{pose});
   }
   template <typename T>
-  bool operator()(const T* rotation, const T* position, T* error) const {
-    const Eigen::Matrix<T, 3, 1> moved =
-        position_of(position) - pose.T_world_body.translation.cast<T>();
+  bool operator()(const T* rotation, const T* position, const T* R_body_camera,
+                  const T* p_body_camera, T* error) const {
+    const Eigen::Matrix<T, 3, 1> moved = position_of(position) +
+                                         rotation_of(rotation) * position_of(p_body_camera) -
+                                         pose.T_world_camera.translation.cast<T>();
     const Eigen::Matrix<T, 3, 1> turned =
-        small_rotation<T>(rotation_of(rotation) * pose.T_world_body.rotation.conjugate().cast<T>());
+        small_rotation<T>(rotation_of(rotation) * rotation_of(R_body_camera) *
+                          pose.T_world_camera.rotation.conjugate().cast<T>());
     Eigen::Map<Eigen::Matrix<T, 4, 1>> e(error);
     e << moved.template head<2>() / T(pose.sigmas.horizontal_m),
         moved.z() / T(pose.sigmas.vertical_m), turned.z() / T(pose.sigmas.heading_rad);

@@ -49,10 +49,9 @@ void add_fixes(const KeyframeGraph& graph, const std::vector<const PlaceStore::S
                                                &PlaceStore::Stored::keyframe);
     if (next == places.end()) continue;
     const std::size_t k = (*next)->keyframe;
-    const SE3 T_known_body =
-        anchor.T_known_camera * graph.motion(anchor.keyframe, k) * graph[k].T_body_camera.inverse();
+    const SE3 T_known_camera = anchor.T_known_camera * graph.motion(anchor.keyframe, k);
     views[static_cast<std::size_t>(next - places.begin())].fixes.push_back(
-        {graph.T_world_known() * T_known_body, anchor.sigmas});
+        {graph.T_world_known() * T_known_camera, anchor.sigmas});
   }
 }
 

@@ -223,6 +223,14 @@ std::vector<ClosedLoop> LoopCloser::loops(std::size_t first) const {
   return all;
 }
 
+SE3 LoopCloser::newest_correction() const {
+  const std::size_t newest = graph_.newest();
+  const SE3 T_odometry_body =
+      graph_[newest].T_world_camera * graph_[newest].T_body_camera.inverse();
+  return graph_.T_world_known().inverse() * corrected_pose(newest) *
+         T_body_camera(newest).inverse() * T_odometry_body.inverse();
+}
+
 SE3 LoopCloser::correction(std::size_t keyframe) const {
   return graph_.T_world_known().inverse() * corrected_pose(keyframe) *
          graph_[keyframe].T_world_camera.inverse();
@@ -259,9 +267,10 @@ bool LoopCloser::adjust() {
   if (places.size() < 2) return false;
   log::info("bundle adjustment of {} images", places.size());
   const Stopwatch watch;
-  const auto result = adjust_bundle(
-      bundle_views(graph_, places, options_.drift_factor), camera_,
-      {.ray_sigma = places_.ray_sigma(), .T_body_camera = graph_[graph_.newest()].T_body_camera});
+  const auto result = adjust_bundle(bundle_views(graph_, places, options_.drift_factor), camera_,
+                                    {.ray_sigma = places_.ray_sigma(),
+                                     .T_body_camera = graph_[graph_.newest()].T_body_camera,
+                                     .estimates = options_.estimates});
   if (!result) return false;
   for (std::size_t k = 0; k < places.size(); ++k) {
     const std::size_t keyframe = places[k]->keyframe;

@@ -10,6 +10,7 @@
 
 #include "apvi/core/stamp.hpp"
 #include "apvi/loop_closure/options.hpp"
+#include "loop_closure/bundle_adjustment.hpp"
 #include "loop_closure/correction_log.hpp"
 #include "loop_closure/keyframe_graph.hpp"
 #include "loop_closure/known_map.hpp"
@@ -31,6 +32,8 @@ struct CloserOptions {
   double min_news_sigmas = 0.0;
   /// Factor on the sigmas of odometry in the drift of the keyframes.
   double drift_factor = 1.0;
+  /// Of the camera, by the bundle adjustment.
+  CameraEstimates estimates = {};
   /// Whether all poses are adjusted to the images at the end of a run.
   bool adjusts_bundle = false;
   /// Whether keyframe corrections are listed whenever they change.
@@ -76,8 +79,9 @@ class LoopCloser {
   SE3 corrected_pose(std::size_t keyframe) const {
     return shifts_.moved(graph_, keyframe, graph_.corrected_pose(keyframe));
   }
-  /// From odometry to the corrected frame, which is that of the known map once it has been found.
-  SE3 newest_correction() const { return correction(graph_.newest()); }
+  /// From odometry to the corrected frame, which is that of the known map once it has been found,
+  /// by the newest pose of the body.
+  SE3 newest_correction() const;
   /// By which the pose of the body follows from the corrected one of the camera.
   SE3 T_body_camera(std::size_t keyframe) const {
     return T_body_camera_.value_or(graph_[keyframe].T_body_camera);

@@ -241,6 +241,7 @@ TEST(Smoother, IsAsSmoothAsTheOdometry) {
 TEST(Smoother, WithoutALoopTheTrajectoryIsThatOfTheOdometry) {
   Options options;
   options.smoothing.min_age_s = 1e5;
+  options.smoothing.bundle_adjustment = false;
   const Result result = dive(options);
   EXPECT_EQ(result.closures, 0U);
   for (std::size_t i = 0; i < result.smoothed.size(); ++i) {

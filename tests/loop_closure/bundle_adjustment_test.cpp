@@ -65,6 +65,17 @@ TEST(BundleAdjustment, AWrongMountingIsFound) {
             0.15 * kRadiansPerDegree);
 }
 
+TEST(BundleAdjustment, WhatIsNotEstimatedOfTheCameraStays) {
+  const BundleDive dive = bundle_dive(1.01);
+  BundleOptions options = options_of(dive);
+  options.estimates = {.mounting = false, .lever_arm = false, .lens = false};
+  const auto result = adjust_bundle(dive.views, test::floor_camera(), options);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->lens.scale, 1.0);
+  EXPECT_EQ(result->T_body_camera.translation, mounting().translation);
+  EXPECT_LT(so3::angle_between(result->T_body_camera.rotation, mounting().rotation), 1e-9);
+}
+
 TEST(BundleAdjustment, HeightsHoldTheVertical) {
   BundleDive dive = bundle_dive();
   for (std::size_t k = 0; k < dive.views.size(); ++k) {
@@ -82,13 +93,14 @@ TEST(BundleAdjustment, AFixInAKnownMapMovesEveryView) {
   BundleDive dive = bundle_dive();
   const SE3 shift{Eigen::Quaterniond::Identity(), {0.2, -0.1, 0.0}};
   for (const std::size_t k : {0U, 16U, 32U}) {
-    dive.views[k].fixes.push_back({shift * dive.truth[k], {0.001, 0.001, 0.001}});
+    dive.views[k].fixes.push_back({shift * dive.truth[k] * mounting(), {0.001, 0.001, 0.001}});
   }
   const auto result = adjust_bundle(dive.views, test::floor_camera(), options_of(dive));
   ASSERT_TRUE(result);
   for (std::size_t k = 0; k < dive.truth.size(); ++k) {
-    const SE3 expected = shift * dive.truth[k];
-    EXPECT_LT((result->T_world_body[k].translation - expected.translation).norm(), 0.006);
+    const SE3 expected = shift * dive.truth[k] * mounting();
+    const SE3 found = result->T_world_body[k] * result->T_body_camera;
+    EXPECT_LT((found.translation - expected.translation).norm(), 0.005);
   }
 }
 

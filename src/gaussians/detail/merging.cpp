@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "gaussians/model/quaternions.hpp"
+#include "gaussians/model/symmetric_eigen.hpp"
 
 namespace apvi::gaussians {
 namespace {
@@ -50,7 +51,7 @@ Tensor covariances(const Gaussians& g) {
 /// Scales and rotations of covariances [M,3,3].
 void set_shape(Gaussians& out, const Tensor& covariance) {
   const torch::TensorOptions options = out.means.options();
-  const auto [variances, vectors] = torch::linalg_eigh(covariance.to(torch::kFloat64));
+  const auto [variances, vectors] = symmetric_eigen(covariance.to(torch::kFloat64));
   const Tensor sigmas = variances.clamp_min(0.0).sqrt();
   const Tensor least = kMinSigma * sigmas.slice(1, 2, 3);
   out.log_scales = torch::maximum(sigmas, least).clamp_min(1e-12).log().to(options);

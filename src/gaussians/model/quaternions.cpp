@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include "gaussians/model/symmetric_eigen.hpp"
+
 namespace apvi::gaussians {
 
 using torch::Tensor;
@@ -37,7 +39,7 @@ Tensor quaternions_of(const Tensor& R) {
        r(0, 2) - r(2, 0), r(1, 0) + r(0, 1), r(1, 1) - r(0, 0) - r(2, 2), r(2, 1) + r(1, 2),  //
        r(1, 0) - r(0, 1), r(0, 2) + r(2, 0), r(2, 1) + r(1, 2), r(2, 2) - r(0, 0) - r(1, 1)},
       1);
-  const Tensor q = std::get<1>(torch::linalg_eigh(K.reshape({-1, 4, 4}))).select(2, 3);
+  const Tensor q = std::get<1>(symmetric_eigen(K.reshape({-1, 4, 4}))).select(2, 3);
   return q * q.gather(1, q.abs().argmax(1, true)).sign();  // eigenvectors have arbitrary sign
 }
 
