@@ -186,8 +186,8 @@ EdgeSigmas KeyframeGraph::with_drift(const EdgeSigmas& sigmas, std::size_t a, st
 }
 
 // By odometry.
-SE3 KeyframeGraph::motion(std::size_t a, std::size_t b) const {
-  return keyframes_[a].T_world_camera.inverse() * keyframes_[b].T_world_camera;
+SE3 KeyframeGraph::motion(std::size_t from, std::size_t to) const {
+  return keyframes_[from].T_world_camera.inverse() * keyframes_[to].T_world_camera;
 }
 
 // Expressed between the nodes nearest to its keyframes, with the drift of odometry in between.

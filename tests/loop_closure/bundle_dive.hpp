@@ -78,7 +78,8 @@ inline Place place_at(const std::vector<Eigen::Vector3d>& points, const SE3& T_w
     const Eigen::Vector3d p = T_camera_world * points[i];
     const auto pixel = camera.project(p);
     if (!pixel || !camera.in_image(*pixel)) continue;
-    place.rays.push_back(scale * p.hnormalized() + Eigen::Vector2d(noise(random), noise(random)));
+    place.rays.emplace_back(scale * p.hnormalized() +
+                            Eigen::Vector2d(noise(random), noise(random)));
     place.points.emplace_back(p);
     place.descriptors.push_back(descriptor_of(i));
   }
