@@ -9,6 +9,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "loop_closure/view_angle.hpp"
 
 namespace apvi::loop_closure {
 namespace {
@@ -24,10 +25,6 @@ constexpr double kMaxTurn = 50.0 * kRadiansPerDegree;
 constexpr double kMaxReach = 5.0;
 
 using Pair = std::pair<std::size_t, std::size_t>;
-
-double angle_of_axes(const SE3& T_a_b) {
-  return std::acos(std::clamp((T_a_b.rotation * Eigen::Vector3d::UnitZ()).z(), -1.0, 1.0));
-}
 
 struct Candidate {
   std::size_t view = 0;

@@ -8,6 +8,7 @@
 
 #include "apvi/core/constants.hpp"
 #include "apvi/geometry/so3.hpp"
+#include "loop_closure/view_angle.hpp"
 
 namespace apvi::loop_closure {
 namespace {
@@ -28,10 +29,6 @@ constexpr std::size_t kMaxChecked = 24;  // places whose points are projected, t
 constexpr std::size_t kRecent = 4;  // places that still gain points
 constexpr double kSpacingGrowth = 1.4;
 constexpr double kKeptFraction = 0.75;  // of max_places, when places are thinned out
-
-double angle_of_axes(const SE3& T_a_b) {
-  return std::acos(std::clamp((T_a_b.rotation * Eigen::Vector3d::UnitZ()).z(), -1.0, 1.0));
-}
 
 // A turn counts as much as a step between stored places.
 bool is_same_view(const SE3& T_a_b, double spacing_m) {
