@@ -101,6 +101,12 @@ void Pipeline::finish() {
   });
 }
 
+void Pipeline::adjust(const std::function<void(int iteration)>& progress) {
+  translate_errors([&] {
+    if (stages_->visual) stages_->visual->adjust(progress);
+  });
+}
+
 void Pipeline::stop() {
   if (stages_->visual) stages_->visual->stop();
 }

@@ -43,6 +43,8 @@ class Pipeline {
 
   void process(const SensorEvent& event);
   void finish();
+  /// `Smoother::adjust`, after `finish`.
+  void adjust(const std::function<void(int iteration)>& progress = {});
   void stop();
   void reset();
 

@@ -37,7 +37,8 @@ loop_closure::CloserOptions closer_options(const Options& options, const CameraC
   const vio::CalibrationConfig& calibration = options.vio.calibration;
   closer.estimates = {.mounting = calibration.camera_mounting.estimate,
                       .lever_arm = calibration.camera_lever_arm.estimate,
-                      .lens = calibration.focal_length.estimate};
+                      .focal_length = calibration.focal_length.estimate,
+                      .principal_point = calibration.principal_point.estimate};
   const std::string& run = options.smoothing.known_map;
   if (run.empty()) return closer;
   closer.known_map = std::make_shared<loop_closure::KnownMap>(
@@ -157,6 +158,10 @@ void Smoother::connect(MapFrame& news) const {
 
 void Smoother::finish() {
   closer_.finish();
+}
+
+void Smoother::adjust(const std::function<void(int iteration)>& progress) {
+  closer_.adjust(progress);
 }
 
 void Smoother::stop() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -33,6 +34,9 @@ class Smoother {
   void connect(MapFrame& news) const;
   /// Processes what is queued. Rethrows an exception of the graph's thread.
   void finish();
+  /// The bundle adjustment of the whole dive, if it is on, after `finish`. Takes seconds to minutes;
+  /// `progress` receives the number of the iteration.
+  void adjust(const std::function<void(int iteration)>& progress = {});
   /// Discards what is queued.
   void stop();
 

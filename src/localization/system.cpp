@@ -39,6 +39,7 @@ void System::process(const SensorEvent& event) {
 
 void System::finish() {
   implementation_->pipeline.finish();
+  implementation_->pipeline.adjust();
 }
 
 void System::stop() {

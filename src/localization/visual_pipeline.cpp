@@ -69,6 +69,10 @@ void VisualPipeline::finish() {
   if (smoother_) smoother_->finish();
 }
 
+void VisualPipeline::adjust(const std::function<void(int iteration)>& progress) {
+  if (smoother_) smoother_->adjust(progress);
+}
+
 void VisualPipeline::stop() {
   if (mode_ != RunMode::sequential) {
     tracking_worker_->stop();

@@ -38,6 +38,8 @@ class VisualPipeline {
   void push(FrameJob job);
   /// Processes everything queued and stops. Rethrows an exception of a stage's thread.
   void finish();
+  /// `Smoother::adjust`, after `finish`.
+  void adjust(const std::function<void(int iteration)>& progress);
   /// Stops immediately: queued frames are discarded.
   void stop();
 

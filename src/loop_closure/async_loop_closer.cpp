@@ -66,6 +66,10 @@ void AsyncLoopCloser::finish() {
   publish(closer_.finish());
 }
 
+void AsyncLoopCloser::adjust(const std::function<void(int iteration)>& progress) {
+  publish(closer_.adjust(progress));
+}
+
 void AsyncLoopCloser::stop() {
   corrections_->close();
   if (worker_) worker_->stop();

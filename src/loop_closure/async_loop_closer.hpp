@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <opencv2/core/mat.hpp>
@@ -45,6 +46,8 @@ class AsyncLoopCloser {
   /// Processes all queued keyframes and publishes the last corrections. Rethrows an exception of
   /// the worker thread.
   void finish();
+  /// `LoopCloser::adjust` on the caller's thread, after `finish`; publishes its corrections.
+  void adjust(const std::function<void(int iteration)>& progress);
   /// Discards what is queued.
   void stop();
 

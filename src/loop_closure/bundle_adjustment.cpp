@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 
@@ -13,6 +14,7 @@
 #include "core/median.hpp"
 #include "loop_closure/bundle_factors.hpp"
 #include "loop_closure/feature_tracks.hpp"
+#include "loop_closure/marginal_covariance.hpp"
 #include "loop_closure/ray_intersection.hpp"
 
 namespace apvi::loop_closure {
@@ -30,6 +32,7 @@ constexpr double kTiltSigma = 0.3 * kRadiansPerDegree;
 // Of what is held, and of what nothing else holds.
 constexpr double kHeld_m = 1e-4;
 constexpr double kHeld_rad = 1e-4;
+constexpr double kHeldLens = 1e-6;
 constexpr double kLoose_m = 10.0;
 constexpr double kLoose_rad = 1.0;
 // Of the rig, as people know it.
@@ -62,6 +65,20 @@ struct Point {
   std::array<double, 3> position{};
 };
 
+/// Counts the iterations of all solutions.
+class IterationReport : public ceres::IterationCallback {
+ public:
+  explicit IterationReport(std::function<void(int)> progress) : progress_(std::move(progress)) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*iteration*/) override {
+    if (progress_) progress_(++iterations_);
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  std::function<void(int)> progress_;
+  int iterations_ = 0;
+};
+
 class Bundle {
  public:
   Bundle(const std::vector<BundleView>& views, const BundleOptions& options)
@@ -79,7 +96,9 @@ class Bundle {
     }
   }
 
-  bool solve();
+  bool solve(IterationReport& report);
+  /// Of the camera, after `solve`.
+  bool find_covariance();
 
   /// Weights rays by how far they scatter now.
   void weigh_by_scatter() {
@@ -125,10 +144,11 @@ class Bundle {
     for (const Pose& pose : poses_) all.push_back(to_pose(pose));
     return all;
   }
-  SE3 T_body_camera() const { return to_pose(camera_); }
-  LensCorrection lens() const { return {std::exp(lens_[0]), {lens_[1], lens_[2]}}; }
+  /// After `solve`.
+  BundleCamera camera() const { return {to_pose(camera_), lens(), covariance_}; }
 
  private:
+  LensCorrection lens() const { return {std::exp(lens_[0]), {lens_[1], lens_[2]}}; }
   const Eigen::Vector2d& ray_of(const TrackedFeature& feature) const {
     return views_[feature.view].place->rays[feature.feature];
   }
@@ -161,6 +181,7 @@ class Bundle {
   void add_measurements(ceres::Problem& problem);
   void add_gauge(ceres::Problem& problem);
   void add_calibration(ceres::Problem& problem);
+  void build(ceres::Problem& problem);
 
   const std::vector<BundleView>& views_;
   BundleOptions options_;
@@ -169,6 +190,7 @@ class Bundle {
   std::vector<Point> points_;
   Pose camera_;  ///< in the body
   std::array<double, 3> lens_{};
+  Eigen::Matrix<double, 9, 9> covariance_;  ///< see BundleCamera
 };
 
 void Bundle::add_rays(ceres::Problem& problem) {
@@ -234,28 +256,40 @@ void Bundle::add_calibration(ceres::Problem& problem) {
   const CameraEstimates& estimates = options_.estimates;
   add(estimates.mounting, RotationFactor::create(rig.rotation, kMountingSigma),
       camera_.rotation.data());
-  add(estimates.lever_arm, VectorFactor::create(rig.translation, kLeverArmSigma_m),
+  add(estimates.lever_arm,
+      VectorFactor::create(rig.translation, Eigen::Vector3d::Constant(kLeverArmSigma_m)),
       camera_.position.data());
-  add(estimates.lens, VectorFactor::create(Eigen::Vector3d::Zero(), kLensSigma), lens_.data());
+  const double focal_length = estimates.focal_length ? kLensSigma : kHeldLens;
+  const double principal_point = estimates.principal_point ? kLensSigma : kHeldLens;
+  add(estimates.focal_length || estimates.principal_point,
+      VectorFactor::create(Eigen::Vector3d::Zero(),
+                           {focal_length, principal_point, principal_point}),
+      lens_.data());
 }
 
-bool Bundle::solve() {
-  ceres::Problem problem;
+void Bundle::build(ceres::Problem& problem) {
   add_rays(problem);
   add_measurements(problem);
   add_gauge(problem);
   add_calibration(problem);
+  for (Pose& pose : poses_) {
+    problem.SetManifold(pose.rotation.data(), new ceres::EigenQuaternionManifold);
+  }
+  problem.SetManifold(camera_.rotation.data(), new ceres::EigenQuaternionManifold);
+}
+
+bool Bundle::solve(IterationReport& report) {
+  ceres::Problem problem;
+  build(problem);
   auto* order = new ceres::ParameterBlockOrdering;
   for (Point& point : points_) order->AddElementToGroup(point.position.data(), 0);
   for (Pose& pose : poses_) {
-    problem.SetManifold(pose.rotation.data(), new ceres::EigenQuaternionManifold);
     order->AddElementToGroup(pose.rotation.data(), 1);
     order->AddElementToGroup(pose.position.data(), 1);
   }
   order->AddElementToGroup(lens_.data(), 1);
   order->AddElementToGroup(camera_.rotation.data(), 1);
   order->AddElementToGroup(camera_.position.data(), 1);
-  problem.SetManifold(camera_.rotation.data(), new ceres::EigenQuaternionManifold);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_SCHUR;
   options.linear_solver_ordering.reset(order);
@@ -263,9 +297,23 @@ bool Bundle::solve() {
   options.function_tolerance = 1e-5;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;  // sums in the same order in every run
+  options.callbacks.push_back(&report);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   return summary.IsSolutionUsable();
+}
+
+bool Bundle::find_covariance() {
+  ceres::Problem problem;
+  build(problem);
+  const auto found = marginal_covariance(
+      problem, {camera_.rotation.data(), camera_.position.data(), lens_.data()});
+  if (!found) return false;
+  // The manifold turns by half of the rotation vector, about the axes of the body.
+  Eigen::Matrix<double, 9, 9> J = Eigen::Matrix<double, 9, 9>::Identity();
+  J.topLeftCorner<3, 3>() = 2.0 * to_pose(camera_).rotation.conjugate().toRotationMatrix();
+  covariance_ = J * *found * J.transpose();
+  return true;
 }
 
 }  // namespace
@@ -279,15 +327,16 @@ std::optional<BundleResult> adjust_bundle(const std::vector<BundleView>& views,
   bundle.set_points(
       track_features(posed, overlapping_views(posed, camera), kMatchSigmas * options.ray_sigma));
   if (bundle.points() < kMinPoints) return std::nullopt;
+  IterationReport report(options.progress);
   BundleResult result;
   result.rms_before = bundle.rms();
-  if (!bundle.solve()) return std::nullopt;
+  if (!bundle.solve(report)) return std::nullopt;
   bundle.weigh_by_scatter();
   bundle.drop_outliers();
-  if (bundle.points() < kMinPoints || !bundle.solve()) return std::nullopt;
+  if (bundle.points() < kMinPoints || !bundle.solve(report)) return std::nullopt;
+  if (!bundle.find_covariance()) return std::nullopt;
   result.T_world_body = bundle.poses();
-  result.T_body_camera = bundle.T_body_camera();
-  result.lens = bundle.lens();
+  result.camera = bundle.camera();
   result.points = bundle.points();
   result.rays = bundle.rays();
   result.rms_after = bundle.rms();

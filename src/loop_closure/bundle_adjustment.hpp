@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -53,19 +55,29 @@ struct LensCorrection {
 struct CameraEstimates {
   bool mounting = true;
   bool lever_arm = true;
-  bool lens = true;
+  bool focal_length = true;
+  bool principal_point = true;
+};
+
+/// What a bundle adjustment knows about the camera.
+struct BundleCamera {
+  SE3 T_body_camera;
+  LensCorrection lens;
+  /// Of the mounting (in the camera [rad]), the lever arm [m], the logarithm of the scale and the
+  /// offset. Zero for what is not estimated.
+  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
 };
 
 struct BundleOptions {
   double ray_sigma = 0.0;  ///< of a ray on the plane z = 1, at most
   SE3 T_body_camera;       ///< where the adjustment begins, and the mean of its prior
   CameraEstimates estimates = {};
+  std::function<void(int iteration)> progress = {};
 };
 
 struct BundleResult {
   std::vector<SE3> T_world_body;  ///< by view
-  SE3 T_body_camera;
-  LensCorrection lens;
+  BundleCamera camera;
   std::size_t points = 0;
   std::size_t rays = 0;     ///< of these points
   double rms_before = 0.0;  ///< error of the rays, with points triangulated from the start

@@ -153,14 +153,14 @@ struct RotationFactor {
 /// Of three values that should be the given ones.
 struct VectorFactor {
   Eigen::Vector3d value;
-  double sigma = 1.0;
+  Eigen::Vector3d sigmas;
 
-  static ceres::CostFunction* create(const Eigen::Vector3d& value, double sigma) {
-    return new ceres::AutoDiffCostFunction<VectorFactor, 3, 3>(new VectorFactor{value, sigma});
+  static ceres::CostFunction* create(const Eigen::Vector3d& value, const Eigen::Vector3d& sigmas) {
+    return new ceres::AutoDiffCostFunction<VectorFactor, 3, 3>(new VectorFactor{value, sigmas});
   }
   template <typename T>
   bool operator()(const T* values, T* error) const {
-    for (int i = 0; i < 3; ++i) error[i] = (values[i] - T(value[i])) / T(sigma);
+    for (int i = 0; i < 3; ++i) error[i] = (values[i] - T(value[i])) / T(sigmas[i]);
     return true;
   }
 };

@@ -257,12 +257,12 @@ bool LoopCloser::flush() {
 bool LoopCloser::finish() {
   const bool changed = flush();
   if (std::isinf(options_.gate)) return changed;
-  const bool refined = graph_.refine();
-  return (options_.adjusts_bundle && adjust()) || refined || changed;
+  return graph_.refine() || changed;
 }
 
 // Moves the keyframes of the places, and those between them.
-bool LoopCloser::adjust() {
+bool LoopCloser::adjust(const std::function<void(int iteration)>& progress) {
+  if (!options_.adjusts_bundle) return false;
   const std::vector<const PlaceStore::Stored*> places = places_.all();
   if (places.size() < 2) return false;
   log::info("bundle adjustment of {} images", places.size());
@@ -270,14 +270,15 @@ bool LoopCloser::adjust() {
   const auto result = adjust_bundle(bundle_views(graph_, places, options_.drift_factor), camera_,
                                     {.ray_sigma = places_.ray_sigma(),
                                      .T_body_camera = graph_[graph_.newest()].T_body_camera,
-                                     .estimates = options_.estimates});
+                                     .estimates = options_.estimates,
+                                     .progress = progress});
   if (!result) return false;
   for (std::size_t k = 0; k < places.size(); ++k) {
     const std::size_t keyframe = places[k]->keyframe;
     shifts_.add(keyframe, graph_.corrected_pose(keyframe),
-                result->T_world_body[k] * result->T_body_camera);
+                result->T_world_body[k] * result->camera.T_body_camera);
   }
-  T_body_camera_ = result->T_body_camera;
+  adjusted_ = result->camera;
   const double pixel = places_.ray_sigma() / options_.places.pixel_sigma;
   log::info("bundle adjustment: {} rays to {} points, {:.2f} px off, {:.2f} px before; {:.1f} s",
             result->rays, result->points, result->rms_after / pixel, result->rms_before / pixel,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -63,9 +64,12 @@ class LoopCloser {
   /// Optimizes with the loops found since the last optimization. True if the corrections have
   /// changed.
   bool flush();
-  /// At the end of a run: `flush`, in a long one with every node and loop, and the bundle
-  /// adjustment. True if the corrections have changed.
+  /// At the end of a run: `flush`, in a long one with every node and loop. True if the corrections
+  /// have changed.
   bool finish();
+  /// The bundle adjustment, after `finish`, if the options ask for it. True if the corrections have
+  /// changed.
+  bool adjust(const std::function<void(int iteration)>& progress = {});
   /// Updates the odometry pose of a keyframe. Ignored if the keyframe is unknown.
   void update_pose(Stamp stamp, const SE3& T_world_camera) {
     graph_.update_pose(stamp, T_world_camera);
@@ -84,8 +88,10 @@ class LoopCloser {
   SE3 newest_correction() const;
   /// By which the pose of the body follows from the corrected one of the camera.
   SE3 T_body_camera(std::size_t keyframe) const {
-    return T_body_camera_.value_or(graph_[keyframe].T_body_camera);
+    return adjusted_ ? adjusted_->T_body_camera : graph_[keyframe].T_body_camera;
   }
+  /// The camera by the bundle adjustment; nullopt without one.
+  const std::optional<BundleCamera>& adjusted_camera() const { return adjusted_; }
   /// What a later dive needs to be found here.
   PlaceMap place_map() const;
   /// Nothing without a known map.
@@ -118,7 +124,6 @@ class LoopCloser {
   void reconnect(const Place& place);
   void search(const cv::Mat& gray, bool new_place);
   bool is_optimization_due() const;
-  bool adjust();
 
   CloserOptions options_;
   KeyframeGraph graph_;
@@ -128,7 +133,7 @@ class LoopCloser {
   std::optional<OwnMapSearch> search_;  ///< since a break of the path, until it is found again
   std::vector<SE3> reported_;           ///< by keyframe, from odometry to the corrected frame
   ViewShifts shifts_;
-  std::optional<SE3> T_body_camera_;  ///< since the bundle adjustment
+  std::optional<BundleCamera> adjusted_;
   std::size_t closures_ = 0;
   std::size_t rejected_ = 0;
   std::size_t breaks_ = 0;

@@ -20,6 +20,7 @@
 #include "localization/sensor_monitor.hpp"
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
+#include "runs/calibrate/bundle_calibration.hpp"
 #include "runs/calibrate/self_calibration.hpp"
 #include "runs/dive_files.hpp"
 #include "runs/playback_clock.hpp"
@@ -147,6 +148,8 @@ class Runner {
   Pass run(io::SequenceReader& reader, const std::function<bool()>& interrupted) {
     try {
       localize(reader, interrupted);
+      write_ends();  // of the graph, should the program end during the adjustment
+      adjust();
     } catch (...) {
       pipeline_.stop();
       write_ends();
@@ -180,6 +183,13 @@ class Runner {
     }
     if (live_ != nullptr && interrupted()) pass_.interrupted = true;  // ended the sequence
     pipeline_.finish();
+  }
+
+  void adjust() {
+    StatusLine status("adjusting the trajectory");
+    pipeline_.adjust([&](int iteration) {
+      status.update(-1.0, fmt::format("iteration {}", iteration));
+    });
   }
 
   // Once the pipeline has ended, with what the graph knows then.
@@ -342,6 +352,11 @@ vio::CalibrationEstimate calibration_of(const RunConfig& config, const Rig& rig,
                                         const localization::VisualPipeline& visual,
                                         const Pass& pass) {
   vio::CalibrationEstimate found = visual.fusion_stage().estimator().calibration();
+  if (visual.smoother() != nullptr) {
+    if (const auto& camera = visual.smoother()->closer().adjusted_camera()) {
+      adopt_camera(*camera, rig, found);
+    }
+  }
   const dipo::CalibrationState& offset = config.dipo.dvl.time_offset;
   if (rig.dvl && offset.estimate && pass.dvl_time_offset) {
     append_time_offset(*pass.dvl_time_offset, rig.dvl->time_offset_s, offset.sigma, found);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
+
 #include "bundle_dive.hpp"
 
 namespace apvi::loop_closure {
@@ -18,7 +20,7 @@ double largest_turn(const std::vector<SE3>& truth, const std::vector<SE3>& poses
 
 PathError camera_error(const BundleDive& dive, const BundleResult& result) {
   return path_error(cameras_of(dive.truth, mounting()),
-                    cameras_of(result.T_world_body, result.T_body_camera));
+                    cameras_of(result.T_world_body, result.camera.T_body_camera));
 }
 
 TEST(BundleAdjustment, ImagesRemoveTheDriftOfOdometry) {
@@ -52,7 +54,7 @@ TEST(BundleAdjustment, AWrongFocalLengthIsFound) {
   const BundleDive dive = bundle_dive(1.01);
   const auto result = adjust_bundle(dive.views, test::floor_camera(), options_of(dive));
   ASSERT_TRUE(result);
-  EXPECT_NEAR(result->lens.scale, 1.01, 0.003);
+  EXPECT_NEAR(result->camera.lens.scale, 1.01, 0.003);
   EXPECT_LT(camera_error(dive, *result).shape_m, 0.003);
 }
 
@@ -61,19 +63,35 @@ TEST(BundleAdjustment, AWrongMountingIsFound) {
   const BundleDive dive = bundle_dive(1.0, error);
   const auto result = adjust_bundle(dive.views, test::floor_camera(), options_of(dive));
   ASSERT_TRUE(result);
-  EXPECT_LT(so3::angle_between(result->T_body_camera.rotation, mounting().rotation),
+  EXPECT_LT(so3::angle_between(result->camera.T_body_camera.rotation, mounting().rotation),
             0.15 * kRadiansPerDegree);
+}
+
+TEST(BundleAdjustment, TheCameraIsAsFarFromTheTruthAsItsCovarianceSays) {
+  const SE3 error{so3::exp({0.005, -0.003, 0.01}), Eigen::Vector3d::Zero()};
+  const BundleDive dive = bundle_dive(1.01, error);
+  const auto result = adjust_bundle(dive.views, test::floor_camera(), options_of(dive));
+  ASSERT_TRUE(result);
+  Eigen::Matrix<double, 9, 1> differences;
+  differences << so3::log(mounting().rotation.conjugate() * result->camera.T_body_camera.rotation),
+      result->camera.T_body_camera.translation - mounting().translation,
+      std::log(result->camera.lens.scale / 1.01), result->camera.lens.offset;
+  const Eigen::Matrix<double, 9, 9>& covariance = result->camera.covariance;
+  const double mahalanobis = differences.dot(covariance.ldlt().solve(differences));
+  EXPECT_LT(mahalanobis, 21.7);  // 99 % of 9 degrees of freedom
+  EXPECT_GT(mahalanobis, 0.5);
+  EXPECT_LT(std::sqrt(covariance(6, 6)), 0.003);
 }
 
 TEST(BundleAdjustment, WhatIsNotEstimatedOfTheCameraStays) {
   const BundleDive dive = bundle_dive(1.01);
   BundleOptions options = options_of(dive);
-  options.estimates = {.mounting = false, .lever_arm = false, .lens = false};
+  options.estimates = {.mounting = false, .lever_arm = false, .focal_length = false, .principal_point = false};
   const auto result = adjust_bundle(dive.views, test::floor_camera(), options);
   ASSERT_TRUE(result);
-  EXPECT_EQ(result->lens.scale, 1.0);
-  EXPECT_EQ(result->T_body_camera.translation, mounting().translation);
-  EXPECT_LT(so3::angle_between(result->T_body_camera.rotation, mounting().rotation), 1e-9);
+  EXPECT_EQ(result->camera.lens.scale, 1.0);
+  EXPECT_EQ(result->camera.T_body_camera.translation, mounting().translation);
+  EXPECT_LT(so3::angle_between(result->camera.T_body_camera.rotation, mounting().rotation), 1e-9);
 }
 
 TEST(BundleAdjustment, HeightsHoldTheVertical) {
@@ -99,7 +117,7 @@ TEST(BundleAdjustment, AFixInAKnownMapMovesEveryView) {
   ASSERT_TRUE(result);
   for (std::size_t k = 0; k < dive.truth.size(); ++k) {
     const SE3 expected = shift * dive.truth[k] * mounting();
-    const SE3 found = result->T_world_body[k] * result->T_body_camera;
+    const SE3 found = result->T_world_body[k] * result->camera.T_body_camera;
     EXPECT_LT((found.translation - expected.translation).norm(), 0.005);
   }
 }
