@@ -34,11 +34,15 @@ loop_closure::CloserOptions closer_options(const Options& options, const CameraC
   loop_closure::CloserOptions closer = loop_closure::closer_options(options.smoothing);
   closer.lists_corrections = for_map;
   closer.mask = camera.mask;
+  const auto sigma = [](const vio::CalibrationPrior& prior) {
+    return prior.estimate ? prior.sigma : 0.0;
+  };
   const vio::CalibrationConfig& calibration = options.vio.calibration;
-  closer.estimates = {.mounting = calibration.camera_mounting.estimate,
-                      .lever_arm = calibration.camera_lever_arm.estimate,
-                      .focal_length = calibration.focal_length.estimate,
-                      .principal_point = calibration.principal_point.estimate};
+  closer.camera_prior = {.T_body_camera = camera.T_body_camera,
+                         .mounting_rad = sigma(calibration.camera_mounting),
+                         .lever_arm_m = sigma(calibration.camera_lever_arm),
+                         .focal_length = sigma(calibration.focal_length),
+                         .principal_point = sigma(calibration.principal_point)};
   const std::string& run = options.smoothing.known_map;
   if (run.empty()) return closer;
   closer.known_map = std::make_shared<loop_closure::KnownMap>(

@@ -24,21 +24,20 @@ constexpr double kMatchSigmas = 10.0;  // of a match with the poses before the a
 constexpr double kInlierSigmas = 3.0;
 constexpr double kRobustSigmas = 1.5;  // scale of the Cauchy loss of rays
 constexpr double kRobustFixSigmas = 3.0;
+constexpr double kMinDepth = 1e-3;
 constexpr double kMinParallax = 0.03;  // of a point [rad]
 constexpr std::size_t kMinPoints = 20;
+constexpr int kMinShared = 15;      // points of neighboring views
+constexpr double kMinJoined = 0.8;  // of the neighboring views, by shared points
 constexpr int kIterations = 20;
 // Roll and pitch of odometry: mostly the error of gravity in the camera, which views share.
 constexpr double kTiltSigma = 0.3 * kRadiansPerDegree;
 // Of what is held, and of what nothing else holds.
 constexpr double kHeld_m = 1e-4;
 constexpr double kHeld_rad = 1e-4;
-constexpr double kHeldLens = 1e-6;
+constexpr double kHeldCamera = 1e-6;
 constexpr double kLoose_m = 10.0;
 constexpr double kLoose_rad = 1.0;
-// Of the rig, as people know it.
-constexpr double kMountingSigma = 1.0 * kRadiansPerDegree;
-constexpr double kLeverArmSigma_m = 0.01;
-constexpr double kLensSigma = 0.01;
 // Features of one point err alike, so that their errors do not average out as fast as they scatter.
 constexpr double kScatterFactor = 2.0;
 constexpr double kMedianOfRayleigh = 1.17741;  // for a sigma of 1
@@ -81,10 +80,17 @@ class IterationReport : public ceres::IterationCallback {
 
 class Bundle {
  public:
-  Bundle(const std::vector<BundleView>& views, const BundleOptions& options)
-      : views_(views), options_(options), ray_sigma_(options.ray_sigma) {
+  Bundle(const std::vector<BundleView>& views, const CameraModel& camera,
+         const BundleOptions& options)
+      : views_(views), model_(camera), options_(options), ray_sigma_(options.ray_sigma) {
     camera_ = to_block(options.T_body_camera);
-    for (const BundleView& view : views) poses_.push_back(to_block(view.T_world_body));
+    for (const BundleView& view : views) {
+      poses_.push_back(to_block(view.T_world_body));
+      std::vector<DistortionByLens>& distortion = distortion_.emplace_back();
+      for (const Eigen::Vector2d& ray : view.place->rays) {
+        distortion.push_back(distortion_by_lens(camera, ray));
+      }
+    }
   }
 
   void set_points(std::vector<FeatureTrack> tracks) {
@@ -110,6 +116,17 @@ class Bundle {
     ray_sigma_ = std::min(options_.ray_sigma, kScatterFactor * scatter);
   }
 
+  /// Computes the distortion where the points are, no longer where they were seen.
+  void move_distortion() {
+    for (const Point& point : points_) {
+      for (const TrackedFeature& feature : point.track) {
+        if (const auto predicted = predict(point, feature)) {
+          distortion_[feature.view][feature.feature] = distortion_by_lens(model_, *predicted);
+        }
+      }
+    }
+  }
+
   /// Tracks without the features that do not fit, triangulated again.
   void drop_outliers() {
     std::vector<FeatureTrack> kept;
@@ -122,6 +139,18 @@ class Bundle {
     set_points(std::move(kept));
   }
 
+  /// Whether points join most views to the one before. Otherwise odometry alone would join them,
+  /// while the graph has the loops of all keyframes between the views.
+  bool joins_views() const {
+    std::vector<int> shared(views_.size(), 0);  // with the view before
+    for (const Point& point : points_) {
+      for (std::size_t i = 1; i < point.track.size(); ++i) {
+        if (point.track[i].view == point.track[i - 1].view + 1) ++shared[point.track[i].view];
+      }
+    }
+    const auto joined = std::ranges::count_if(shared, [](int n) { return n >= kMinShared; });
+    return static_cast<double>(joined) >= kMinJoined * static_cast<double>(views_.size() - 1);
+  }
   std::size_t points() const { return points_.size(); }
   std::size_t rays() const {
     std::size_t rays = 0;
@@ -149,12 +178,13 @@ class Bundle {
 
  private:
   LensCorrection lens() const { return {std::exp(lens_[0]), {lens_[1], lens_[2]}}; }
-  const Eigen::Vector2d& ray_of(const TrackedFeature& feature) const {
-    return views_[feature.view].place->rays[feature.feature];
+  RayFactor factor_of(const TrackedFeature& feature) const {
+    const Eigen::Vector2d& ray = views_[feature.view].place->rays[feature.feature];
+    return {ray, distortion_[feature.view][feature.feature], ray_sigma_};
   }
   MapRay map_ray(const TrackedFeature& feature) const {
-    const LensCorrection corrected = lens();
-    const Eigen::Vector2d ray = (ray_of(feature) - corrected.offset) / corrected.scale;
+    const RayFactor seen = factor_of(feature);
+    const Eigen::Vector2d ray = true_point(seen.ray, seen.distortion, lens_.data());
     const SE3 T = to_pose(poses_[feature.view]) * to_pose(camera_);
     return {T.translation, T.rotation * ray.homogeneous().normalized()};
   }
@@ -167,12 +197,20 @@ class Bundle {
     const Eigen::Vector3d point = nearest_point(rays);
     return fits(point, rays, kMatchSigmas * ray_sigma_) ? std::optional(point) : std::nullopt;
   }
+  /// On the plane z = 1 of the true lens.
+  std::optional<Eigen::Vector2d> predict(const Point& point, const TrackedFeature& feature) const {
+    const SE3 T = to_pose(poses_[feature.view]) * to_pose(camera_);
+    const Eigen::Vector3d p =
+        T.inverse() * Eigen::Map<const Eigen::Vector3d>(point.position.data());
+    if (p.z() < kMinDepth) return std::nullopt;
+    return p.hnormalized();
+  }
   double error_of(const Point& point, const TrackedFeature& feature) const {
     const Pose& pose = poses_[feature.view];
     Eigen::Vector2d error;
-    const RayFactor factor{ray_of(feature), ray_sigma_};
-    if (!factor(pose.rotation.data(), pose.position.data(), camera_.rotation.data(),
-                camera_.position.data(), lens_.data(), point.position.data(), error.data())) {
+    if (!factor_of(feature)(pose.rotation.data(), pose.position.data(), camera_.rotation.data(),
+                            camera_.position.data(), lens_.data(), point.position.data(),
+                            error.data())) {
       return std::numeric_limits<double>::infinity();
     }
     return error.norm();
@@ -184,8 +222,10 @@ class Bundle {
   void build(ceres::Problem& problem);
 
   const std::vector<BundleView>& views_;
+  CameraModel model_;  ///< of the rig
   BundleOptions options_;
   double ray_sigma_;
+  std::vector<std::vector<DistortionByLens>> distortion_;  ///< of all features, by view
   std::vector<Pose> poses_;
   std::vector<Point> points_;
   Pose camera_;  ///< in the body
@@ -197,7 +237,7 @@ void Bundle::add_rays(ceres::Problem& problem) {
   for (Point& point : points_) {
     for (const TrackedFeature& feature : point.track) {
       Pose& pose = poses_[feature.view];
-      problem.AddResidualBlock(RayFactor::create(ray_of(feature), ray_sigma_),
+      problem.AddResidualBlock(RayFactor::create(factor_of(feature)),
                                new ceres::CauchyLoss(kRobustSigmas), pose.rotation.data(),
                                pose.position.data(), camera_.rotation.data(),
                                camera_.position.data(), lens_.data(), point.position.data());
@@ -248,22 +288,23 @@ void Bundle::add_gauge(ceres::Problem& problem) {
 }
 
 void Bundle::add_calibration(ceres::Problem& problem) {
-  const SE3& rig = options_.T_body_camera;
-  const auto add = [&](bool estimate, ceres::CostFunction* prior, double* values) {
-    problem.AddResidualBlock(prior, nullptr, values);
+  const CameraPrior& prior = options_.prior;
+  const auto add = [&](bool estimate, ceres::CostFunction* cost, double* values) {
+    problem.AddResidualBlock(cost, nullptr, values);
     if (!estimate) problem.SetParameterBlockConstant(values);
   };
-  const CameraEstimates& estimates = options_.estimates;
-  add(estimates.mounting, RotationFactor::create(rig.rotation, kMountingSigma),
+  const auto sigma = [](double of_prior) { return of_prior > 0.0 ? of_prior : kHeldCamera; };
+  add(prior.mounting_rad > 0.0,
+      RotationFactor::create(prior.T_body_camera.rotation, sigma(prior.mounting_rad)),
       camera_.rotation.data());
-  add(estimates.lever_arm,
-      VectorFactor::create(rig.translation, Eigen::Vector3d::Constant(kLeverArmSigma_m)),
+  add(prior.lever_arm_m > 0.0,
+      VectorFactor::create(prior.T_body_camera.translation,
+                           Eigen::Vector3d::Constant(sigma(prior.lever_arm_m))),
       camera_.position.data());
-  const double focal_length = estimates.focal_length ? kLensSigma : kHeldLens;
-  const double principal_point = estimates.principal_point ? kLensSigma : kHeldLens;
-  add(estimates.focal_length || estimates.principal_point,
+  const double principal_point = sigma(prior.principal_point);
+  add(prior.focal_length > 0.0 || prior.principal_point > 0.0,
       VectorFactor::create(Eigen::Vector3d::Zero(),
-                           {focal_length, principal_point, principal_point}),
+                           {sigma(prior.focal_length), principal_point, principal_point}),
       lens_.data());
 }
 
@@ -323,14 +364,15 @@ std::optional<BundleResult> adjust_bundle(const std::vector<BundleView>& views,
   std::vector<TrackView> posed;
   for (const BundleView& view : views)
     posed.push_back({view.place, view.T_world_body * options.T_body_camera});
-  Bundle bundle(views, options);
+  Bundle bundle(views, camera, options);
   bundle.set_points(
       track_features(posed, overlapping_views(posed, camera), kMatchSigmas * options.ray_sigma));
-  if (bundle.points() < kMinPoints) return std::nullopt;
+  if (bundle.points() < kMinPoints || !bundle.joins_views()) return std::nullopt;
   IterationReport report(options.progress);
   BundleResult result;
   result.rms_before = bundle.rms();
   if (!bundle.solve(report)) return std::nullopt;
+  bundle.move_distortion();
   bundle.weigh_by_scatter();
   bundle.drop_outliers();
   if (bundle.points() < kMinPoints || !bundle.solve(report)) return std::nullopt;

@@ -44,19 +44,20 @@ struct BundleView {
   std::vector<ViewPose> fixes;  ///< in a known map
 };
 
-/// Focal length and principal point of rays that were computed with those of the rig:
-/// measured ray = scale * true ray + offset, on the plane z = 1.
+/// The true lens, against that of the rig, with which the rays were computed.
 struct LensCorrection {
-  double scale = 1.0;
-  Eigen::Vector2d offset = Eigen::Vector2d::Zero();
+  double scale = 1.0;                                ///< of the focal lengths
+  Eigen::Vector2d offset = Eigen::Vector2d::Zero();  ///< of the principal point, in focal lengths
 };
 
-/// What is estimated of the camera.
-struct CameraEstimates {
-  bool mounting = true;
-  bool lever_arm = true;
-  bool focal_length = true;
-  bool principal_point = true;
+/// What is known about the camera before the adjustment: the rig, with standard deviations.
+/// Nothing is estimated where these are zero.
+struct CameraPrior {
+  SE3 T_body_camera;
+  double mounting_rad = 0.0;
+  double lever_arm_m = 0.0;
+  double focal_length = 0.0;     ///< relative
+  double principal_point = 0.0;  ///< in focal lengths
 };
 
 /// What a bundle adjustment knows about the camera.
@@ -70,8 +71,8 @@ struct BundleCamera {
 
 struct BundleOptions {
   double ray_sigma = 0.0;  ///< of a ray on the plane z = 1, at most
-  SE3 T_body_camera;       ///< where the adjustment begins, and the mean of its prior
-  CameraEstimates estimates = {};
+  SE3 T_body_camera;       ///< where the adjustment begins
+  CameraPrior prior;
   std::function<void(int iteration)> progress = {};
 };
 
@@ -87,9 +88,9 @@ struct BundleResult {
 /// Bundle adjustment (Triggs et al., "Bundle adjustment: a modern synthesis", 2000) of the places
 /// of a dive: poses of the body and points from all features that match, with the motion of
 /// odometry, its roll and pitch, and heights as further measurements. The mounting of the camera,
-/// its focal length and its principal point are estimated too, with priors of 1°, 1 cm and 1 %.
-/// `views` in order of time; `camera` is that of the images. Deterministic, on the caller's thread.
-/// Nullopt if too few features match, or the solver fails.
+/// its focal length and its principal point are estimated too. `views` in order of time; `camera`
+/// is that of the images. Deterministic, on the caller's thread. Nullopt if too few features match,
+/// if they do not join neighboring views, or if the solver fails.
 std::optional<BundleResult> adjust_bundle(const std::vector<BundleView>& views,
                                           const CameraModel& camera, const BundleOptions& options);
 

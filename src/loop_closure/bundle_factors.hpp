@@ -7,6 +7,7 @@
 
 #include "apvi/geometry/se3.hpp"
 #include "loop_closure/bundle_adjustment.hpp"
+#include "sensors/lens_change.hpp"
 
 /// Errors of a bundle adjustment in sigmas. A pose is a rotation (unit quaternion as Eigen stores
 /// it) and a position [m] of the camera in the world.
@@ -28,27 +29,25 @@ Eigen::Matrix<T, 3, 1> small_rotation(const Eigen::Quaternion<T>& q) {
   return (q.w() < T(0.0) ? T(-2.0) : T(2.0)) * q.vec();
 }
 
-/// Of a ray on the plane z = 1. Lens: logarithm of the scale, offset.
+/// Of a ray on the plane z = 1. Lens: the change from that of the rig, see lens_change.hpp.
 struct RayFactor {
-  Eigen::Vector2d ray;
+  Eigen::Vector2d ray;  ///< by the rig's lens
+  DistortionByLens distortion;
   double sigma = 1.0;
 
-  static ceres::CostFunction* create(const Eigen::Vector2d& ray, double sigma) {
-    return new ceres::AutoDiffCostFunction<RayFactor, 2, 4, 3, 4, 3, 3, 3>(
-        new RayFactor{ray, sigma});
+  static ceres::CostFunction* create(const RayFactor& factor) {
+    return new ceres::AutoDiffCostFunction<RayFactor, 2, 4, 3, 4, 3, 3, 3>(new RayFactor(factor));
   }
   template <typename T>
   bool operator()(const T* rotation, const T* position, const T* R_body_camera,
                   const T* p_body_camera, const T* lens, const T* point, T* error) const {
-    using std::exp;
     const Eigen::Matrix<T, 3, 1> in_body =
         rotation_of(rotation).conjugate() * (position_of(point) - position_of(position));
     const Eigen::Matrix<T, 3, 1> p =
         rotation_of(R_body_camera).conjugate() * (in_body - position_of(p_body_camera));
     if (p.z() < T(1e-3)) return false;
-    const T scale = exp(lens[0]);
-    error[0] = (scale * p.x() / p.z() + lens[1] - T(ray.x())) / T(sigma);
-    error[1] = (scale * p.y() / p.z() + lens[2] - T(ray.y())) / T(sigma);
+    Eigen::Map<Eigen::Matrix<T, 2, 1>> e(error);
+    e = (rig_point<T>(p.hnormalized(), distortion, lens) - ray.cast<T>()) / T(sigma);
     return true;
   }
 };

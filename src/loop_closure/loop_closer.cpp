@@ -270,9 +270,12 @@ bool LoopCloser::adjust(const std::function<void(int iteration)>& progress) {
   const auto result = adjust_bundle(bundle_views(graph_, places, options_.drift_factor), camera_,
                                     {.ray_sigma = places_.ray_sigma(),
                                      .T_body_camera = graph_[graph_.newest()].T_body_camera,
-                                     .estimates = options_.estimates,
+                                     .prior = options_.camera_prior,
                                      .progress = progress});
-  if (!result) return false;
+  if (!result) {
+    log::info("bundle adjustment: left out, too few features join the images");
+    return false;
+  }
   for (std::size_t k = 0; k < places.size(); ++k) {
     const std::size_t keyframe = places[k]->keyframe;
     shifts_.add(keyframe, graph_.corrected_pose(keyframe),

@@ -33,8 +33,7 @@ struct CloserOptions {
   double min_news_sigmas = 0.0;
   /// Factor on the sigmas of odometry in the drift of the keyframes.
   double drift_factor = 1.0;
-  /// Of the camera, by the bundle adjustment.
-  CameraEstimates estimates = {};
+  CameraPrior camera_prior = {};  ///< of the bundle adjustment
   /// Whether all poses are adjusted to the images at the end of a run.
   bool adjusts_bundle = false;
   /// Whether keyframe corrections are listed whenever they change.

@@ -16,11 +16,11 @@ std::vector<double*> order_of(const ceres::Problem& problem, const std::vector<d
   std::vector<double*> all;
   problem.GetParameterBlocks(&all);
   std::erase_if(all, [&](double* block) {
-    return problem.IsParameterBlockConstant(block) || std::ranges::find(asked, block) != asked.end();
+    return problem.IsParameterBlockConstant(block) ||
+           std::ranges::find(asked, block) != asked.end();
   });
-  std::ranges::copy_if(asked, std::back_inserter(all), [&](double* block) {
-    return !problem.IsParameterBlockConstant(block);
-  });
+  std::ranges::copy_if(asked, std::back_inserter(all),
+                       [&](double* block) { return !problem.IsParameterBlockConstant(block); });
   return all;
 }
 

@@ -117,7 +117,13 @@ inline BundleDive bundle_dive(double focal_scale = 1.0, const SE3& rig_error = S
 }
 
 inline BundleOptions options_of(const BundleDive& dive) {
-  return {.ray_sigma = 1.0 / kFocal, .T_body_camera = dive.T_body_camera};
+  return {.ray_sigma = 1.0 / kFocal,
+          .T_body_camera = dive.T_body_camera,
+          .prior = {.T_body_camera = dive.T_body_camera,
+                    .mounting_rad = 0.02,
+                    .lever_arm_m = 0.01,
+                    .focal_length = 0.01,
+                    .principal_point = 0.01}};
 }
 
 inline std::vector<SE3> cameras_of(const std::vector<SE3>& bodies, const SE3& T_body_camera) {

@@ -63,11 +63,11 @@ TEST(MarginalCovariance, IsThatOfCeres) {
   ceres::Covariance::Options options;
   options.algorithm_type = ceres::DENSE_SVD;
   ceres::Covariance oracle(options);
-  ASSERT_TRUE(oracle.Compute(std::vector<std::pair<const double*, const double*>>{
-                                 {small.a.data(), small.a.data()},
-                                 {small.a.data(), small.b.data()},
-                                 {small.b.data(), small.b.data()}},
-                             &small.problem));
+  ASSERT_TRUE(oracle.Compute(
+      std::vector<std::pair<const double*, const double*>>{{small.a.data(), small.a.data()},
+                                                           {small.a.data(), small.b.data()},
+                                                           {small.b.data(), small.b.data()}},
+      &small.problem));
   Eigen::Matrix<double, 4, 4, Eigen::RowMajor> expected;
   Eigen::Matrix<double, 2, 2, Eigen::RowMajor> block;
   const auto covariance_of = [&](const double* row, const double* column) {

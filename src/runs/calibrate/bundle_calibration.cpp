@@ -32,7 +32,8 @@ Changes changes_of(const loop_closure::BundleCamera& camera, const SE3& rig) {
   return changes;
 }
 
-/// Components of an estimate: those of the camera, with the same ones of a BundleCamera, and others.
+/// Components of an estimate: those of the camera, with the same ones of a BundleCamera, and
+/// others.
 struct Split {
   std::vector<Eigen::Index> camera, in_bundle, others;
 };
@@ -98,8 +99,7 @@ void adopt_camera(const loop_closure::BundleCamera& camera, const Rig& rig,
   after(rows.camera, rows.camera) = adjusted_covariance;
   after(rows.others, rows.camera) = follows;
   after(rows.camera, rows.others) = follows.transpose();
-  after(rows.others, rows.others) +=
-      (follows - across) * regression.transpose();
+  after(rows.others, rows.others) += (follows - across) * regression.transpose();
   set_changes(changes, estimate);
 }
 

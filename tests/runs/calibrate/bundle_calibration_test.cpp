@@ -48,8 +48,8 @@ TEST(AdoptCamera, GivesTheOthersTheirMeanUnderTheConditionOfTheCamera) {
   Eigen::Vector4d moved;
   moved << 0.002, 0.001, 0.0, 0.001;
   const Eigen::Matrix3d of_dvl = information.bottomRightCorner<3, 3>().inverse();
-  const Eigen::Vector3d expected = Eigen::Vector3d(0.02, 0.01, 0.0) -
-                                   of_dvl * information.bottomLeftCorner<3, 4>() * moved;
+  const Eigen::Vector3d expected =
+      Eigen::Vector3d(0.02, 0.01, 0.0) - of_dvl * information.bottomLeftCorner<3, 4>() * moved;
   EXPECT_LT((estimate.parameters[0].change - Eigen::Vector3d(0.012, 0.001, -0.01)).norm(), 1e-9);
   EXPECT_NEAR(estimate.parameters[1].change(0), 0.005, 1e-12);
   EXPECT_LT((estimate.parameters[2].change - expected).norm(), 1e-9);
