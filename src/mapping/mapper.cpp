@@ -250,7 +250,7 @@ void Mapper::begin_final() {
   const torch::NoGradGuard no_grad;
   // Needs iterations afterwards: new Gaussians and a new medium, which changes colors and gains at
   // once, take steps to converge.
-  if (options_.trainer.final_iterations > 0) {
+  if (options_.trainer.final_iterations.value_or(0) > 0) {
     flush_depth_queue();
     if (medium_.is_estimated(optimizer_)) estimate_medium();
   }

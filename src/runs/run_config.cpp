@@ -37,7 +37,7 @@ void check_given_poses(const RunConfig& config) {
         "mapping.densification: quadtree needs localization; with given poses use none, "
         "gradient or random");
   }
-  if (m.trainer.iterations + m.trainer.final_iterations == 0) {
+  if (m.trainer.iterations + m.trainer.final_iterations.value_or(0) == 0) {
     fail_input("mapping.iterations: must be positive for a map");
   }
   m.check();

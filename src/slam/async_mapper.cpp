@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -53,6 +54,23 @@ bool is_rejected(mapping::KeyframeDecision decision) {
   return decision != accepted && decision != held_out && decision != no_image;
 }
 
+// A GPU makes so many steps in the time that localization takes, and they pay: on a seabed of 100 s
+// 34 dB instead of 28 dB.
+constexpr int kStepsCpu = 30;
+constexpr int kStepsGpu = 100;
+constexpr int kFinalIterationsGpu = 5000;  // about 15 s
+
+// With the number of steps that the device allows where the options leave it open.
+AsyncMapperOptions with_steps(AsyncMapperOptions options) {
+  const bool on_gpu = gaussians::active_device().is_cuda();
+  int& steps = options.mapper.online.steps_per_keyframe;
+  if (steps == 0) steps = on_gpu ? kStepsGpu : kStepsCpu;
+  std::optional<int>& final_iterations = options.mapper.trainer.final_iterations;
+  const bool may_wait = options.thread != MappingThread::dropping;
+  if (!final_iterations) final_iterations = on_gpu && may_wait ? kFinalIterationsGpu : 0;
+  return options;
+}
+
 std::size_t queue_size(MappingThread thread) {
   const bool keeps_up = thread == MappingThread::blocking || gaussians::active_device().is_cuda();
   return keeps_up ? kQueueSize : kRealtimeCpuQueueSize;
@@ -68,15 +86,15 @@ LoopClosureMethod resolve_loop_closure_method(LoopClosureMethod asked, bool has_
 
 AsyncMapper::AsyncMapper(const AsyncMapperOptions& options, const Rig& rig,
                          AsyncMapperCallbacks callbacks)
-    : options_(options),
+    : options_(with_steps(options)),
       callbacks_(std::move(callbacks)),
       undistort_(rig.cameras.front().model, options.image_scale),
       mask_(rig.cameras.front().mask),
       T_rig_body_camera_(rig.cameras.front().T_body_camera),
       T_body_camera_(T_rig_body_camera_),
-      mapper_(options.mapper),
+      mapper_(options_.mapper),
       scheduler_({.realtime = options.thread == MappingThread::dropping,
-                  .steps_per_keyframe = options.mapper.online.steps_per_keyframe}) {
+                  .steps_per_keyframe = options_.mapper.online.steps_per_keyframe}) {
   if (!mask_.empty()) mapper_.set_mask(scene_of(undistort_.mask(mask_)));
   const bool may_drop = options_.thread == MappingThread::dropping;
   if (options_.thread == MappingThread::none) return;

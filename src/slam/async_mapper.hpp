@@ -100,6 +100,8 @@ class AsyncMapper : public localization::MapSink {
   void stop();
   /// Runs the final refinement. False when it was interrupted.
   bool refine();
+  /// Of `refine`, as the options say or, if they do not, as the device allows.
+  int final_iterations() const { return options_.mapper.trainer.final_iterations.value_or(0); }
   /// Continues from a checkpoint. Throws InputError when it is damaged.
   void resume(const std::filesystem::path& checkpoint);
   /// The exception that disabled mapping, if any. After `finish`.

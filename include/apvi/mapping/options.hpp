@@ -168,8 +168,10 @@ struct ToneCurveOptions {
 };
 
 struct TrainerOptions {
-  int iterations = 7000;       ///< with densification and decaying rates
-  int final_iterations = 0;    ///< afterwards, without densification, at the final rates
+  int iterations = 7000;  ///< with densification and decaying rates
+  /// Afterwards, without densification, at the final rates. Nothing: as the device allows in
+  /// incremental mapping, none with given poses.
+  std::optional<int> final_iterations = std::nullopt;
   double time_budget_s = 0.0;  ///< 0: none; otherwise the schedule is compressed to this time
   /// The part of a longer schedule that this training is, as fractions of it.
   double schedule_start = 0.0;
@@ -206,7 +208,7 @@ enum class InsertionDepth {
 
 /// Incremental mapping.
 struct OnlineOptions {
-  int steps_per_keyframe = 30;       ///< when not running in real time
+  int steps_per_keyframe = 0;        ///< when not running in real time; 0: by the device
   int recent_keyframes = 10;         ///< number of newest keyframes that are sampled more often
   double recent_fraction = 0.15;     ///< fraction of samples among them
   int uses_per_pyramid_level = 4;    ///< steps per keyframe and reduced size
@@ -247,7 +249,8 @@ struct OnlineOptions {
   void visit(V& v) {
     using config::Range;
     v("steps_per_keyframe", steps_per_keyframe, Range{0, 1000000},
-      "optimization steps per keyframe; in realtime mode as many as time allows");
+      "optimization steps per keyframe; 0: 30 on a CPU, 100 on a GPU; in realtime mode as many as "
+      "time allows");
     v("recent_keyframes", recent_keyframes, Range{1, 1000000},
       "number of newest keyframes that are sampled more often");
     v("recent_fraction", recent_fraction, Range{0.0, 1.0}, "fraction of samples from these");

@@ -64,14 +64,14 @@ void OnlineTraining::add_final_time(double seconds) {
 
 double OnlineTraining::progress() const {
   if (!final_start_) return 0.0;
-  const double by_count =
-      static_cast<double>(iteration_ - *final_start_) / std::max(1, trainer_.final_iterations);
+  const double by_count = static_cast<double>(iteration_ - *final_start_) /
+                          std::max(1, trainer_.final_iterations.value_or(0));
   const double budget = trainer_.time_budget_s;
   return std::min(1.0, std::max(by_count, budget > 0.0 ? final_seconds_ / budget : 0.0));
 }
 
 bool OnlineTraining::final_done() const {
-  return final_start_ && (trainer_.final_iterations == 0 || progress() >= 1.0);
+  return final_start_ && (trainer_.final_iterations.value_or(0) == 0 || progress() >= 1.0);
 }
 
 void OnlineTraining::save(torch::serialize::OutputArchive& archive) const {

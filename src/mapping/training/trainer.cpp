@@ -87,7 +87,7 @@ double Trainer::progress() const {
 
 bool Trainer::done() const {
   if (options_.time_budget_s > 0.0 && seconds_ >= options_.time_budget_s) return true;
-  return iteration_ >= options_.iterations + options_.final_iterations;
+  return iteration_ >= options_.iterations + options_.final_iterations.value_or(0);
 }
 
 bool Trainer::reduce_memory() {

@@ -87,7 +87,7 @@ std::optional<RunResult> localize(const RunConfig& config, io::SequenceReader& r
   return result;
 }
 
-void continue_map(const RunConfig& config, const MappingRunOptions& options, OnlineMap& map) {
+void continue_map(const MappingRunOptions& options, OnlineMap& map) {
   if (!fs::exists(options.folder / kCheckpointFile)) {
     fail_input("{}: no {} found; run without --resume", options.folder.string(), kCheckpointFile);
   }
@@ -96,7 +96,7 @@ void continue_map(const RunConfig& config, const MappingRunOptions& options, Onl
   map.mapper().resume(options.folder / kCheckpointFile);
   log::info("{}: resuming the refinement of {} Gaussians at iteration {}", options.folder.string(),
             map.mapper().mapper().size(), map.mapper().mapper().iteration());
-  if (config.mapping.trainer.final_iterations == 0) {
+  if (map.mapper().final_iterations() == 0) {
     log::warning("mapping.final_iterations: 0: nothing to do");
   }
 }
@@ -158,7 +158,7 @@ OnlineRunResult localize_and_map(const RunConfig& config, io::SequenceReader& re
   const MapObservation observation(options.observer, map);
   OnlineRunResult result;
   if (options.resume) {
-    continue_map(config, options, map);
+    continue_map(options, map);
   } else {
     result.localization = localize(config, recording, options, map);
   }
