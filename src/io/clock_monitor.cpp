@@ -51,6 +51,19 @@ SourceState ClockMonitor::next(std::size_t index, SampleSource& source, SensorEv
   }
 }
 
+void ClockMonitor::put_back(std::size_t index, std::deque<SensorEvent> next) {
+  for (SensorEvent& event : next) sensors_[index].held.push_back(std::move(event));
+}
+
+void ClockMonitor::restart(std::size_t index, SensorEvent next) {
+  Sensor& sensor = sensors_[index];
+  sensor.held.clear();
+  sensor.held.push_back(std::move(next));
+  sensor.last.reset();
+  sensor.candidate.reset();
+  sensor.state = State::regular;
+}
+
 void ClockMonitor::leave_out(std::size_t index) {
   Sensor& sensor = sensors_[index];
   sensor.held.clear();

@@ -32,6 +32,10 @@ class ClockMonitor {
 
   /// The next sample of a sensor, read from its source.
   SourceState next(std::size_t index, SampleSource& source, SensorEvent& event, const Drop& drop);
+  /// Takes samples of a sensor that were read from its source elsewhere; they are the next ones.
+  void put_back(std::size_t index, std::deque<SensorEvent> next);
+  /// Forgets the samples of a sensor before the given one.
+  void restart(std::size_t index, SensorEvent next);
   /// Forgets a sensor, which is not read any more: its clock says nothing about the others.
   void leave_out(std::size_t index);
 

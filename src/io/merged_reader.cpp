@@ -2,6 +2,7 @@
 #include "io/merged_reader.hpp"
 
 #include <algorithm>
+#include <deque>
 #include <opencv2/core.hpp>
 #include <utility>
 
@@ -16,6 +17,10 @@ namespace {
 // No sensor begins so long before the IMU, where only their first stamps are known. One that begins
 // after it may do so when the clock has been set.
 constexpr double kOtherEpoch_s = 86'400.0;
+
+// Samples that are read ahead to see whether a clock was set after the recording began.
+constexpr std::size_t kMaxEarly = 20'000;
+constexpr std::size_t kMaxEarlyImages = 256;  // a bag holds their bytes
 
 Duration shift_of(const std::string& kind, const ClockShiftConfig& shifts) {
   if (kind == "camera") return Duration::from_seconds(shifts.camera);
@@ -98,6 +103,62 @@ void MergedReader::leave_out(Stream& stream, const std::string& remark) {
   log::warning("{}", remark);
 }
 
+// A day before the first sample of that of the other sensors which begins last: its clock was set
+// before that.
+std::optional<Stamp> MergedReader::begin_of_others(const Stream& stream) const {
+  std::optional<Stamp> begin;
+  for (const Stream& other : streams_) {
+    const bool is_reference = recording_.kinds[other.index] == "gnss";
+    if (&other == &stream || is_reference || other.cleaner.ready.empty()) continue;
+    const Stamp first = stamp_of(other.cleaner.ready.front());
+    begin = std::max(begin.value_or(first), first);
+  }
+  if (!begin) return std::nullopt;
+  return *begin - Duration::from_seconds(kOtherEpoch_s);
+}
+
+// The first samples of a sensor whose clock was set after the recording began, while those of the
+// others were right, belong to no time of the recording.
+void MergedReader::drop_before_clock_sets() {
+  for (Stream& stream : streams_) fill(stream);
+  for (Stream& stream : streams_) {
+    const auto begin = begin_of_others(stream);
+    if (!begin || stream.cleaner.ready.empty()) continue;
+    const Stamp first = stamp_of(stream.cleaner.ready.front());
+    if (first >= *begin || !drop_before(stream, *begin)) continue;
+    log::warning(
+        "{}: its first samples have stamps from {:.3f} s on, long before those of other sensors: "
+        "its clock was set before {}; they are dropped",
+        recording_.kinds[stream.index], first.seconds(), stream.source->where());
+  }
+}
+
+// False when the stamps do not come to `begin` soon; nothing is dropped then.
+bool MergedReader::drop_before(Stream& stream, Stamp begin) {
+  std::deque<SensorEvent> early;
+  const bool is_image = std::holds_alternative<ImageFrame>(stream.cleaner.ready.front());
+  const std::size_t most = is_image ? kMaxEarlyImages : kMaxEarly;
+  SensorEvent event;
+  while (early.size() < most) {
+    const SourceState state = stream.source->next(event);
+    if (state == SourceState::end || state == SourceState::pending) break;
+    if (state == SourceState::malformed) stream.cleaner.drop_malformed(stream.source->problem());
+    if (state == SourceState::implausible) stream.cleaner.drop(DropReason::implausible);
+    if (state != SourceState::sample) continue;
+    const bool is_set = stamp_of(event) >= begin;
+    early.push_back(std::move(event));
+    if (!is_set) continue;
+    for (std::size_t i = 1; i < early.size() + stream.cleaner.ready.size(); ++i) {
+      stream.cleaner.drop(DropReason::broken_stamp);
+    }
+    stream.cleaner.restart();
+    clocks_.restart(stream.index, std::move(early.back()));
+    return true;
+  }
+  clocks_.put_back(stream.index, std::move(early));
+  return false;
+}
+
 // A sensor that counts from another epoch than the IMU would only put poses at times without any
 // other sensor.
 void MergedReader::leave_out_other_clocks(const std::vector<SettledStamps>& settled) {
@@ -129,6 +190,7 @@ void MergedReader::find_start() {
   for (const Stream& stream : streams_) {
     if (stream.report->remark.empty()) stream.report->remark = settled[stream.index].remark;
   }
+  drop_before_clock_sets();
   leave_out_other_clocks(settled);
   const Stream* first = earliest();
   if (first == nullptr) return;

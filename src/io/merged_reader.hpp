@@ -38,6 +38,9 @@ class MergedReader : public SequenceReader {
   bool fill(Stream& stream);
   Stream* earliest();
   void find_start();
+  void drop_before_clock_sets();
+  std::optional<Stamp> begin_of_others(const Stream& stream) const;
+  bool drop_before(Stream& stream, Stamp begin);
   void leave_out_other_clocks(const std::vector<SettledStamps>& settled);
   void leave_out(Stream& stream, const std::string& remark);
   bool in_blackout(const SensorEvent& event) const;

@@ -36,6 +36,14 @@ void StreamCleaner::finish() {
   log_counts();
 }
 
+void StreamCleaner::restart() {
+  ready.clear();
+  pending_.clear();
+  last_.reset();
+  jump_back_.reset();
+  jump_back_persists_ = false;
+}
+
 void StreamCleaner::log_counts() const {
   for (const auto& [kind, count] : malformed_) {
     if (count > 1) log::warning("{}: {} samples dropped: {}", sensor_, count, kind);

@@ -34,6 +34,8 @@ class StreamCleaner {
   void drop_malformed(const std::pair<std::string, std::string>& problem);
   /// The first sample is known to have a right stamp: it is not held.
   void trust_first() { trust_first_ = true; }
+  /// Forgets all samples, also those that are ready.
+  void restart();
   /// The sensor has no more samples.
   void finish();
 

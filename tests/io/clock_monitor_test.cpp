@@ -73,6 +73,37 @@ double regular(double t) {
   return 10.0 * kDay + t;
 }
 
+// A device that gets its time over the network counts from 1970 until then.
+TEST(ClockMonitor, FirstStampsOfOneSensorMayBeOfAClockThatWasNotSetYet) {
+  const Clock set_later = [](double t) { return t < 3.0 ? t : regular(t); };
+  const Outcome imu = read(set_later, regular);
+  EXPECT_EQ(imu.delivered.at("imu"), 2970U);
+  EXPECT_EQ(imu.dropped.at("imu"), 30U);
+  EXPECT_EQ(imu.delivered.at("dvl"), 600U);
+  EXPECT_EQ(imu.stamps.front(), regular(0.0));
+  const Outcome dvl = read(regular, set_later);
+  EXPECT_EQ(dvl.delivered.at("imu"), 3000U);
+  EXPECT_EQ(dvl.delivered.at("dvl"), 594U);
+  const Clock zero = [](double t) { return t < 3.0 ? 0.0 : regular(t); };
+  EXPECT_EQ(read(regular, zero).delivered.at("dvl"), 594U);
+}
+
+TEST(ClockMonitor, OneSensorMayBeginOnlyAfterTheClockOfAllWasSet) {
+  const Clock set_later = [](double t) { return t < 3.0 ? t : regular(t); };
+  auto dvl = samples<DvlSample>(0.5, regular);
+  dvl.erase(dvl.begin(), dvl.begin() + 20);
+  const Outcome out = read(samples<ImuSample>(0.1, set_later), std::move(dvl));
+  EXPECT_EQ(out.delivered.at("imu"), 2970U);
+  EXPECT_EQ(out.delivered.at("dvl"), 580U);
+  EXPECT_EQ(out.stamps.front(), regular(3.0));
+}
+
+TEST(ClockMonitor, SamplesOfAnotherClockThatIsNeverSetAreKeptApart) {
+  const Outcome out = read([](double t) { return t; }, regular);
+  EXPECT_EQ(out.delivered.at("imu"), 3000U);
+  EXPECT_EQ(out.delivered.at("dvl"), 600U);
+}
+
 TEST(ClockMonitor, PassesARegularRecording) {
   const Outcome out = read(regular, regular);
   EXPECT_EQ(out.delivered.at("imu"), 3000U);
