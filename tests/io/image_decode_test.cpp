@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "apvi/core/error.hpp"
+#include "io/folder/raw_encoding.hpp"
 #include "support/tmp_dir.hpp"
 
 namespace apvi::io {
@@ -137,6 +138,31 @@ TEST(ImageDecode, FloatingPixelsAreAnErrorThatSaysSo) {
   BitDepth depth;
   EXPECT_THAT(error_of([&] { decode_image_file(file, depth); }),
               testing::HasSubstr("float.tiff: pixels of this type cannot be used"));
+}
+
+TEST(ImageDecode, CompressedMosaicsOfBayerSensorsBecomeColor) {
+  cv::Mat mosaic(kSide, kSide, CV_8UC1, cv::Scalar(80));  // green
+  for (int y = 0; y < kSide; y += 2) {
+    for (int x = 0; x < kSide; x += 2) {
+      mosaic.at<std::uint8_t>(y, x) = 200;         // red
+      mosaic.at<std::uint8_t>(y + 1, x + 1) = 40;  // blue
+    }
+  }
+  RawImage raw = raw_image("bayer_rggb8; png compressed ", 0, file_of(mosaic, ".png"));
+  raw.compressed = true;
+  const cv::Mat color = decode_raw_image(raw);
+  ASSERT_EQ(color.channels(), 3);
+  EXPECT_EQ(color.at<cv::Vec3b>(kSide / 2, kSide / 2), cv::Vec3b(40, 80, 200));
+  for (const char* format : {"bayer_rggb8; png compressed mono8", "png", "mono8; png compressed"}) {
+    raw.encoding = format;
+    EXPECT_EQ(decode_raw_image(raw).channels(), 1) << format;
+  }
+}
+
+TEST(ImageDecode, EncodingsAreKnownInUpperCase) {
+  EXPECT_EQ(find_encoding("RGB8"), find_encoding("rgb8"));
+  EXPECT_EQ(find_encoding("8uc3"), find_encoding("8UC3"));
+  EXPECT_EQ(find_encoding("rgb9"), nullptr);
 }
 
 TEST(ImageDecode, CompleteFilesWithATrailerAreRead) {

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/folder/image_decode.hpp"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <string_view>
 
 #include "apvi/core/error.hpp"
+#include "core/text.hpp"
 #include "io/folder/image_file_check.hpp"
 #include "io/folder/raw_encoding.hpp"
 
@@ -74,6 +77,18 @@ cv::Mat decode_file(const std::vector<std::uint8_t>& bytes, const std::string& n
   return image;
 }
 
+// Transports of images compress the mosaic of a Bayer sensor as a gray image, and name its pattern
+// in the format only. Color files and those called mono were converted before.
+cv::Mat without_mosaic(const cv::Mat& image, std::string_view format) {
+  const std::size_t end = std::min(format.find(';'), format.size());
+  const Encoding* encoding = find_encoding(text::trim(format.substr(0, end)));
+  if (encoding == nullptr || !encoding->is_bayer() || image.channels() != 1) return image;
+  if (format.substr(end).find("mono") != std::string_view::npos) return image;
+  cv::Mat color;
+  cv::cvtColor(image, color, encoding->conversion);
+  return color;
+}
+
 }  // namespace
 
 cv::Mat decode_image_file(const std::filesystem::path& path, BitDepth& depth) {
@@ -102,7 +117,8 @@ bool is_well_formed(const RawImage& raw) {
 
 cv::Mat decode_raw_image(const RawImage& raw) {
   try {
-    return raw.compressed ? decode_file(raw.bytes, raw.name, *raw.depth) : decode_rows(raw);
+    if (!raw.compressed) return decode_rows(raw);
+    return without_mosaic(decode_file(raw.bytes, raw.name, *raw.depth), raw.encoding);
   } catch (const cv::Exception& e) {
     fail_run("{}: cannot decode this image: {}", raw.name, e.err);
   }

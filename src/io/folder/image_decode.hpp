@@ -25,7 +25,9 @@ struct RawImage {
   std::size_t height = 0;
   std::size_t step = 0;  ///< as recorded; ignored where the rows are known to be tightly packed
   bool big_endian = false;
-  std::string encoding;  ///< ROS encoding: mono8, bgr8, bayer_rggb8, …
+  /// ROS encoding: mono8, bgr8, bayer_rggb8, …; the format of a compressed message, which may name
+  /// that of its image before a semicolon.
+  std::string encoding;
   SharedBitDepth depth = std::make_shared<BitDepth>();  ///< of the camera
 };
 

@@ -5,6 +5,8 @@
 #include <array>
 #include <opencv2/imgproc.hpp>
 
+#include "core/text.hpp"
+
 namespace apvi::io {
 namespace {
 
@@ -40,17 +42,22 @@ constexpr std::array kEncodings = {
     Encoding{"uyvy", CV_8UC2, cv::COLOR_YUV2BGR_UYVY},
     Encoding{"yuv422_yuy2", CV_8UC2, cv::COLOR_YUV2BGR_YUY2},
     Encoding{"yuyv", CV_8UC2, cv::COLOR_YUV2BGR_YUY2},
+    Encoding{"yuyv422", CV_8UC2, cv::COLOR_YUV2BGR_YUY2},
+    Encoding{"yuy2", CV_8UC2, cv::COLOR_YUV2BGR_YUY2},
+    Encoding{"yvyu", CV_8UC2, cv::COLOR_YUV2BGR_YVYU},
     Encoding{"nv12", CV_8UC1, cv::COLOR_YUV2BGR_NV12, true},
     Encoding{"nv21", CV_8UC1, cv::COLOR_YUV2BGR_NV21, true},
     Encoding{"i420", CV_8UC1, cv::COLOR_YUV2BGR_I420, true},
     Encoding{"yuv420", CV_8UC1, cv::COLOR_YUV2BGR_I420, true},
+    Encoding{"yv12", CV_8UC1, cv::COLOR_YUV2BGR_YV12, true},
 };
 
 }  // namespace
 
 const Encoding* find_encoding(std::string_view name) {
-  const auto* const found = std::find_if(kEncodings.begin(), kEncodings.end(),
-                                         [&](const Encoding& e) { return e.name == name; });
+  const auto* const found = std::find_if(
+      kEncodings.begin(), kEncodings.end(),
+      [&](const Encoding& e) { return text::to_lower(e.name) == text::to_lower(name); });
   return found == kEncodings.end() ? nullptr : &*found;
 }
 

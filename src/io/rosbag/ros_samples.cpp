@@ -71,9 +71,12 @@ MessageToEvent image_of(int camera, std::string topic) {
     if (data == nullptr || data->bytes().empty()) return std::nullopt;
     RawImage raw;
     raw.name = fmt::format("{} at {:.9f}", topic, stamp.seconds());
-    raw.compressed = message.find("format") != nullptr;
+    const RosValue* format = message.find("format");
+    raw.compressed = format != nullptr;
     raw.depth = depth;
-    if (!raw.compressed) {
+    if (raw.compressed) {
+      raw.encoding = std::string(format->text().value_or(""));
+    } else {
       raw.width = size_at(message, "width");
       raw.height = size_at(message, "height");
       raw.step = size_at(message, "step");
