@@ -123,6 +123,9 @@ void run_config(const Arguments& a) {
     print_keys("apvi run: key, default, range, meaning", config::document(runs::RunConfig{}));
     print_keys("apvi sim: key, default, range, meaning", config::document(sim::SceneConfig{}));
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    fail_run("standard output: cannot be written");
+  }
 }
 
 }  // namespace
