@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <map>
 #include <numbers>
+#include <utility>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
@@ -23,27 +26,50 @@ struct Photo {
   PhotoHeader header;
 };
 
-// Photographs of the first one's size. One camera model cannot describe others.
+// EXIF focal lengths of real lenses (35 mm equivalent), from a fisheye to a telescope [mm]. Cameras
+// that do not know theirs write 0, 1 or 65535.
+constexpr double kShortestLens = 4.0;
+constexpr double kLongestLens = 2000.0;
+
+bool is_same(ImageSize a, ImageSize b) {
+  return a.width == b.width && a.height == b.height;
+}
+
+// The size of most photographs; the first of these sizes if several are as frequent.
+ImageSize usual_size(const std::vector<Photo>& photos) {
+  ImageSize usual = photos.front().header.size;
+  std::ptrdiff_t most = 0;
+  std::map<std::pair<int, int>, std::ptrdiff_t> counts;
+  for (const Photo& photo : photos) {
+    ++counts[{photo.header.size.width, photo.header.size.height}];
+  }
+  for (const Photo& photo : photos) {
+    const std::ptrdiff_t count = counts[{photo.header.size.width, photo.header.size.height}];
+    if (count <= most) continue;
+    most = count;
+    usual = photo.header.size;
+  }
+  return usual;
+}
+
+// Photographs of one size. One camera model cannot describe others, such as a thumbnail among them.
 std::vector<Photo> read_headers(const std::vector<fs::path>& files) {
   std::vector<Photo> photos;
   std::size_t damaged = 0;
-  std::size_t other = 0;
   for (const fs::path& path : files) {
     const auto header = read_photo_header(path);
-    if (!header) {
-      if (damaged++ == 0) log::warning("{}: not an image; skipped", path.string());
-      continue;
-    }
-    const ImageSize first = photos.empty() ? header->size : photos.front().header.size;
-    if (header->size.width != first.width || header->size.height != first.height) {
-      if (other++ == 0) {
-        log::warning("{}: {} x {}, but the first image is {} x {}; skipped", path.string(),
-                     header->size.width, header->size.height, first.width, first.height);
-      }
-      continue;
-    }
-    photos.push_back({path, *header});
+    if (header) photos.push_back({path, *header});
+    if (!header && damaged++ == 0) log::warning("{}: not an image; skipped", path.string());
   }
+  if (photos.empty()) return photos;
+  const ImageSize usual = usual_size(photos);
+  const auto is_other = [&](const Photo& photo) { return !is_same(photo.header.size, usual); };
+  const auto first = std::find_if(photos.begin(), photos.end(), is_other);
+  if (first != photos.end()) {
+    log::warning("{}: {} x {}, but those used are {} x {}; skipped", first->path.string(),
+                 first->header.size.width, first->header.size.height, usual.width, usual.height);
+  }
+  const std::size_t other = std::erase_if(photos, is_other);
   if (damaged + other > 1) log::warning("{} files skipped", damaged + other);
   return photos;
 }
@@ -67,6 +93,11 @@ std::vector<Stamp> stamps_of(const std::vector<Photo>& photos) {
 
 std::optional<FieldOfView> field_of_view(const PhotoHeader& header) {
   if (!header.focal_length_35mm) return std::nullopt;
+  if (*header.focal_length_35mm < kShortestLens || *header.focal_length_35mm > kLongestLens) {
+    log::warning("EXIF: a focal length of {} mm is none of a lens; it is not used",
+                 *header.focal_length_35mm);
+    return std::nullopt;
+  }
   const double half = std::atan(18.0 / *header.focal_length_35mm);
   return FieldOfView{.degrees = 2.0 * half * 180.0 / std::numbers::pi,
                      .in_air = true,

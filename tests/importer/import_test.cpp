@@ -159,6 +159,13 @@ TEST_F(ImportTest, PhotographsAreInNaturalOrderAndASecondApart) {
   EXPECT_EQ(seconds_between(stamp_of(images[0]), stamp_of(images[2])), 2.0);
 }
 
+TEST_F(ImportTest, PhotographsOfTheUsualSizeAreTaken) {
+  write_photo(dir_, "photos/img0.png", 99, {8, 8});  // a thumbnail
+  for (const int i : {1, 2, 3}) write_photo(dir_, fmt::format("photos/img{}.png", i), 10 * i);
+  EXPECT_EQ(import_source(dir_.path() / "photos", out(), {}).images, 3U);
+  EXPECT_EQ(cv::mean(std::get<ImageFrame>(events({"camera"})[0]).decode())[0], 10.0);
+}
+
 TEST_F(ImportTest, NamesOfPhotographsMayBeStamps) {
   for (const char* ns : {"1700000000500000000", "1700000000000000000"}) {
     write_photo(dir_, fmt::format("photos/{}.png", ns));
