@@ -72,6 +72,15 @@ void check_gyro(const Evidence& evidence, Warnings& warnings) {
       *gyro));
 }
 
+void check_frozen_imu(const Evidence& evidence, Warnings& warnings) {
+  const double length_s = evidence.samples.frozen_imu_s();
+  if (length_s == 0.0) return;
+  warnings.push_back(fmt::format(
+      "imu: its values do not change for {:.1f} s after {:.2f} s, the longest of such times: the "
+      "sensor was stuck, or its driver repeated the last values; the pose is wrong from there on",
+      length_s, seconds_between(*evidence.samples.first(), evidence.samples.frozen_imu_since())));
+}
+
 void check_saturation(const Evidence& evidence, Warnings& warnings) {
   const auto imu = evidence.streams.find("imu");
   if (imu == evidence.streams.end() || !evidence.acoustic) return;
@@ -107,7 +116,6 @@ void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
   const double used = count(Verdict::accepted) + count(Verdict::downweighted);
   const double locked = used + count(Verdict::rejected) + count(Verdict::beams_disagree);
   const double all = locked + count(Verdict::no_lock);
-  if (used == 0.0) return;  // reported by check_inputs
   const double repeated = count(Verdict::repeated);
   if (repeated > kMaxRepeated * (all + repeated)) {
     warnings.push_back(fmt::format(
@@ -115,6 +123,7 @@ void check_acceptance(const AcousticService& acoustic, Warnings& warnings) {
         "last value; record each measurement once",
         repeated, all + repeated));
   }
+  if (used == 0.0) return;  // reported by check_inputs
   if (used < kMinUsed * locked) {
     warnings.push_back(
         fmt::format("dvl: only {:.0f} of {:.0f} pings with bottom lock were used, as they "
@@ -220,6 +229,7 @@ std::vector<std::string> check_result(const Evidence& evidence, const Trajectory
   Warnings warnings;
   check_gravity(evidence, warnings);
   check_gyro(evidence, warnings);
+  check_frozen_imu(evidence, warnings);
   check_saturation(evidence, warnings);
   check_dvl_speed(evidence, warnings);
   for (std::string& warning : check_spans(evidence.samples, fused)) {

@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kMinGap_s = 0.5;
 constexpr std::size_t kMinConstant = 50;  // samples
+constexpr double kMinFrozen_s = 1.0;
 
 bool is_constant(const std::vector<float>& values) {
   if (values.size() < kMinConstant) return false;
@@ -37,6 +38,7 @@ void SampleStatistics::add(const SensorEvent& event) {
   ++span.count;
   if (const auto* imu = std::get_if<ImuSample>(&event)) {
     add_pause(imu->stamp);
+    add_repetition(*imu);
     accel_.push_back(static_cast<float>(imu->accel.norm()));
     gyro_.push_back(static_cast<float>(imu->gyro.norm()));
   } else if (const auto* ping = std::get_if<DvlSample>(&event)) {
@@ -58,6 +60,20 @@ void SampleStatistics::add_pause(Stamp stamp) {
     gaps_.push_back({*last_imu_, step_s});
   }
   last_imu_ = stamp;
+}
+
+// A gyro and an accelerometer have noise: all six values at once do not stay the same.
+void SampleStatistics::add_repetition(const ImuSample& sample) {
+  const bool same =
+      unchanged_ && sample.gyro == unchanged_->gyro && sample.accel == unchanged_->accel;
+  if (!same) {
+    unchanged_ = sample;
+    repetitions_ = 0;
+    return;
+  }
+  const double length_s = seconds_between(unchanged_->stamp, sample.stamp);
+  if (++repetitions_ < kMinConstant || length_s < kMinFrozen_s) return;
+  if (length_s > frozen_imu_.length_s) frozen_imu_ = {unchanged_->stamp, length_s};
 }
 
 bool SampleStatistics::has_zero_gyro() const {

@@ -58,18 +58,26 @@ class SampleStatistics {
   bool has_zero_gyro() const;
   /// Whether there are many samples of pressure or depth, all of them the same.
   bool has_constant_depth() const;
+  /// The longest time without a change of any value of the IMU, if it is suspicious: a second and
+  /// many samples; 0 otherwise [s].
+  double frozen_imu_s() const { return frozen_imu_.length_s; }
+  Stamp frozen_imu_since() const { return frozen_imu_.since; }
   /// Time in which no sensor reported, in steps longer than the limit of a pause [s].
   double silent_s() const { return silent_s_; }
   std::optional<Stamp> first() const { return first_; }  ///< sample
 
  private:
   void add_pause(Stamp stamp);
+  void add_repetition(const ImuSample& sample);
 
   double segment_gap_s_;
   std::optional<Stamp> first_;
   std::optional<Stamp> last_;
   double silent_s_ = 0.0;
   std::optional<Stamp> last_imu_;
+  std::optional<ImuSample> unchanged_;  // first of the present samples that are the same
+  std::size_t repetitions_ = 0;
+  Pause frozen_imu_;
   std::vector<Pause> pauses_;
   std::vector<Pause> gaps_;
   std::map<std::string, SampleSpan> spans_;

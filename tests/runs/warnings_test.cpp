@@ -298,6 +298,27 @@ TEST(ResultWarnings, NameSensorsThatRepeatOneValue) {
                           HasSubstr("all samples are exactly the same")));
 }
 
+TEST(ResultWarnings, NameADvlThatRepeatsOneValueFromTheStart) {
+  Evidence evidence = good_evidence();
+  evidence.acoustic->counts.pings = {{dipo::Verdict::repeated, 50}};
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("dvl: 50 of 50 pings repeat the one before")));
+}
+
+TEST(ResultWarnings, NameTimesInWhichTheImuDoesNotChange) {
+  Evidence evidence = good_evidence();
+  evidence.samples = SampleStatistics();
+  const auto add = [&](double t, double noise) {
+    evidence.samples.add(ImuSample{
+        Stamp{} + Duration::from_seconds(t), {0.1 + noise, 0.0, 0.0}, {0.0, 0.0, 9.8 + noise}});
+  };
+  for (int i = 0; i < 200; ++i) add(0.01 * i, 1e-4 * (i / 2));  // every value twice
+  EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
+  for (int i = 0; i < 500; ++i) add(2.0 + 0.01 * i, 0.0);
+  EXPECT_THAT(check_result(evidence, straight(0.5)),
+              ElementsAre(HasSubstr("its values do not change for 5.0 s after 2.00 s")));
+}
+
 TEST(ResultWarnings, NameDepthsThatAreHeights) {
   Evidence evidence = good_evidence();
   for (int i = 0; i < 200; ++i) {
