@@ -53,6 +53,23 @@ TEST(CsvDialects, MeanTheSame) {
       "timestamp,angular_velocity_x,angular_velocity_y,angular_velocity_z,linear_acceleration_x,"
       "linear_acceleration_y,linear_acceleration_z\n" +
       first + row + second + row);
+  std::string rostopic = "%time";  // of `rostopic echo -p`
+  for (const char* vector : {"angular_velocity", "linear_acceleration"}) {
+    for (const char c : {'x', 'y', 'z'}) rostopic += fmt::format(",field.{}.{}", vector, c);
+  }
+  expect_same_samples(rostopic + "\n" + first + row + second + row);
+  expect_same_samples(
+      "time (ns),Gyro X (rad/s),Gyro Y (rad/s),Gyro Z (rad/s),Acc X (m/s^2),Acc Y (m/s^2),"
+      "Acc Z (m/s^2)\n" +
+      first + row + second + row);
+}
+
+TEST(CsvDialects, MissingColumnsAreNamedWithThoseThatThereAre) {
+  const TmpDir dir;
+  test::write_imu(dir, "t,p,q,r,a_x,a_y,a_z\n1,2,3,4,5,6,7\n");
+  EXPECT_THAT(input_error([&] { read_dataset(config_for(dir.path())); }),
+              HasSubstr("no column \"w_x\"; add it, or rename the one that holds it; there are t, "
+                        "p, q, r, a_x, a_y, a_z"));
 }
 
 TEST(CsvDialects, StampsThatLostDigitsAreAnError) {

@@ -41,6 +41,16 @@ TEST(Units, AreKnownInEveryUsualSpelling) {
     ASSERT_NE(io::find_unit(Dimension::length, word), nullptr) << word;
     EXPECT_EQ(io::find_unit(Dimension::length, word)->to_si, 1.0) << word;
   }
+  for (const char* word : {"rad/s", "rad s^-1", "rad.s^-1", "radians/sec"}) {
+    ASSERT_NE(io::find_unit(Dimension::angular_rate, word), nullptr) << word;
+  }
+  for (const char* word : {"hPa", "mbar", "millibar", "hectopascal", "Hectopascals", "mbar abs"}) {
+    const io::Unit* unit = io::find_unit(Dimension::pressure, word);
+    ASSERT_NE(unit, nullptr) << word;
+    EXPECT_EQ(unit->to_si, 100.0) << word;
+  }
+  EXPECT_EQ(io::find_unit(Dimension::pressure, "psig"), nullptr);  // not absolute
+  EXPECT_EQ(io::find_unit(Dimension::length, "kilometers")->to_si, 1000.0);
   EXPECT_EQ(io::find_unit(Dimension::length, "feet")->name, "ft");
   EXPECT_EQ(io::find_unit(Dimension::speed, "m"), nullptr);
   EXPECT_EQ(io::find_unit(Dimension::pressure, "mPa"), nullptr);
@@ -234,6 +244,26 @@ TEST(ImuUnit, OfTheHeaderIsTrusted) {
   EXPECT_NEAR(accel_of(dir, 9.80665, " [m s^-2]").z(), 9.8 / 9.80665, 1e-6);
 }
 
+TEST(ImuUnit, DegreesOfACsvAreToldAsThoseOfABag) {
+  const TmpDir dir;
+  const Eigen::Vector3d rate(0.1, -0.05, 0.2);
+  for (const char* unit : {"", " [rad/s]"}) {
+    std::string text = fmt::format("#timestamp [ns],w_x{0},w_y{0},w_z{0},a_x,a_y,a_z\n", unit);
+    for (int i = 1; i <= 300; ++i) {
+      const Eigen::AngleAxisd turned(-0.01 * i * rate.norm(), rate.normalized());
+      const Eigen::Vector3d w = rate / kRadiansPerDegree;
+      const Eigen::Vector3d a = turned * Eigen::Vector3d(0.0, 2.0, 9.6);
+      text += fmt::format("{},{},{},{},{},{},{}\n", i * 10'000'000LL, w.x(), w.y(), w.z(), a.x(),
+                          a.y(), a.z());
+    }
+    test::write_imu(dir, text);
+    const auto out = read_dataset(config_for(dir.path()));
+    const bool stated = *unit != '\0';
+    EXPECT_NEAR(std::get<ImuSample>(out.events.at(0)).gyro.z(),
+                stated ? 0.2 / kRadiansPerDegree : 0.2, 1e-6);
+  }
+}
+
 // A vehicle that turns at this rate [rad/s], with the gyro in another unit.
 io::ImuFactors factors_of(const Eigen::Vector3d& rate, double gyro_unit, double accel_unit) {
   io::ImuEvidence evidence;
@@ -243,7 +273,7 @@ io::ImuFactors factors_of(const Eigen::Vector3d& rate, double gyro_unit, double 
     evidence.add({Stamp{} + Duration::from_seconds(t), rate / gyro_unit,
                   turned * Eigen::Vector3d(0.0, 2.0, 9.6) / accel_unit});
   }
-  return io::imu_factors(evidence, "/imu");
+  return io::imu_factors(evidence, {}, "/imu");
 }
 
 TEST(ImuUnit, DegreesAreToldByRatesAndGravity) {
@@ -290,6 +320,19 @@ TEST(DvlFlags, OtherWordsAreMalformedWithTheirReason) {
   EXPECT_TRUE(std::get<DvlSample>(out.events[0]).valid);
   EXPECT_FALSE(std::get<DvlSample>(out.events[1]).valid);
   EXPECT_TRUE(std::get<DvlSample>(out.events[2]).valid);
+}
+
+TEST(DvlFlags, WaterTrackIsInvalid) {
+  const TmpDir dir;
+  dir.write("mav0/dvl0/data.csv",
+            "#timestamp [ns],v_x,v_y,v_z,is_valid,tracking_mode\n10,1,2,3,1,bottom\n"
+            "20,1,2,3,1,water\n30,1,2,3,0,bottom\n");
+  testing::internal::CaptureStderr();
+  const auto out = read_dataset(config_for(dir.path()));
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("data.csv:3: water track"));
+  std::vector<bool> valid;
+  for (const auto& event : out.events) valid.push_back(std::get<DvlSample>(event).valid);
+  EXPECT_THAT(valid, testing::ElementsAre(true, false, false));
 }
 
 TEST(DvlPlaceholders, FlagsMayBeWords) {

@@ -60,6 +60,14 @@ std::string with_decimal_point(std::string_view cell) {
   return number;
 }
 
+std::string plain_name(std::string_view column) {
+  std::string name(column);
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c == ' ' || c == '.' || c == '/'; }, '_');
+  constexpr std::string_view kMessage = "field_";
+  return name.starts_with(kMessage) ? name.substr(kMessage.size()) : name;
+}
+
 std::pair<std::string, std::string> split_unit(std::string_view cell) {
   const std::size_t open = cell.find_first_of("[(");
   std::string name = text::to_lower(text::trim(cell.substr(0, open)));

@@ -19,6 +19,9 @@ bool is_remark(std::string_view line);
 void split_quoted(std::string_view line, char separator, std::vector<std::string_view>& cells);
 /// "1,5" as "1.5", where commas do not separate cells.
 std::string with_decimal_point(std::string_view cell);
+/// The name of a column with underscores only: "gyro_x" for "gyro x", "angular_velocity_x" for
+/// "angular_velocity.x" and for "field.angular_velocity.x", as rostopic writes it.
+std::string plain_name(std::string_view column);
 /// Splits "timestamp [ns]" into the lower-case column "timestamp" and the unit "ns"; parentheses
 /// do as well.
 std::pair<std::string, std::string> split_unit(std::string_view cell);

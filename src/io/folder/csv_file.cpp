@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/folder/csv_file.hpp"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <fstream>
 #include <limits>
@@ -143,6 +145,11 @@ std::optional<std::size_t> CsvFile::find(std::initializer_list<std::string_view>
     const auto it = std::find(columns_.begin(), columns_.end(), name);
     if (it != columns_.end()) return static_cast<std::size_t>(it - columns_.begin());
   }
+  for (const std::string_view name : names) {
+    const auto is_named = [&](const std::string& column) { return plain_name(column) == name; };
+    const auto it = std::find_if(columns_.begin(), columns_.end(), is_named);
+    if (it != columns_.end()) return static_cast<std::size_t>(it - columns_.begin());
+  }
   return std::nullopt;
 }
 
@@ -153,8 +160,11 @@ void CsvFile::fail_for_one_column() const {
 
 std::size_t CsvFile::require_column(std::initializer_list<std::string_view> names) const {
   if (const auto column = find(names)) return *column;
-  fail_input("{}: the header has no column \"{}\"; add it, or rename the one that holds it", name_,
-             *names.begin());
+  const std::string list = fmt::format("{}", fmt::join(columns_, ", "));
+  fail_input(
+      "{}: the header has no column \"{}\"; add it, or rename the one that holds it; there are "
+      "{}{}",
+      name_, *names.begin(), shown(list), shown(list) == list ? "" : "…");
 }
 
 void CsvFile::split_cells(std::string_view line) {

@@ -15,7 +15,8 @@ namespace apvi::io {
 // The unit that is appended to one of the names, as in "depth_cm".
 const Unit* CsvFile::unit_in_name(std::size_t column, Names names, Dimension dimension) const {
   for (const std::string_view name : names) {
-    std::string_view rest = columns_[column];
+    const std::string plain = plain_name(columns_[column]);
+    std::string_view rest = plain;
     if (!rest.starts_with(name)) continue;
     rest.remove_prefix(name.size());
     if (!rest.starts_with('_')) continue;

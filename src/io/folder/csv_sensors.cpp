@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "apvi/core/error.hpp"
+#include "apvi/core/log.hpp"
 #include "core/text.hpp"
 #include "io/folder/dvl_validity.hpp"
 #include "io/folder/image_decode.hpp"
@@ -30,22 +31,23 @@ using Parse = std::function<std::optional<SensorEvent>(const CsvFile&, Stamp)>;
 // Reads ahead, before the first row, what only the whole file tells.
 using Prepare = std::function<void(CsvFile&)>;
 
-const CsvFile::Names kGyroX = {"w_x",       "w_rs_s_x",           "wx",
-                               "ang_vel_x", "angular_velocity_x", "gyro_x"};
-const CsvFile::Names kGyroY = {"w_y",       "w_rs_s_y",           "wy",
-                               "ang_vel_y", "angular_velocity_y", "gyro_y"};
-const CsvFile::Names kGyroZ = {"w_z",       "w_rs_s_z",           "wz",
-                               "ang_vel_z", "angular_velocity_z", "gyro_z"};
-const CsvFile::Names kAccelX = {"a_x",   "a_rs_s_x", "ax", "lin_acc_x", "linear_acceleration_x",
-                                "acc_x", "accel_x"};
-const CsvFile::Names kAccelY = {"a_y",   "a_rs_s_y", "ay", "lin_acc_y", "linear_acceleration_y",
-                                "acc_y", "accel_y"};
-const CsvFile::Names kAccelZ = {"a_z",   "a_rs_s_z", "az", "lin_acc_z", "linear_acceleration_z",
-                                "acc_z", "accel_z"};
-const CsvFile::Names kVelocityX = {"v_x", "vx", "vel_x"};
-const CsvFile::Names kVelocityY = {"v_y", "vy", "vel_y"};
-const CsvFile::Names kVelocityZ = {"v_z", "vz", "vel_z"};
-const CsvFile::Names kPressure = {"pressure", "fluid_pressure"};
+const CsvFile::Names kGyroX = {"w_x",    "w_rs_s_x", "wx",    "ang_vel_x", "angular_velocity_x",
+                               "gyro_x", "gyr_x",    "gyrox", "gyrx",      "omega_x"};
+const CsvFile::Names kGyroY = {"w_y",    "w_rs_s_y", "wy",    "ang_vel_y", "angular_velocity_y",
+                               "gyro_y", "gyr_y",    "gyroy", "gyry",      "omega_y"};
+const CsvFile::Names kGyroZ = {"w_z",    "w_rs_s_z", "wz",    "ang_vel_z", "angular_velocity_z",
+                               "gyro_z", "gyr_z",    "gyroz", "gyrz",      "omega_z"};
+const CsvFile::Names kAccelX = {"a_x",   "a_rs_s_x", "ax",   "lin_acc_x", "linear_acceleration_x",
+                                "acc_x", "accel_x",  "accx", "accelx",    "acceleration_x"};
+const CsvFile::Names kAccelY = {"a_y",   "a_rs_s_y", "ay",   "lin_acc_y", "linear_acceleration_y",
+                                "acc_y", "accel_y",  "accy", "accely",    "acceleration_y"};
+const CsvFile::Names kAccelZ = {"a_z",   "a_rs_s_z", "az",   "lin_acc_z", "linear_acceleration_z",
+                                "acc_z", "accel_z",  "accz", "accelz",    "acceleration_z"};
+const CsvFile::Names kVelocityX = {"v_x", "vx", "vel_x", "velocity_x"};
+const CsvFile::Names kVelocityY = {"v_y", "vy", "vel_y", "velocity_y"};
+const CsvFile::Names kVelocityZ = {"v_z", "vz", "vel_z", "velocity_z"};
+const CsvFile::Names kPressure = {"pressure", "fluid_pressure", "press", "absolute_pressure",
+                                  "abs_pressure"};
 const CsvFile::Names kDepth = {"depth"};
 
 // Converts the rows of a CSV file by a function that returns nullopt for a malformed row.
@@ -137,11 +139,11 @@ ImuColumns imu_columns(const CsvFile& file) {
 }
 
 std::optional<SensorEvent> parse_imu(const CsvFile& row, Stamp stamp, const ImuColumns& columns,
-                                     double accel_factor) {
+                                     const ImuFactors& factors) {
   const auto w = vector_of(row, columns.gyro);
   const auto a = vector_of(row, columns.accel);
   if (!w || !a) return std::nullopt;
-  return ImuSample{stamp, *w, accel_factor * *a};
+  return ImuSample{stamp, factors.gyro * *w, factors.accel * *a};
 }
 
 struct DvlColumns {
@@ -154,6 +156,7 @@ struct DvlColumns {
   std::optional<Quantity> figure_of_merit;
   std::optional<Quantity> altitude;
   std::optional<std::size_t> valid;
+  std::optional<std::size_t> track;  // what the velocity is against: water or bottom
   std::array<Beam, kDvlBeams> beams;
 };
 
@@ -164,7 +167,8 @@ DvlColumns dvl_columns(const CsvFile& file) {
                 file.require_quantity(kVelocityZ, speed)};
   c.figure_of_merit = file.find_quantity({"figure_of_merit", "fom"}, speed);
   c.altitude = file.find_quantity({"altitude"}, length);
-  c.valid = file.find({"valid", "velocity_valid"});
+  c.valid = file.find({"valid", "velocity_valid", "vel_valid", "is_valid", "bottom_lock"});
+  c.track = file.find({"tracking_mode", "velocity_mode", "type"});
   for (std::size_t i = 0; i < kDvlBeams; ++i) {
     // Beams are numbered from 0 here, from 1 in the Tank data set.
     const std::string first = fmt::format("beam{}_v", i);
@@ -189,6 +193,14 @@ bool parse_beam(const CsvFile& row, const DvlColumns::Beam& columns, std::option
   return true;
 }
 
+// The words of Water Linked's reports, and the mode of marine_acoustic_msgs.
+bool is_water_track(const CsvFile& row, const std::optional<std::size_t>& column) {
+  if (!column) return false;
+  const std::string word = text::to_lower(row.cell(*column));
+  const bool is_mode = row.column_name(*column).ends_with("velocity_mode");
+  return word.find("water") != std::string::npos || (is_mode && word == "2");
+}
+
 std::optional<SensorEvent> parse_dvl(const CsvFile& row, Stamp stamp, const DvlColumns& columns) {
   DvlSample sample;
   sample.stamp = stamp;
@@ -203,6 +215,7 @@ std::optional<SensorEvent> parse_dvl(const CsvFile& row, Stamp stamp, const DvlC
     if (!parse_beam(row, columns.beams[i], sample.beams[i])) return std::nullopt;
   }
   sample.valid = valid == Flag::absent ? infer_validity(sample) : valid == Flag::yes;
+  sample.valid = sample.valid && !is_water_track(row, columns.track);
   clear_placeholder_values(sample);
   return sample;
 }
@@ -266,33 +279,38 @@ CsvKinds csv_kinds(const CsvFile& file) {
 
 std::unique_ptr<SampleSource> csv_imu(CsvFile file) {
   const ImuColumns columns = imu_columns(file);
-  const auto factor = std::make_shared<double>(1.0);  // from what the columns hold to SI
+  const StatedUnits stated{.gyro = columns.gyro[0].has_unit, .accel = columns.accel[0].has_unit};
+  const auto factors = std::make_shared<ImuFactors>();  // from what the columns hold to SI
   return make_source(
       std::move(file),
-      [=](const CsvFile& row, Stamp stamp) { return parse_imu(row, stamp, columns, *factor); },
+      [=](const CsvFile& row, Stamp stamp) { return parse_imu(row, stamp, columns, *factors); },
       [=](CsvFile& whole) {
-        ImuMagnitudes magnitudes;
+        ImuEvidence evidence;
         whole.look_ahead([&] {
           const auto w = vector_of(whole, columns.gyro);
           const auto a = vector_of(whole, columns.accel);
-          if (w && a) magnitudes.add(w->norm(), a->norm());
+          const auto stamp = whole.stamp_ns();
+          if (w && a && stamp) evidence.add({Stamp{*stamp}, *w, *a});
           return true;
         });
-        *factor = accel_factor(magnitudes, columns.accel[0].has_unit, columns.gyro[0].has_unit,
-                               whole.name());
+        *factors = imu_factors(evidence, stated, whole.name());
       });
 }
 
 std::unique_ptr<SampleSource> csv_imu_as_written(CsvFile file) {
   const ImuColumns columns = imu_columns(file);
   return make_source(std::move(file), [columns](const CsvFile& row, Stamp stamp) {
-    return parse_imu(row, stamp, columns, 1.0);
+    return parse_imu(row, stamp, columns, {});
   });
 }
 
 std::unique_ptr<SampleSource> csv_dvl(CsvFile file) {
   const DvlColumns columns = dvl_columns(file);
-  return make_source(std::move(file), [columns](const CsvFile& row, Stamp stamp) {
+  const auto reported = std::make_shared<bool>(false);
+  return make_source(std::move(file), [=](const CsvFile& row, Stamp stamp) {
+    if (is_water_track(row, columns.track) && !std::exchange(*reported, true)) {
+      log::warning("{}: water track: velocities against the water are not used", row.where());
+    }
     return parse_dvl(row, stamp, columns);
   });
 }

@@ -109,10 +109,10 @@ void ImuEvidence::add(const ImuSample& sample) {
   turn.add(sample);
 }
 
-ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source) {
+ImuFactors imu_factors(const ImuEvidence& evidence, StatedUnits stated, const std::string& source) {
   ImuFactors factors;
   const bool enough = evidence.magnitudes.count() >= kEnoughForDegrees;
-  const bool degrees = enough && is_in_degrees(evidence);
+  const bool degrees = !stated.gyro && enough && is_in_degrees(evidence);
   if (degrees) {
     factors.gyro = kRadiansPerDegree;
     log::warning(
@@ -120,7 +120,7 @@ ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source) {
         "turn so in the accelerations: taken as deg/s and converted to rad/s",
         source, evidence.magnitudes.median_rate());
   }
-  factors.accel = accel_factor(evidence.magnitudes, false, degrees, source);
+  factors.accel = accel_factor(evidence.magnitudes, stated.accel, stated.gyro || degrees, source);
   return factors;
 }
 

@@ -37,7 +37,13 @@ struct ImuFactors {
   double accel = 1.0;
 };
 
-/// What the samples of a recording that names no units tell of them.
+/// Which units the recording names.
+struct StatedUnits {
+  bool gyro = false;
+  bool accel = false;
+};
+
+/// What the samples of a recording tell of units that it does not name.
 struct ImuEvidence {
   ImuMagnitudes magnitudes;
   GravityTurn turn;
@@ -48,6 +54,6 @@ struct ImuEvidence {
 /// As `accel_factor`, and the factor of angular rates, which are in deg/s when all of this holds:
 /// as rad/s they are more than vehicles turn, as deg/s they are not, gravity turns in the
 /// accelerations much less than by them, and the accelerations are in m/s² or g. A warning says so.
-ImuFactors imu_factors(const ImuEvidence& evidence, const std::string& source);
+ImuFactors imu_factors(const ImuEvidence& evidence, StatedUnits stated, const std::string& source);
 
 }  // namespace apvi::io

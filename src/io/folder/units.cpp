@@ -36,7 +36,11 @@ constexpr std::array kUnits = {
     Unit{"kn", Dimension::speed, 1852.0 / 3600.0},
     Unit{"kt", Dimension::speed, 1852.0 / 3600.0},
     Unit{"kts", Dimension::speed, 1852.0 / 3600.0},
+    Unit{"knot", Dimension::speed, 1852.0 / 3600.0},
     Unit{"knots", Dimension::speed, 1852.0 / 3600.0},
+    Unit{"kph", Dimension::speed, 1.0 / 3.6},
+    Unit{"fps", Dimension::speed, 0.3048},
+    Unit{"mph", Dimension::speed, 0.44704},
     Unit{"m/s^2", Dimension::acceleration, 1.0},
     Unit{"mps2", Dimension::acceleration, 1.0},
     Unit{"cm/s^2", Dimension::acceleration, 0.01},
@@ -60,6 +64,7 @@ constexpr std::array kUnits = {
     Unit{"bar", Dimension::pressure, 1e5},
     Unit{"dbar", Dimension::pressure, 1e4},
     Unit{"psi", Dimension::pressure, 6894.757293168},
+    Unit{"psia", Dimension::pressure, 6894.757293168},
 };
 
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
@@ -73,15 +78,17 @@ void replace_all(std::string& text, std::string_view from, std::string_view to) 
 std::string canonical(std::string_view word) {
   std::string unit = text::to_lower(text::trim(word));
   // "\xB0", "\xB2" and "\xB5" are °, ² and µ in Latin-1.
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 29> kSpellings = {{
-      {"⁻²", "^-2"},     {"²", "^2"},        {"⁻¹", "^-1"},     {"⁻", "^-"},
-      {"µ", "u"},        {"μ", "u"},         {"°", "deg"},      {"·", ""},
-      {"\xB0", "deg"},   {"\xB2", "^2"},     {"\xB5", "u"},     {"*", ""},
-      {" ", ""},         {"degrees", "deg"}, {"degree", "deg"}, {"radians", "rad"},
-      {"radian", "rad"}, {"seconds", "s"},   {"second", "s"},   {"sec", "s"},
-      {"meters", "m"},   {"meter", "m"},     {"feet", "ft"},    {"^^", "^"},
-      {"s^-2", "/s^2"},  {"s-2", "/s^2"},    {"s^-1", "/s"},    {"s-1", "/s"},
-      {"/s/s", "/s^2"},
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 38> kSpellings = {{
+      {"⁻²", "^-2"},     {"²", "^2"},        {"⁻¹", "^-1"},        {"⁻", "^-"},
+      {"µ", "u"},        {"μ", "u"},         {"°", "deg"},         {"·", ""},
+      {"\xB0", "deg"},   {"\xB2", "^2"},     {"\xB5", "u"},        {"*", ""},
+      {" ", ""},         {"degrees", "deg"}, {"degree", "deg"},    {"radians", "rad"},
+      {"radian", "rad"}, {"seconds", "s"},   {"second", "s"},      {"sec", "s"},
+      {"meters", "m"},   {"meter", "m"},     {"feet", "ft"},       {"^^", "^"},
+      {"s^-2", "/s^2"},  {"s-2", "/s^2"},    {"s^-1", "/s"},       {"s-1", "/s"},
+      {"/s/s", "/s^2"},  {".", ""},          {"pascals", "pa"},    {"pascal", "pa"},
+      {"hecto", "h"},    {"kilo", "k"},      {"millibar", "mbar"}, {"decibar", "dbar"},
+      {"absolute", ""},  {"abs", ""},
   }};
   for (const auto& [from, to] : kSpellings) replace_all(unit, from, to);
   replace_all(unit, "//", "/");

@@ -260,7 +260,7 @@ Scales read_scales(const Bag& bag, const ChosenTopics& from, PressureSource pres
   if (evidence.motion) {
     pressure.growth_per_meter = evidence.motion->growth_per_meter(evidence.stamped_pressures);
   }
-  scales.imu = imu_factors(evidence.imu, from.imu);
+  scales.imu = imu_factors(evidence.imu, {}, from.imu);
   *scales.pressure = evaluate_pressure(std::move(evidence.pressures), pressure);
   return scales;
 }
