@@ -17,12 +17,16 @@ import pathlib
 
 import numpy as np
 import yaml
+from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 SAMPLES = 400_000
-MARGIN_m = 5.0  # around the path, in which truth is looked for
+MARGIN_m = 12.0  # around the path, in which truth is looked for: farther than meshes reach
+NEAR = 6  # samples of a surface that are candidates for its nearest triangle
+FIELD = 1.3  # tangent of the angle up to which a lens shows something, by that of a pinhole
 DEPTH_TOLERANCE = 0.02  # relative, of a point that a depth image shows
+HIDDEN = 0.003  # relative, by which a point is behind what a depth image shows, as the inside of a plate is
 
 
 def read_tum(path):
@@ -32,6 +36,22 @@ def read_tum(path):
 
 PLY_TYPES = {"char": "i1", "uchar": "u1", "short": "<i2", "ushort": "<u2", "int": "<i4", "uint": "<u4",
              "float": "<f4", "double": "<f8"}
+
+
+def to_segment(p, a, b):
+    """Distance of each point [n,3] to a line segment."""
+    along = ((p - a) * (b - a)).sum(1) / np.maximum(((b - a) ** 2).sum(1), 1e-30)
+    return np.linalg.norm(p - a - np.clip(along, 0, 1)[:, None] * (b - a), axis=1)
+
+
+def to_triangle(p, corners):
+    """Distance of each point [n,3] to a triangle [n,3,3]: to its plane above it, to its sides beside it."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    sides = ((a, b), (b, c), (c, a))
+    above = np.all([(np.cross(t - s, p - s) * normal).sum(1) > 0 for s, t in sides], 0)
+    return np.where(above, np.abs(((p - a) * normal).sum(1)), np.min([to_segment(p, s, t) for s, t in sides], 0))
 
 
 class Mesh:
@@ -65,13 +85,26 @@ class Mesh:
 
     def sampled(self, count):
         """Points that are evenly spread over the area."""
+        return self.samples(count)[0]
+
+    def samples(self, count):
+        """Such points and the triangle of each."""
         random = np.random.default_rng(1)
         areas = self.areas()
         which = random.choice(len(areas), count, p=areas / areas.sum())
         u, v = random.random((2, count, 1))
         u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
         a, b, c = (self.vertices[self.triangles[which, i]] for i in range(3))
-        return a + u * (b - a) + v * (c - a)
+        return a + u * (b - a) + v * (c - a), which
+
+    def distances(self, points):
+        """From each point to the surface: to the nearest of the triangles that the samples near it are from."""
+        corners = self.vertices[self.triangles]
+        samples, which = self.samples(4 * SAMPLES)
+        samples = np.concatenate([samples, corners.mean(1)])  # no triangle is without one
+        which = np.concatenate([which, np.arange(len(corners))])
+        near = which[cKDTree(samples).query(points, k=NEAR, workers=-1)[1]]
+        return np.min([to_triangle(points, corners[near[:, i]]) for i in range(NEAR)], 0)
 
 
 def read_pfm(path):
@@ -98,6 +131,21 @@ def alignment(dive, run):
     return rotation, truth.mean(0) - rotation @ positions.mean(0)
 
 
+def distorted(x, y, camera):
+    """Where the lens shows what a pinhole shows at x, y; NaN far outside of the image."""
+    if camera.get("distortion", "none") == "none":
+        return x, y
+    assert camera["distortion"] == "radtan", camera["distortion"]
+    k1, k2, p1, p2 = camera["coefficients"][:4]
+    fx, fy, cx, cy = camera["intrinsics"]
+    far = (np.abs(x) > FIELD * max(cx, camera["resolution"][0] - cx) / fx) | (
+        np.abs(y) > FIELD * max(cy, camera["resolution"][1] - cy) / fy)
+    x, y = np.where(far, np.nan, x), np.where(far, np.nan, y)
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2 * r2
+    return (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+
+
 def seen_by(dive, points):
     """Number of true depth images that show each point nearer than twice their median depth."""
     camera = yaml.safe_load((dive / "rig.yaml").read_text())["cam0"]
@@ -111,12 +159,16 @@ def seen_by(dive, points):
         R = rotations[i].as_matrix() @ mount[:3, :3]
         p = (points - positions[i] - rotations[i].as_matrix() @ mount[:3, 3]) @ R
         z = np.where(p[:, 2] > 0.05, p[:, 2], np.inf)
-        u = np.rint(fx * p[:, 0] / z + cx).astype(int)
-        v = np.rint(fy * p[:, 1] / z + cy).astype(int)
+        x, y = distorted(p[:, 0] / z, p[:, 1] / z, camera)
+        u, v = (np.nan_to_num(np.rint(w), nan=-1).astype(int) for w in (fx * x + cx, fy * y + cy))
         inside = np.isfinite(z) & (u >= 0) & (v >= 0) & (u < depth.shape[1]) & (v < depth.shape[0])
-        shown = np.where(inside, depth[np.where(inside, v, 0), np.where(inside, u, 0)], 0)
+        at = np.where(inside, v, 0), np.where(inside, u, 0)
+        # Between neighboring pixels a slanted surface may be anywhere between their depths.
+        lowest = minimum_filter(np.where(depth > 0, depth, np.inf), 3)[at]
+        highest = maximum_filter(depth, 3)[at]
+        shown = (z > (1 - HIDDEN) * lowest) & (z < (1 + HIDDEN) * highest)
         near = z < 2 * np.median(depth[depth > 0]) if (depth > 0).any() else False
-        count += inside & near & (np.abs(shown - z) < DEPTH_TOLERANCE * z)
+        count += inside & near & shown & (np.abs(depth[at] - z) < DEPTH_TOLERANCE * z)
     return count
 
 
@@ -124,13 +176,12 @@ def compare_mesh(file, truth, dive, moved, distance, views):
     mesh = Mesh(file)
     found = moved(mesh.sampled(SAMPLES))
     true_points = truth.sampled(SAMPLES)
-    all_truth = cKDTree(truth.sampled(10 * SAMPLES))
     counted = true_points[seen_by(dive, true_points) >= views]
-    to_truth = all_truth.query(found, workers=-1)[0]
-    to_mesh = cKDTree(moved(mesh.sampled(10 * SAMPLES))).query(counted, workers=-1)[0]
-    spacing = np.median(all_truth.query(all_truth.data[::1000], k=2)[0][:, 1])
+    to_truth = truth.distances(found)
+    mesh.vertices = moved(mesh.vertices)
+    to_mesh = mesh.distances(counted)
     print(f"mesh: {len(mesh.vertices)} vertices, {mesh.areas().sum():.1f} m2; truth {len(counted)} points, "
-          f"{truth.areas().sum() * len(counted) / len(true_points):.1f} m2 (points {1000 * spacing:.1f} mm apart)")
+          f"{truth.areas().sum() * len(counted) / len(true_points):.1f} m2")
     for limit in (0.5 * distance, distance, 2 * distance, 5 * distance):
         precision, recall = np.mean(to_truth < limit), np.mean(to_mesh < limit)
         print(f"  within {1000 * limit:.0f} mm: precision {precision:.3f}, recall {recall:.3f}, "
