@@ -28,8 +28,11 @@ constexpr double kMinPixelsPerInverseDepth = 1e-6;
 constexpr std::int64_t kMinimumHalfWidth = 2;  // of a cost minimum, in steps of the search
 constexpr std::int64_t kSlopeWindow = 5;       // [px] of the depth image
 constexpr double kMaxSlope = 0.02;             // relative change of 1/depth of a surface [1/px]
-constexpr double kSmoothness = 4.0;            // of ratios; square of a length [px]
-constexpr double kSurfaceStep = 0.02;          // relative change of depth that ends a surface
+// Smoothness of the given depth and of changes; squares of lengths [px].
+constexpr double kGivenSmoothness = 16.0;
+constexpr double kSmoothness = 4.0;
+constexpr double kSurfaceStep = 0.02;  // relative change of depth that ends a surface
+constexpr double kMinWeight = 1e-9;    // of a smoothed value
 constexpr float kExcludedCost = 1e9F;
 
 Tensor pick(const Tensor& values, const Tensor& index) {
@@ -77,16 +80,15 @@ class Refiner {
 
   RefinedDepth refine() const {
     const Tensor given = depth_.index({known_}).reciprocal();
-    const Match found = search(given, kSearch);
-    const Match refined = search(found.w, kRefine);
-    Tensor confidence = confidence_of({.cost = refined.cost,
-                                       .margin = found.margin,
-                                       .relative_sigma = relative_sigma(refined.w),
-                                       .seen = refined.seen,
-                                       .agreement = torch::ones_like(given)},
-                                      options_.confidence);
-    confidence *= (found.inner & refined.inner).to(torch::kFloat32);
-    return smooth(image_of(given / refined.w, 1.0F), image_of(confidence, 0.0F));
+    // What is left of the noise of the given depth cannot be told from the surface later on.
+    const Tensor even = smoothed(given, torch::ones_like(given), kGivenSmoothness).values;
+    const Match found = search(even, kSearch);
+    const Tensor coarse =
+        even * smoothed(found.w / even, confidence(found, found), kSmoothness).values;
+    const Match refined = search(coarse, kRefine);
+    const Smoothed change = smoothed(refined.w / coarse, confidence(refined, found), kSmoothness);
+    return {.ratio = image_of(given / (coarse * change.values), 1.0F),
+            .confidence = image_of(change.weights, 0.0F)};
   }
 
  private:
@@ -97,6 +99,12 @@ class Refiner {
     Tensor margin;  ///< by which other minima cost more
     Tensor seen;    ///< number of images that observe it
     Tensor inner;   ///< bool: not at the end of the range
+  };
+
+  /// Of each point.
+  struct Smoothed {
+    Tensor values;   ///< 1 without any weight nearby
+    Tensor weights;  ///< smoothed, too
   };
 
   Tensor image_of(const Tensor& values, float elsewhere) const {
@@ -157,24 +165,37 @@ class Refiner {
             .inner = inner};
   }
 
+  /// That of `match`, whose minimum was unique in the search that found it.
+  Tensor confidence(const Match& match, const Match& found) const {
+    const Tensor value = confidence_of({.cost = match.cost,
+                                        .margin = found.margin,
+                                        .relative_sigma = relative_sigma(match.w),
+                                        .seen = match.seen,
+                                        .agreement = torch::ones_like(match.w)},
+                                       options_.confidence);
+    return value * (found.inner & match.inner).to(torch::kFloat32);
+  }
+
   Tensor relative_sigma(const Tensor& w) const {
     const Tensor pixels = pixels_per_inverse_depth(geometry_, points_, w);
     return options_.confidence.match_sigma_px / (pixels * w).clamp_min(1e-9);
   }
 
-  RefinedDepth smooth(const Tensor& ratio, const Tensor& confidence) const {
+  /// Within surfaces, as the given depth shows them.
+  Smoothed smoothed(const Tensor& values, const Tensor& weights, double smoothness) const {
     const Tensor logs = depth_.clamp_min(1e-6).log();
     const Tensor nearest = torch::where(known_, logs, torch::full_like(logs, 1e3)).min();
     const Tensor farthest = torch::where(known_, logs, torch::full_like(logs, -1e3)).max();
     const double range = std::max(1.0, (farthest - nearest).item<double>());
-    const Tensor smoothed = backend_.smooth(
+    const Tensor both = backend_.smooth(
         {.guide = ((logs - nearest) / range).clamp(0.0, 1.0).contiguous(),
-         .values = ratio,
-         .weights = confidence,
-         .options = {.lambda = kSmoothness, .sigma = kSurfaceStep / range, .iterations = 3}});
-    const Tensor found = known_ & (smoothed[1] > 0.0);
-    return {.ratio = torch::where(found, smoothed[0], torch::ones_like(ratio)),
-            .confidence = torch::where(found, smoothed[1], torch::zeros_like(confidence))};
+         .values = image_of(values, 1.0F),
+         .weights = image_of(weights, 0.0F),
+         .options = {.lambda = smoothness, .sigma = kSurfaceStep / range, .iterations = 3}});
+    const Tensor weight = both[1].index({known_});
+    return {.values = torch::where(weight > kMinWeight, both[0].index({known_}),
+                                   torch::ones_like(weight)),
+            .weights = weight};
   }
 
   DepthOptions options_;

@@ -29,8 +29,9 @@ struct RefinedDepth {
 
 /// Moves each pixel along its ray to where the images agree best: a plane sweep of a few pixels of
 /// disparity around the given depth, with patches that are tilted like the surface, first at half
-/// of the resolution, then finer, with parabolic interpolation. The ratios are smoothed, weighted
-/// by their confidence, within surfaces. Of `options`, the range and the number of hypotheses and
+/// of the resolution, then finer, with parabolic interpolation. Within surfaces, the given depth is
+/// smoothed before, so that its noise does not return with the ratio, and the changes after each
+/// sweep, weighted by their confidence. Of `options`, the range and the number of hypotheses and
 /// everything about blocks are not used. Throws c10::Error for invalid images or cameras.
 RefinedDepth refine_depth(const RefinementRequest& request, const DepthOptions& options);
 

@@ -3,6 +3,8 @@
 
 #include <torch/torch.h>
 
+#include <algorithm>
+
 #include "mapping/surface_depth.hpp"
 #include "survey/vertical_renderer.hpp"
 
@@ -28,22 +30,78 @@ Tensor edges(const Tensor& depth) {
   return out;
 }
 
-/// `depth` [H,W] changed by `change` [h,w]; 0 where that is unknown.
-Tensor changed(const Tensor& depth, const Tensor& change) {
-  const Tensor factor = 1.0 + change.to(depth.device(), torch::kFloat32);
-  const Tensor fine = resized(factor, depth.size(0), depth.size(1)).to(depth.scalar_type());
-  return torch::where(fine.isnan(), torch::zeros_like(depth), depth * fine);
+/// Depth [h,w] of a camera where the map shows a surface, elsewhere 0.
+Tensor solid_depth(const mapping::Map& map, const gaussians::View& camera,
+                   const mapping::MapRendering& drawn) {
+  const Tensor depth = mapping::surface_depth(map, camera, drawn.depth, drawn.alpha);
+  return depth * ((drawn.alpha >= kKnownAlpha) & (depth > 0.0));
 }
 
-/// Depth [H,W] where it can be relied on, elsewhere 0.
-Tensor kept_depth(const mapping::Map& map, const SurveyView& view,
-                  const mapping::MapRendering& drawn) {
-  Tensor depth = mapping::surface_depth(map, view.camera, drawn.depth, drawn.alpha);
-  if (view.depth_change.defined()) depth = changed(depth, view.depth_change);
-  const Tensor solid = (drawn.alpha >= kKnownAlpha) & (depth > 0.0);
-  const Tensor known = depth.index({solid});
+/// `depth` [H,W] without edges and what is far behind the rest: 0 there.
+Tensor kept(const Tensor& depth) {
+  const Tensor known = depth.index({depth > 0.0});
   const double farthest = known.numel() == 0 ? 0.0 : kFar * known.median().item<double>();
-  return depth * (solid & ~edges(depth) & (depth < farthest));
+  return depth * (~edges(depth) & (depth < farthest));
+}
+
+/// The pixels of an axis of a coarser image before and after each of `size` pixels.
+struct Neighbors {
+  Tensor before;  ///< [size] int64
+  Tensor after;
+  Tensor share;  ///< [size] float32 of `after`
+
+  Neighbors(std::int64_t coarse, std::int64_t size, const torch::Device& device) {
+    const double scale = static_cast<double>(coarse) / static_cast<double>(size);
+    const Tensor at = (torch::arange(size, torch::kFloat64) + 0.5) * scale - 0.5;
+    const std::int64_t last = std::max<std::int64_t>(0, coarse - 2);
+    const Tensor first = at.floor().clamp(0, last);
+    share = (at - first).to(device, torch::kFloat32);
+    before = first.to(device, torch::kInt64);
+    after = (before + 1).clamp_max(coarse - 1);
+  }
+};
+
+/// `depth` [h,w] at a finer resolution: its inverse is linear on planes, so it is interpolated
+/// within surfaces; elsewhere the nearest pixel counts.
+Tensor finer(const Tensor& depth, std::int64_t height, std::int64_t width) {
+  const Tensor inverse = torch::where(depth > 0.0, depth.reciprocal(), torch::zeros_like(depth));
+  const Neighbors rows(depth.size(0), height, depth.device());
+  const Neighbors columns(depth.size(1), width, depth.device());
+  const auto corner = [&inverse](const Tensor& row, const Tensor& column) {
+    return inverse.index_select(0, row).index_select(1, column);
+  };
+  const Tensor a = corner(rows.before, columns.before);
+  const Tensor b = corner(rows.before, columns.after);
+  const Tensor c = corner(rows.after, columns.before);
+  const Tensor d = corner(rows.after, columns.after);
+  const Tensor low = torch::minimum(torch::minimum(a, b), torch::minimum(c, d));
+  const Tensor high = torch::maximum(torch::maximum(a, b), torch::maximum(c, d));
+  const Tensor above = a + (b - a) * columns.share;
+  const Tensor below = c + (d - c) * columns.share;
+  const Tensor between = above + (below - above) * rows.share.unsqueeze(1);
+  const Tensor one_surface = (low > 0.0) & (high < (1.0 + kMaxStep) * low) & (between > 0.0);
+  return torch::where(one_surface, between.clamp_min(1e-9).reciprocal(),
+                      resized(depth, height, width));
+}
+
+/// Depth of the coarser image of a view that `depth_change` is for.
+Tensor changed_depth(const mapping::Map& map, const SurveyView& view) {
+  gaussians::View coarse = view.camera;
+  coarse.intrinsics = coarse.intrinsics.scaled(static_cast<int>(view.depth_change.size(1)),
+                                               static_cast<int>(view.depth_change.size(0)));
+  const Tensor depth = kept(solid_depth(map, coarse, mapping::render_map(map, coarse)));
+  const Tensor factor = 1.0 + view.depth_change.to(depth.device(), torch::kFloat32);
+  return torch::where(factor.isnan(), torch::zeros_like(depth), depth * factor);
+}
+
+Tensor confirmed_depth(const mapping::Map& map, const SurveyView& view) {
+  const gaussians::Intrinsics& k = view.camera.intrinsics;
+  return kept(finer(changed_depth(map, view), k.height, k.width)).to(torch::kFloat32);
+}
+
+Tensor map_depth(const mapping::Map& map, const SurveyView& view,
+                 const mapping::MapRendering& drawn) {
+  return kept(solid_depth(map, view.camera, drawn)).to(torch::kFloat32);
 }
 
 }  // namespace
@@ -60,15 +118,18 @@ Tensor resized(const Tensor& image, std::int64_t height, std::int64_t width) {
 
 Tensor reliable_depth(const mapping::Map& map, const SurveyView& view) {
   const torch::NoGradGuard no_grad;
-  return kept_depth(map, view, mapping::render_map(map, view.camera)).to(torch::kFloat32);
+  return view.depth_change.defined() ? confirmed_depth(map, view)
+                                     : map_depth(map, view, mapping::render_map(map, view.camera));
 }
 
 MeshView mesh_view(const mapping::Map& map, const SurveyView& view, const ColorRule& colors) {
   const torch::NoGradGuard no_grad;
   const mapping::MapRendering drawn = mapping::render_map(map, view.camera);
   const Tensor light = drawn.restored / drawn.alpha.clamp_min(kKnownAlpha).unsqueeze(2);
+  const Tensor depth =
+      view.depth_change.defined() ? confirmed_depth(map, view) : map_depth(map, view, drawn);
   return {.color = (colors(light) * 255.0 + 0.5).to(torch::kCPU, torch::kUInt8).contiguous(),
-          .depth = kept_depth(map, view, drawn).to(torch::kCPU, torch::kFloat32).contiguous()};
+          .depth = depth.to(torch::kCPU).contiguous()};
 }
 
 }  // namespace apvi::survey

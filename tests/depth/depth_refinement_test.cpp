@@ -51,6 +51,17 @@ TEST(RefineDepth, AnErrorOfAPartOfTheImageIsCorrectedThere) {
   EXPECT_NEAR(refined.ratio.slice(1, 44, 76).median().item<double>(), 1.0, 0.004);
 }
 
+TEST(RefineDepth, NoiseOfTheGivenDepthDoesNotReturn) {
+  Scene scene;
+  torch::manual_seed(3);
+  const Tensor noise = torch::avg_pool2d(torch::randn({1, 1, 62, 82}), 3, 1);
+  scene.request.depth = scene.truth * (1.0 + 0.03 * (noise / noise.std()).squeeze(0).squeeze(0));
+  const double given = (scene.request.depth / scene.truth - 1.0).abs().median().item<double>();
+  const Tensor errors = scene.errors(refine_depth(scene.request, {}));
+  EXPECT_GT(errors.numel(), scene.truth.numel() * 9 / 10);
+  EXPECT_LT(errors.median().item<double>(), 0.4 * given);
+}
+
 TEST(RefineDepth, UniformImagesConfirmNothing) {
   const Scene scene(0.0);
   const RefinedDepth refined = refine_depth(scene.request, {});

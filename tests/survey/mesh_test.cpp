@@ -14,6 +14,7 @@
 #include "apvi/core/error.hpp"
 #include "support/tmp_dir.hpp"
 #include "survey/flat_ground.hpp"
+#include "survey/mesh_views.hpp"
 
 namespace apvi::survey {
 namespace {
@@ -110,6 +111,30 @@ TEST(Fuse, TheSurfaceIsWhereTheViewsSayAndAHoleWhereTheyConfirmNone) {
   const Tensor right = mesh.vertices.to(torch::kFloat64)
                            .mm(view.camera.T_camera_world.slice(0, 0, 1).slice(1, 0, 3).t());
   EXPECT_GT(right.min().item<double>(), -2.0 * kVoxel_m);
+}
+
+/// Depth [H,W] of the plane z = 0.
+Tensor ground_depth(const gaussians::View& view) {
+  const gaussians::Intrinsics& k = view.intrinsics;
+  const Tensor R = view.T_camera_world.slice(0, 0, 3).slice(1, 0, 3);
+  const Tensor up = R.select(1, 2);
+  const double height = -up.dot(view.T_camera_world.slice(0, 0, 3).select(1, 3)).item<double>();
+  const Tensor x = (torch::arange(k.width, torch::kFloat64) + 0.5 - k.cx) / k.fx;
+  const Tensor y = (torch::arange(k.height, torch::kFloat64) + 0.5 - k.cy) / k.fy;
+  return -height / (up[0] * x + up[1] * y.unsqueeze(1) + up[2]);
+}
+
+TEST(ReliableDepth, ASlantedPlaneIsExactBetweenThePixelsOfACoarserImage) {
+  const SurveyMap plane = test::plane_map({.side_m = 1.2, .height_m = 0.0});
+  SurveyView view = looking_at_origin({0.8, 0.0, 1.0});
+  const gaussians::Intrinsics& k = view.camera.intrinsics;
+  view.depth_change = torch::zeros({k.height / 4, k.width / 4}, torch::kHalf);
+  const Tensor depth = reliable_depth(plane.map, view);
+  ASSERT_EQ(depth.size(1), k.width);
+  const Tensor error = (depth - ground_depth(view.camera)).abs().index({depth > 0.0});
+  EXPECT_GT(error.numel(), depth.numel() / 2);
+  EXPECT_LT(error.median().item<double>(), 0.001);
+  EXPECT_LT(torch::quantile(error, 0.9).item<double>(), 0.003);
 }
 
 TEST(Fuse, AMapWithNothingInItHasAnEmptyMesh) {
