@@ -225,6 +225,7 @@ LoopCloser finished_lap(const CloserOptions& options) {
     closer.add(added, test::render_floor(truth(i)));
   }
   closer.finish();
+  closer.adjust();
   return closer;
 }
 
@@ -247,6 +248,8 @@ TEST(LoopCloser, TheBundleAdjustmentAtTheEndImprovesTheGraph) {
   ASSERT_GT(graph.closures(), 5U);
   EXPECT_LT(rms_position_error(bundle), 0.7 * rms_position_error(graph));
   EXPECT_FALSE(bundle.changed_corrections().empty());
+  EXPECT_TRUE(bundle.adjusted_camera());
+  EXPECT_FALSE(graph.adjusted_camera());
   const SE3 shown = bundle.corrected_pose(50) * bundle.T_body_camera(50).inverse();
   EXPECT_LT((shown.translation - truth(50).translation).norm(), 0.05);
 }
