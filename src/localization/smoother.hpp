@@ -34,8 +34,8 @@ class Smoother {
   void connect(MapFrame& news) const;
   /// Processes what is queued. Rethrows an exception of the graph's thread.
   void finish();
-  /// The bundle adjustment of the whole dive, if it is on, after `finish`. Takes seconds to minutes;
-  /// `progress` receives the number of the iteration.
+  /// The bundle adjustment of the whole dive, if it is on, after `finish`. Takes seconds to
+  /// minutes; `progress` receives the number of the iteration.
   void adjust(const std::function<void(int iteration)>& progress = {});
   /// Discards what is queued.
   void stop();

@@ -20,7 +20,7 @@
 #include "localization/sensor_monitor.hpp"
 #include "localization/synchronizer.hpp"
 #include "localization/visual_pipeline.hpp"
-#include "runs/calibrate/bundle_calibration.hpp"
+#include "runs/calibrate/found_calibration.hpp"
 #include "runs/calibrate/self_calibration.hpp"
 #include "runs/dive_files.hpp"
 #include "runs/playback_clock.hpp"
@@ -187,9 +187,8 @@ class Runner {
 
   void adjust() {
     StatusLine status("adjusting the trajectory");
-    pipeline_.adjust([&](int iteration) {
-      status.update(-1.0, fmt::format("iteration {}", iteration));
-    });
+    pipeline_.adjust(
+        [&](int iteration) { status.update(-1.0, fmt::format("iteration {}", iteration)); });
   }
 
   // Once the pipeline has ended, with what the graph knows then.
@@ -348,22 +347,6 @@ std::vector<std::string> collect_warnings(const Evidence& evidence, const Rig& r
   return warnings;
 }
 
-vio::CalibrationEstimate calibration_of(const RunConfig& config, const Rig& rig,
-                                        const localization::VisualPipeline& visual,
-                                        const Pass& pass) {
-  vio::CalibrationEstimate found = visual.fusion_stage().estimator().calibration();
-  if (visual.smoother() != nullptr) {
-    if (const auto& camera = visual.smoother()->closer().adjusted_camera()) {
-      adopt_camera(*camera, rig, found);
-    }
-  }
-  const dipo::CalibrationState& offset = config.dipo.dvl.time_offset;
-  if (rig.dvl && offset.estimate && pass.dvl_time_offset) {
-    append_time_offset(*pass.dvl_time_offset, rig.dvl->time_offset_s, offset.sigma, found);
-  }
-  return found;
-}
-
 // Images that were skipped, if any.
 eval::Json image_counts_json(const Evidence& evidence) {
   eval::Json json = eval::Json::object();
@@ -493,7 +476,7 @@ RunResult run(const RunConfig& config, io::SequenceReader& reader, const RunOpti
                       {"build", {{"backend", kBackend}, {"git", kGitRevision}}}};
   if (const localization::VisualPipeline* visual = pipeline.visual()) {
     sections["vio"] = vio_json(*visual, evidence);
-    result.calibration = calibration_of(config, rig, *visual, pass);
+    result.calibration = found_calibration(config, rig, *visual, pass.dvl_time_offset);
     eval::Json calibration = report_self_calibration(folder.file("rig_estimated.yaml"), rig_node,
                                                      result.calibration.parameters);
     if (!calibration.empty()) sections["self_calibration"] = std::move(calibration);
