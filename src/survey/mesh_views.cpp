@@ -30,18 +30,18 @@ Tensor edges(const Tensor& depth) {
   return out;
 }
 
-/// Depth [h,w] of a camera where the map shows a surface, elsewhere 0.
-Tensor solid_depth(const mapping::Map& map, const gaussians::View& camera,
-                   const mapping::MapRendering& drawn) {
-  const Tensor depth = mapping::surface_depth(map, camera, drawn.depth, drawn.alpha);
-  return depth * ((drawn.alpha >= kKnownAlpha) & (depth > 0.0));
+/// `depth` [H,W] where it is `solid`, without edges and what is far behind the rest; elsewhere 0.
+Tensor kept(const Tensor& depth, const Tensor& solid) {
+  const Tensor known = depth.index({solid});
+  const double farthest = known.numel() == 0 ? 0.0 : kFar * known.median().item<double>();
+  return depth * (solid & ~edges(depth) & (depth < farthest));
 }
 
-/// `depth` [H,W] without edges and what is far behind the rest: 0 there.
-Tensor kept(const Tensor& depth) {
-  const Tensor known = depth.index({depth > 0.0});
-  const double farthest = known.numel() == 0 ? 0.0 : kFar * known.median().item<double>();
-  return depth * (~edges(depth) & (depth < farthest));
+/// Depth [H,W] of a camera where the map shows a surface, elsewhere 0.
+Tensor map_depth(const mapping::Map& map, const gaussians::View& camera,
+                 const mapping::MapRendering& drawn) {
+  const Tensor depth = mapping::surface_depth(map, camera, drawn.depth, drawn.alpha);
+  return kept(depth, (drawn.alpha >= kKnownAlpha) & (depth > 0.0)).to(torch::kFloat32);
 }
 
 /// The pixels of an axis of a coarser image before and after each of `size` pixels.
@@ -89,19 +89,15 @@ Tensor changed_depth(const mapping::Map& map, const SurveyView& view) {
   gaussians::View coarse = view.camera;
   coarse.intrinsics = coarse.intrinsics.scaled(static_cast<int>(view.depth_change.size(1)),
                                                static_cast<int>(view.depth_change.size(0)));
-  const Tensor depth = kept(solid_depth(map, coarse, mapping::render_map(map, coarse)));
+  const Tensor depth = map_depth(map, coarse, mapping::render_map(map, coarse));
   const Tensor factor = 1.0 + view.depth_change.to(depth.device(), torch::kFloat32);
   return torch::where(factor.isnan(), torch::zeros_like(depth), depth * factor);
 }
 
 Tensor confirmed_depth(const mapping::Map& map, const SurveyView& view) {
   const gaussians::Intrinsics& k = view.camera.intrinsics;
-  return kept(finer(changed_depth(map, view), k.height, k.width)).to(torch::kFloat32);
-}
-
-Tensor map_depth(const mapping::Map& map, const SurveyView& view,
-                 const mapping::MapRendering& drawn) {
-  return kept(solid_depth(map, view.camera, drawn)).to(torch::kFloat32);
+  const Tensor depth = finer(changed_depth(map, view), k.height, k.width);
+  return kept(depth, depth > 0.0).to(torch::kFloat32);
 }
 
 }  // namespace
@@ -118,8 +114,9 @@ Tensor resized(const Tensor& image, std::int64_t height, std::int64_t width) {
 
 Tensor reliable_depth(const mapping::Map& map, const SurveyView& view) {
   const torch::NoGradGuard no_grad;
-  return view.depth_change.defined() ? confirmed_depth(map, view)
-                                     : map_depth(map, view, mapping::render_map(map, view.camera));
+  return view.depth_change.defined()
+             ? confirmed_depth(map, view)
+             : map_depth(map, view.camera, mapping::render_map(map, view.camera));
 }
 
 MeshView mesh_view(const mapping::Map& map, const SurveyView& view, const ColorRule& colors) {
@@ -127,7 +124,7 @@ MeshView mesh_view(const mapping::Map& map, const SurveyView& view, const ColorR
   const mapping::MapRendering drawn = mapping::render_map(map, view.camera);
   const Tensor light = drawn.restored / drawn.alpha.clamp_min(kKnownAlpha).unsqueeze(2);
   const Tensor depth =
-      view.depth_change.defined() ? confirmed_depth(map, view) : map_depth(map, view, drawn);
+      view.depth_change.defined() ? confirmed_depth(map, view) : map_depth(map, view.camera, drawn);
   return {.color = (colors(light) * 255.0 + 0.5).to(torch::kCPU, torch::kUInt8).contiguous(),
           .depth = depth.to(torch::kCPU).contiguous()};
 }
