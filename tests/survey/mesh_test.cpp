@@ -125,16 +125,18 @@ Tensor ground_depth(const gaussians::View& view) {
 }
 
 TEST(ReliableDepth, ASlantedPlaneIsExactBetweenThePixelsOfACoarserImage) {
-  const SurveyMap plane = test::plane_map({.side_m = 1.2, .height_m = 0.0});
+  const SurveyMap plane = test::plane_map({.side_m = 2.0, .height_m = 0.0});
   SurveyView view = looking_at_origin({0.8, 0.0, 1.0});
   const gaussians::Intrinsics& k = view.camera.intrinsics;
   view.depth_change = torch::zeros({k.height / 4, k.width / 4}, torch::kHalf);
   const Tensor depth = reliable_depth(plane.map, view);
   ASSERT_EQ(depth.size(1), k.width);
-  const Tensor error = (depth - ground_depth(view.camera)).abs().index({depth > 0.0});
-  EXPECT_GT(error.numel(), depth.numel() / 2);
-  EXPECT_LT(error.median().item<double>(), 0.001);
-  EXPECT_LT(torch::quantile(error, 0.9).item<double>(), 0.003);
+  // The coarser image draws the border of the map wider than it is.
+  const auto middle = [&](const Tensor& image) {
+    return image.slice(0, k.height / 4, k.height / 2).slice(1, k.width / 4, 3 * k.width / 4);
+  };
+  const Tensor error = (middle(depth) - middle(ground_depth(view.camera))).abs();
+  EXPECT_LT(error.max().item<double>(), 0.002);
 }
 
 TEST(Fuse, AMapWithNothingInItHasAnEmptyMesh) {
