@@ -72,7 +72,7 @@ std::string error_of(const std::function<void()>& decode) {
 }
 
 TEST(ImageDecode, ReadsLayoutsOfUsbIndustrialAndPiCameras) {
-  constexpr std::size_t kPixels = kSide * kSide;
+  constexpr auto kPixels = static_cast<std::size_t>(kSide) * kSide;
   // The limited range of these YUV layouts maps 120 to 1.164 (120 - 16) = 121.
   for (const char* name : {"yuv422", "uyvy"}) {
     const RawImage raw = raw_image(name, 2, repeated({128, kGray}, kPixels));
@@ -99,7 +99,8 @@ TEST(ImageDecode, ReadsLayoutsOfUsbIndustrialAndPiCameras) {
 
 TEST(ImageDecode, TightRowsNeedNoStep) {
   for (const std::size_t step : {0, 8, 5000}) {
-    RawImage raw = raw_image("rgb8", 3, repeated({1, 2, 3}, kSide * kSide));
+    RawImage raw =
+        raw_image("rgb8", 3, repeated({1, 2, 3}, static_cast<std::size_t>(kSide) * kSide));
     raw.step = step;
     EXPECT_TRUE(is_well_formed(raw)) << step;
     EXPECT_EQ(decode_raw_image(raw).at<cv::Vec3b>(7, 7), cv::Vec3b(3, 2, 1)) << step;
@@ -178,7 +179,8 @@ TEST(ImageDecode, RangeOf16BitImagesIsThatOfTheRecording) {
   for (const auto& [bits, brightest] :
        {std::pair{10, 1000}, {12, 4000}, {14, 16000}, {16, 63000}}) {
     cv::Mat bright(kSide, kSide, CV_16UC1, cv::Scalar(brightest));
-    const cv::Mat dark(kSide, kSide, CV_16UC1, cv::Scalar(brightest / 16));
+    const int faint = brightest / 16;
+    const cv::Mat dark(kSide, kSide, CV_16UC1, cv::Scalar(faint));
     BitDepth depth;
     EXPECT_NEAR(gray_of(depth.to_eight_bits(bright)), 246.0, 7.0) << bits;
     EXPECT_EQ(depth.bits(), bits);

@@ -312,7 +312,10 @@ TEST(ResultWarnings, NameTimesInWhichTheImuDoesNotChange) {
     evidence.samples.add(ImuSample{
         Stamp{} + Duration::from_seconds(t), {0.1 + noise, 0.0, 0.0}, {0.0, 0.0, 9.8 + noise}});
   };
-  for (int i = 0; i < 200; ++i) add(0.01 * i, 1e-4 * (i / 2));  // every value twice
+  for (int i = 0; i < 200; ++i) {
+    const int measurement = i / 2;  // every value twice
+    add(0.01 * i, 1e-4 * measurement);
+  }
   EXPECT_THAT(check_result(evidence, straight(0.5)), IsEmpty());
   for (int i = 0; i < 500; ++i) add(2.0 + 0.01 * i, 0.0);
   EXPECT_THAT(check_result(evidence, straight(0.5)),

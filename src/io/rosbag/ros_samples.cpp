@@ -56,7 +56,7 @@ std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp) {
   return PressureDepthSample{stamp, -p->z()};
 }
 
-MessageToEvent pressure_of(PressureScale scale) {
+MessageToEvent pressure_of(const PressureScale& scale) {
   return [scale](const RosValue& message, Stamp stamp) -> std::optional<SensorEvent> {
     const auto value = message.number_at("fluid_pressure");
     if (!value) return std::nullopt;

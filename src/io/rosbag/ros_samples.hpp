@@ -27,7 +27,7 @@ std::optional<SensorEvent> imu_of(const RosValue& message, Stamp stamp);
 MessageToEvent imu_with(ImuFactors factors);
 /// An odometry or pose whose z is minus the depth.
 std::optional<SensorEvent> depth_of(const RosValue& message, Stamp stamp);
-MessageToEvent pressure_of(PressureScale scale);
+MessageToEvent pressure_of(const PressureScale& scale);
 /// sensor_msgs/Image and CompressedImage. The bytes are copied, and decoded on demand.
 MessageToEvent image_of(int camera, std::string topic);
 /// Why a message of a sensor was malformed: the kind of problem, and what the message says of
