@@ -230,7 +230,8 @@ class Bundle {
   std::vector<Point> points_;
   Pose camera_;  ///< in the body
   std::array<double, 3> lens_{};
-  Eigen::Matrix<double, 9, 9> covariance_;  ///< see BundleCamera
+  Eigen::Matrix<double, 9, 9> covariance_ =
+      Eigen::Matrix<double, 9, 9>::Zero();  ///< see BundleCamera
 };
 
 void Bundle::add_rays(ceres::Problem& problem) {

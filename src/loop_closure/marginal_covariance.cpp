@@ -5,6 +5,7 @@
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <iterator>
 
 namespace apvi::loop_closure {
 namespace {
