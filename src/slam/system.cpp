@@ -56,6 +56,7 @@ void System::process(const SensorEvent& event) {
 
 void System::finish() {
   implementation_->localization_->finish();
+  implementation_->localization_->adjust();
   if (implementation_->mapper_) implementation_->mapper_->finish();
 }
 
