@@ -24,7 +24,6 @@ constexpr double kMatchSigmas = 10.0;  // of a match with the poses before the a
 constexpr double kInlierSigmas = 3.0;
 constexpr double kRobustSigmas = 1.5;  // scale of the Cauchy loss of rays
 constexpr double kRobustFixSigmas = 3.0;
-constexpr double kMinDepth = 1e-3;
 constexpr double kMinParallax = 0.03;  // of a point [rad]
 constexpr std::size_t kMinPoints = 20;
 constexpr int kMinShared = 15;      // points of neighboring views
@@ -199,10 +198,11 @@ class Bundle {
   }
   /// On the plane z = 1 of the true lens.
   std::optional<Eigen::Vector2d> predict(const Point& point, const TrackedFeature& feature) const {
-    const SE3 T = to_pose(poses_[feature.view]) * to_pose(camera_);
+    const Pose& pose = poses_[feature.view];
     const Eigen::Vector3d p =
-        T.inverse() * Eigen::Map<const Eigen::Vector3d>(point.position.data());
-    if (p.z() < kMinDepth) return std::nullopt;
+        in_camera(pose.rotation.data(), pose.position.data(), camera_.rotation.data(),
+                  camera_.position.data(), point.position.data());
+    if (p.z() < kMinDepth_m) return std::nullopt;
     return p.hnormalized();
   }
   double error_of(const Point& point, const TrackedFeature& feature) const {

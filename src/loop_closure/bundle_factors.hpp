@@ -29,6 +29,17 @@ Eigen::Matrix<T, 3, 1> small_rotation(const Eigen::Quaternion<T>& q) {
   return (q.w() < T(0.0) ? T(-2.0) : T(2.0)) * q.vec();
 }
 
+inline constexpr double kMinDepth_m = 1e-3;  // before the camera
+
+/// A point of the world in the camera of a view.
+template <typename T>
+Eigen::Matrix<T, 3, 1> in_camera(const T* rotation, const T* position, const T* R_body_camera,
+                                 const T* p_body_camera, const T* point) {
+  const Eigen::Matrix<T, 3, 1> in_body =
+      rotation_of(rotation).conjugate() * (position_of(point) - position_of(position));
+  return rotation_of(R_body_camera).conjugate() * (in_body - position_of(p_body_camera));
+}
+
 /// Of a ray on the plane z = 1. Lens: the change from that of the rig, see lens_change.hpp.
 struct RayFactor {
   Eigen::Vector2d ray;  ///< by the rig's lens
@@ -41,11 +52,9 @@ struct RayFactor {
   template <typename T>
   bool operator()(const T* rotation, const T* position, const T* R_body_camera,
                   const T* p_body_camera, const T* lens, const T* point, T* error) const {
-    const Eigen::Matrix<T, 3, 1> in_body =
-        rotation_of(rotation).conjugate() * (position_of(point) - position_of(position));
     const Eigen::Matrix<T, 3, 1> p =
-        rotation_of(R_body_camera).conjugate() * (in_body - position_of(p_body_camera));
-    if (p.z() < T(1e-3)) return false;
+        in_camera(rotation, position, R_body_camera, p_body_camera, point);
+    if (p.z() < T(kMinDepth_m)) return false;
     Eigen::Map<Eigen::Matrix<T, 2, 1>> e(error);
     e = (rig_point<T>(p.hnormalized(), distortion, lens) - ray.cast<T>()) / T(sigma);
     return true;
