@@ -9,6 +9,9 @@ namespace {
 constexpr std::array<std::string_view, 4> kPhases{"starting", "running", "frozen", "dropped"};
 constexpr std::array<std::string_view, 4> kActions{"none", "freeze", "release", "reset"};
 
+// A failure this long before the end should be over [s].
+constexpr double kMinOutage_s = 1.0;
+
 }  // namespace
 
 std::string_view to_string(Phase phase) {
@@ -32,6 +35,7 @@ void Hysteresis::set(bool good) {
 
 FreezePolicy::Decision FreezePolicy::update(Stamp now, bool working, const Verdict& verdict,
                                             const Stability& dipo) {
+  newest_ = now;
   track_features_back(now, verdict);
   // A short interruption of DIPO (saturated inertial samples) does not make it unstable.
   const bool interrupted = dipo.reason == StabilityReason::absent && has_dipo_;
@@ -116,6 +120,11 @@ void FreezePolicy::track_features_back(Stamp now, const Verdict& verdict) {
   } else if (!back) {
     back = now;
   }
+}
+
+bool FreezePolicy::recovered() const {
+  if (outages_.empty() || outages_.back().recovered) return true;
+  return seconds_between(outages_.back().failed, newest_) < kMinOutage_s;
 }
 
 std::vector<double> FreezePolicy::reinit_times() const {

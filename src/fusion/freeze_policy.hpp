@@ -74,6 +74,9 @@ class FreezePolicy {
   Phase phase() const { return phase_; }
   const FreezeCounts& counts() const { return counts_; }
   const std::vector<Outage>& outages() const { return outages_; }
+  /// Whether VIO recovered from every failure. One in the last second before the newest frame does
+  /// not count, as a recording may end at any time.
+  bool recovered() const;
   /// Time from the return of corners to the recovery of VIO, one per completed outage [s].
   std::vector<double> reinit_times() const;
 
@@ -89,6 +92,7 @@ class FreezePolicy {
   Phase phase_ = Phase::starting;
   ConditionTimer accepted_;  // frames are accepted
   bool has_dipo_ = false;
+  Stamp newest_;  // of the frames
   FreezeCounts counts_;
   std::vector<Outage> outages_;
 };

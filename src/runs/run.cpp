@@ -292,13 +292,12 @@ class Runner {
 eval::Json vio_json(const localization::VisualPipeline& visual, const Evidence& evidence) {
   if (!vio_served(evidence)) return {{"success", false}};
   const fusion::FreezePolicy& policy = visual.fusion_stage().freeze_policy();
-  eval::Json json{
-      {"failures", policy.counts().failures},
-      {"freeze_frames", policy.counts().freeze_frames},
-      {"drop_frames", policy.counts().drop_frames},
-      {"resets", policy.counts().resets},
-      {"reinit_times_s", policy.reinit_times()},
-      {"success", policy.outages().empty() || policy.outages().back().recovered.has_value()}};
+  eval::Json json{{"failures", policy.counts().failures},
+                  {"freeze_frames", policy.counts().freeze_frames},
+                  {"drop_frames", policy.counts().drop_frames},
+                  {"resets", policy.counts().resets},
+                  {"reinit_times_s", policy.reinit_times()},
+                  {"success", policy.recovered()}};
   if (const auto start = visual.fusion_stage().vio_init_time_s()) json["init_time_s"] = *start;
   return json;
 }

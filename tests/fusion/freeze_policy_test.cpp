@@ -35,6 +35,18 @@ TEST(FreezePolicy, UninitializedVioIsNotAFailure) {
   EXPECT_EQ(frames.policy.counts().freeze_frames, 0U);
 }
 
+TEST(FreezePolicy, FailureInTheLastSecondIsNotALackOfRecovery) {
+  Frames frames;
+  frames.add(kGood);
+  EXPECT_TRUE(frames.policy.recovered());
+  for (int i = 0; i < 5; ++i) frames.add(kDark);
+  EXPECT_TRUE(frames.policy.recovered());
+  for (int i = 0; i < 15; ++i) frames.add(kDark);
+  EXPECT_FALSE(frames.policy.recovered());
+  for (int i = 0; i < 15; ++i) frames.add(kGood);
+  EXPECT_TRUE(frames.policy.recovered());
+}
+
 TEST(FreezePolicy, FreezesOnceOnFailureWithStableDipo) {
   Frames frames;
   frames.add(kGood);
