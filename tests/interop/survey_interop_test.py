@@ -108,8 +108,9 @@ class Trimesh(Map):
         super().setUpClass()
         command = [APVI, "export", str(cls.run_folder), "--format", "mesh"]
         made = subprocess.run(command, capture_output=True, text=True, check=False)
-        if made.returncode != 0:
+        if "has no Open3D" in made.stderr:
             raise unittest.SkipTest(made.stderr.strip())
+        made.check_returncode()
 
     def load(self, name):
         import trimesh

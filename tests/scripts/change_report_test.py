@@ -93,6 +93,8 @@ class ChangeReport(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if any(not importlib.util.find_spec(name) for name in NEEDED):
+    missing = [name for name in NEEDED if not importlib.util.find_spec(name)]
+    if missing:
+        print(f"skipped: apt install {' '.join('python3-' + name for name in missing)}")
         sys.exit(SKIPPED)
     unittest.main()

@@ -31,6 +31,7 @@ class DamagedReference(report_test.Case):
 
 if __name__ == "__main__":
     if report_test.MISSING:
+        print(f"skipped: apt install {' '.join('python3-' + name for name in report_test.MISSING)}")
         sys.exit(report_test.SKIPPED)
     sys.path.insert(0, str(report_test.SCRIPTS))
     unittest.main()
