@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node in a process of its own, a vehicle in another one, both on the loopback.
 
-    pip install ros-jazzy-rclpy ros-jazzy-sensor-msgs ros-jazzy-nav-msgs ros-jazzy-std-srvs ros-jazzy-diagnostic-msgs \\
-        ros-jazzy-rmw-fastrtps-cpp
+    pip install -r tests/python/requirements.txt
 """
 import importlib.util
 import os
