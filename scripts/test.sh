@@ -7,7 +7,7 @@ source "$(dirname "$0")/lib.sh"
 usage() {
   cat <<END
 usage: scripts/test.sh [CTEST ARGUMENTS...]
-Installs missing packages, builds into build/cpu, and runs all tests except those labeled cuda or long.
+Installs missing packages, builds into build/cpu, and runs all tests that need no GPU.
   scripts/test.sh -L quick      only the quick tests
   scripts/test.sh -R geometry   only tests with matching names
 Environment: APVI_JOBS (parallel compilers and tests), APVI_WERROR=ON (warnings are errors),

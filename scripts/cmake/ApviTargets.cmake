@@ -72,8 +72,7 @@ function(apvi_precompile_torch target)
   target_compile_options(${target} PRIVATE -fPIC $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)
 endfunction()
 
-# Labels of tests: quick (the whole set takes a minute on two cores), slow, e2e, cuda (needs a GPU),
-# long (not run by scripts/test.sh).
+# Labels of tests: quick (the whole set takes a minute on two cores), slow, cuda (needs a GPU).
 
 # Ends a test that hangs [s]. It is no limit of speed: a machine with other work may be many times slower.
 set(APVI_TEST_TIMEOUT 1800)
@@ -83,7 +82,7 @@ function(apvi_make_test_program name sources depends)
   target_link_libraries(apvi_${name}_test PRIVATE apvi_options apvi_test_support ${depends} GTest::gmock GTest::gtest_main)
 endfunction()
 
-# apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow|e2e])
+# apvi_add_test(<module> SOURCES a_test.cpp ... [DEPENDS ...] [LABELS quick|slow])
 # defines one test program for the module; every TEST is a separate CTest case.
 function(apvi_add_test name)
   cmake_parse_arguments(ARG "" "LABELS" "SOURCES;DEPENDS" ${ARGN})
