@@ -11,7 +11,7 @@ namespace apvi::dipo {
 /// State of the vehicle and calibration parameters of its sensors.
 struct State {
   imu::NavState nav;
-  double dvl_time_offset_s = 0.0;  ///< delay of DVL stamps: true time = stamp - offset
+  double dvl_time_offset_s = 0.0;  ///< true time = stamp - offset
   double dvl_scale_error = 0.0;    ///< reported velocity = (1 + error) * true velocity
   Eigen::Quaterniond R_body_dvl = Eigen::Quaterniond::Identity();  ///< mounting
   Eigen::Vector3d p_body_dvl = Eigen::Vector3d::Zero();            ///< lever arm [m]

@@ -147,7 +147,7 @@ struct DvlConfig {
       "also use the second residual of the paper's Eq. 3 (displacement between pings)");
     v("displacement_variance_factor", displacement_variance_factor, Range{1.0, 1000.0},
       "variance factor of that residual, which reuses the velocities of the first");
-    v("time_offset", time_offset, "delay of the DVL stamps [s]");
+    v("time_offset", time_offset, "how late the DVL's stamps are [s]");
     v("scale", scale, "relative scale error (speed of sound)");
     v("mounting", mounting, "mounting rotation [rad]");
     v("lever_arm", lever_arm, "position in the body frame [m]");

@@ -15,8 +15,9 @@ struct ScaleChange {
   }
 };
 
-/// The pose of a body of which the point `p_body` changes its position, as a camera whose images
-/// know no scale. The size of the body does not change.
+/// The pose of a body after a change of the unit. Its point `p_body` (of the body frame [m]), such
+/// as the camera whose images gave the pose, moves to the changed position; the body keeps its
+/// size.
 inline SE3 changed(const ScaleChange& change, const SE3& T_world_body,
                    const Eigen::Vector3d& p_body) {
   const Eigen::Vector3d p = T_world_body * p_body;

@@ -16,8 +16,8 @@ namespace apvi::localization {
 /// What shows the scale of poses by images alone.
 enum class ScaleSensor { imu, dvl, pressure };
 
-/// The scale of poses by images alone has become known: earlier poses, from stamp `since` on, and
-/// everything made with them are to be changed.
+/// The scale of poses by images alone has become known. Earlier poses, from the stamp `since` on,
+/// and everything made with them must be changed.
 struct ScaleFound {
   Stamp since;
   ScaleChange to_meters;  ///< of positions of the camera and of what it sees
@@ -58,8 +58,9 @@ class System {
   /// Discards every sample and every estimate; abandons work in progress.
   void reset();
 
+  /// The fused trajectory so far: poses of the body in the odometry frame.
   Trajectory trajectory() const;
-  /// The newest pose; nothing before initialization.
+  /// The newest pose; nullopt before initialization.
   std::optional<StampedPose> pose() const;
   /// Where the odometry frame of the poses lies in the frame in which loops are closed (REP 105):
   /// T_map_odom * T_world_body is the newest pose without the drift that loop closures have found.

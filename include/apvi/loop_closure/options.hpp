@@ -21,7 +21,7 @@ struct PlaceOptions {
     v("min_age_s", min_age_s, Range{10.0, 1e6}, "minimum time between the keyframes of a loop [s]");
     v("max_features", max_features, Range{50, 100000}, "maximum features per image");
     v("max_places", max_places, Range{2, 1000000},
-      "maximum stored keyframes; beyond it those are removed whose view others have");
+      "maximum stored keyframes; beyond it, those whose view others have are removed");
     v("min_inliers", min_inliers, Range{6, 100000}, "minimum inliers of a relative pose");
     v("pixel_sigma", pixel_sigma, Range{0.01, 100.0}, "standard deviation of a feature [px]");
   }
@@ -68,12 +68,11 @@ struct SmoothingOptions : PlaceOptions {
     v("drift_factor", drift_factor, Range{0.01, 100.0},
       "factor on the standard deviation of the odometry's drift");
     v("known_map", known_map,
-      "run folder of an earlier dive in whose frame this one is to be (relocalization); empty: "
+      "run folder of an earlier dive, in whose map this dive is found (relocalization); empty: "
       "none");
     v("gate", gate, Range{0.1, 1e9},
       "largest squared Mahalanobis distance of a loop closure or anchor from the graph; 16.25 "
-      "rejects 0.27 % "
-      "of the true ones (4 degrees of freedom)");
+      "rejects 0.27 % of the true ones (4 degrees of freedom)");
     v("bundle_adjustment", bundle_adjustment,
       "at the end of the dive, adjust all poses to the features of all places");
   }

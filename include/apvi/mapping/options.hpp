@@ -36,7 +36,7 @@ enum class ToneCurveKind {
 };
 
 /// Adam's learning rates. The rate of the means is in scene extents and decays exponentially to
-/// `means_final`; the others decay in the second half of the training by `final_factor`.
+/// `means_final`; the others decay in the second half of the optimization by `final_factor`.
 struct LearningRates {
   double means = 1.6e-4;
   double means_final = 1.6e-6;
@@ -75,7 +75,7 @@ struct LearningRates {
   }
 };
 
-/// Densification and pruning. The start and end are fractions of the training, 0 to 1.
+/// Densification and pruning. The start and end are fractions of the optimization, 0 to 1.
 struct DensifyOptions {
   Densification kind = Densification::gradient;
   int max_gaussians = 0;  ///< 0: 100,000 on a CPU, 600,000 on a GPU
@@ -114,7 +114,7 @@ struct DensifyOptions {
 /// Refinement of the keyframe poses, with a prior at the given poses.
 struct PoseOptions {
   bool enabled = false;
-  double start_fraction = 0.1;  ///< fraction of the training; before, the map is too rough
+  double start_fraction = 0.1;  ///< of the optimization; before, the map is too rough
   double learning_rate = 3e-4;  ///< of Adam [m], [rad]
   double prior_sigma_m = 0.02;
   double prior_sigma_deg = 0.5;
@@ -169,11 +169,11 @@ struct ToneCurveOptions {
 
 struct TrainerOptions {
   int iterations = 7000;  ///< with densification and decaying rates
-  /// Afterwards, without densification, at the final rates. Nothing: as the device allows in
+  /// Afterwards, without densification, at the final rates. nullopt: as the device allows in
   /// incremental mapping, none with given poses.
   std::optional<int> final_iterations = std::nullopt;
   double time_budget_s = 0.0;  ///< 0: none; otherwise the schedule is compressed to this time
-  /// The part of a longer schedule that this training is, as fractions of it.
+  /// The part of a longer schedule that this optimization is, as fractions of it.
   double schedule_start = 0.0;
   double schedule_end = 1.0;
   int sh_degree = kShDegreeLimit;
@@ -182,13 +182,13 @@ struct TrainerOptions {
   double depth_curvature_weight = 1.0;  ///< weight of `depth_curvature_loss`
   bool robust_weights = false;          ///< see RobustWeights
   int initial_downscale = 4;            ///< initial image reduction: 1, 2 or 4
-  double full_resolution_after = 0.25;  ///< fraction of the training
+  double full_resolution_after = 0.25;  ///< fraction of the optimization
   /// The initial map is a finished one: full images, all degrees and gains from the start.
   bool refine = false;
   bool antialiased = false;
   bool gain_compensation = true;  ///< estimate a gain per keyframe
   ToneCurveOptions tone_curve;
-  /// A step updates only visible Gaussians. Nothing: no, but OnlineOptions::sparse_adam decides in
+  /// A step updates only visible Gaussians. nullopt: no, but OnlineOptions::sparse_adam decides in
   /// incremental mapping.
   std::optional<bool> sparse_adam = std::nullopt;
   MediumEstimationMethod medium_estimation = MediumEstimationMethod::fit;
@@ -270,7 +270,8 @@ struct OnlineOptions {
     v("medium_min_keyframes", medium_min_keyframes, Range{1, 1000000},
       "number of keyframes from which the medium is first estimated");
     v("sparse_adam", sparse_adam,
-      "mapping.sparse_adam if that is null; keeps Gaussians that few keyframes see from drifting");
+      "value of mapping.sparse_adam if that is null; keeps Gaussians that few keyframes see from "
+      "drifting");
     v("keyframe_budget_fraction", keyframe_budget_fraction, Range{1e-6, 1.0},
       "maximum new Gaussians per keyframe, as a fraction of max_gaussians; in a full map they "
       "replace older ones");

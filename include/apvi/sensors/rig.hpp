@@ -58,7 +58,7 @@ struct CameraCalibration {
 
 struct DvlCalibration {
   SE3 T_body_dvl;
-  double time_offset_s = 0.0;    ///< delay of the stamps: true time = stamp - offset
+  double time_offset_s = 0.0;    ///< true time = stamp - offset
   double velocity_noise = 0.01;  ///< standard deviation of a component or beam [m/s]
   /// Unit vectors in the sensor frame; a beam measures its dot product with the sensor's velocity.
   std::array<Eigen::Vector3d, kDvlBeams> beams;

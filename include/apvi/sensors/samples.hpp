@@ -22,7 +22,7 @@ struct ImuSample {
 
 struct DvlBeam {
   double velocity = 0.0;        ///< along the beam [m/s], in the direction of the rig's beam vector
-  std::optional<double> range;  ///< [m]
+  std::optional<double> range;  ///< to the bottom, along the beam [m]
   bool valid = false;
 };
 
@@ -33,7 +33,7 @@ struct DvlSample {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< over ground, sensor frame [m/s]
   bool valid = false;                     ///< bottom lock; the velocity is undefined without it
   std::optional<double> figure_of_merit;  ///< as the device reports it [m/s]
-  std::optional<double> altitude;         ///< [m]
+  std::optional<double> altitude;         ///< above the bottom [m]
   std::array<std::optional<DvlBeam>, kDvlBeams> beams;
 };
 

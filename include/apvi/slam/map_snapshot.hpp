@@ -25,11 +25,11 @@ struct LampCoefficients {
 struct MediumCoefficients {
   std::array<double, 3> beta_d{};  ///< attenuation [1/m]
   std::array<double, 3> beta_b{};  ///< backscatter [1/m]
-  std::array<double, 3> b_inf{};   ///< veiling light
+  std::array<double, 3> b_inf{};   ///< veiling light, in linear light
   std::optional<LampCoefficients> lamp = std::nullopt;
 };
 
-/// How the camera makes image values of light: (1 + offset) light^(1/gamma) - offset.
+/// How the camera turns light into image values: (1 + offset) light^(1/gamma) - offset.
 struct ToneCoefficients {
   double gamma = 1.0;
   double offset = 0.0;
@@ -43,7 +43,7 @@ struct VignettingCoefficients {
 };
 
 /// A copy of the map, in the world frame of the trajectory; float arrays row by row. It has all
-/// that `render` needs. Colors are in linear light, those of images are the tone curve's.
+/// that `render` needs. Its colors are linear light; `tone_curve` turns them into image values.
 struct MapSnapshot {
   std::int64_t iteration = 0;
   std::size_t count = 0;                   ///< number of Gaussians, n
@@ -57,7 +57,7 @@ struct MapSnapshot {
   Trajectory keyframes;  ///< body poses, corrected by loop closures
   ToneCoefficients tone_curve = {};
   VignettingCoefficients vignetting = {};  ///< none in rendered images
-  bool antialiased = false;        ///< how opacities of small Gaussians are to be understood
+  bool antialiased = false;                ///< renders lower the opacity of Gaussians below a pixel
   std::array<double, 3> origin{};  ///< to be added to `means` [m]; zero unless read from a file
 };
 

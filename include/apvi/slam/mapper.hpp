@@ -37,9 +37,9 @@ class Mapper {
   /// Abandons what the threads have not begun.
   void stop();
 
-  /// Nothing before the first images are mapped.
+  /// nullopt before the first images are mapped.
   std::optional<MapSnapshot> map() const;
-  /// Nothing before the first images are mapped. Throws InputError for a camera without pixels.
+  /// nullopt before the first images are mapped. Throws InputError for a camera without pixels.
   std::optional<RenderedImages> render(const RenderView& view) const;
 
  private:

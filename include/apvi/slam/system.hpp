@@ -16,10 +16,11 @@
 
 namespace apvi::slam {
 
+/// How far localization and mapping have come.
 struct Status {
-  std::size_t poses = 0;
-  std::size_t keyframes = 0;
-  std::size_t gaussians = 0;
+  std::size_t poses = 0;      ///< of the fused trajectory
+  std::size_t keyframes = 0;  ///< of the map
+  std::size_t gaussians = 0;  ///< of the map
   /// Why mapping is disabled; empty while it works. Localization continues.
   std::string mapping_error;
 };
@@ -58,15 +59,16 @@ class System {
   /// Abandons what the threads have not begun.
   void stop();
 
+  /// The fused trajectory so far: poses of the body in the odometry frame.
   Trajectory trajectory() const;
-  /// The newest pose; nothing before initialization.
+  /// The newest pose; nullopt before initialization.
   std::optional<StampedPose> pose() const;
   /// See localization::System. The map has loop corrections of its own.
   SE3 T_map_odom() const;
   Status status() const;
-  /// Nothing before the first keyframe is mapped.
+  /// nullopt before the first keyframe is mapped.
   std::optional<MapSnapshot> map() const;
-  /// Nothing before the first keyframe is mapped. Throws InputError for a camera without pixels.
+  /// nullopt before the first keyframe is mapped. Throws InputError for a camera without pixels.
   std::optional<RenderedImages> render(const RenderView& view) const;
 
  private:

@@ -28,7 +28,7 @@ struct TrackerConfig {
     v("max_image_side_px", max_image_side_px, Range{160, 100000},
       "images with a longer side are tracked at the largest whole fraction of their size that "
       "fits; "
-      "lengths in pixels are in the image that is tracked [px]");
+      "lengths in pixels refer to the tracked image [px]");
     v("stable_s", stable_s, Range{0.0, 60.0}, "a track is stable from this age on [s]");
     v("stable_frames", stable_frames, Range{2, 1000},
       "a stable track has also been seen in this many consecutive frames (the paper: 10, and no "
@@ -197,7 +197,7 @@ struct CalibrationConfig {
   void visit(V& v) {
     v("camera_mounting", camera_mounting, "rotation of the cameras in the body frame [rad]");
     v("camera_lever_arm", camera_lever_arm, "position of the cameras in the body frame [m]");
-    v("camera_time_offset", camera_time_offset, "delay of the image stamps [s]");
+    v("camera_time_offset", camera_time_offset, "how late the image stamps are [s]");
     v("focal_length", focal_length, "relative error of the focal lengths");
     v("principal_point", principal_point, "principal points [focal lengths]");
     v("dvl_mounting", dvl_mounting, "rotation of the DVL in the body frame [rad]");
@@ -312,7 +312,7 @@ struct VisualConfig {
     v("lookback_s", lookback_s, Range{0.2, 60.0},
       "frames older than this when the start succeeds get no pose [s]");
     v("max_gap_s", max_gap_s, Range{0.05, 60.0},
-      "after so long without a pose, images start anew [s]");
+      "odometry by images alone starts anew after this time without a pose [s]");
   }
 };
 

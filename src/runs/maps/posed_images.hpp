@@ -25,7 +25,7 @@ struct PosedImages {
   config::Node rig;              ///< as used
   CameraModel camera;
   SE3 T_body_camera;
-  Duration camera_delay;  ///< delay of the image stamps
+  Duration camera_delay;  ///< how late the image stamps are
   std::size_t missing_pose = 0;
   std::size_t damaged = 0;
   std::size_t black = 0;           ///< black images

@@ -48,7 +48,7 @@ struct PressureSimConfig {
     v("bias_m", bias_m, Range{0.0, 100.0}, "constant bias as depth, one sigma [m]");
     v("bias_walk", bias_walk, Range{0.0, 1.0}, "bias random walk as depth [m/sqrt(s)]");
     v("resolution_pa", resolution_pa, Range{0.0, 1e5}, "resolution [Pa]");
-    v("time_offset_s", time_offset_s, Range{-1.0, 1.0}, "delay of the stamps [s]");
+    v("time_offset_s", time_offset_s, Range{-1.0, 1.0}, "how late the stamps are [s]");
   }
 };
 
