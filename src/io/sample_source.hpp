@@ -24,6 +24,7 @@ struct StampSummary {
   std::string column;      ///< "FILE: column NAME", for messages
   bool is_stated = false;  ///< whether the header names the unit
   int power = 0;           ///< of ten nanoseconds: the unit in use, stated or guessed
+  std::string order = {};  ///< that rows out of order were sorted, as a warning; else ""
   double first = 0.0;      ///< stamp, whatever a single one is
   double last = 0.0;       ///< stamp, likewise
   double step = 0.0;       ///< median of the positive steps of the first rows

@@ -163,7 +163,9 @@ std::vector<SettledStamps> settle_time_units(const Recording& recording) {
   const auto changes = decide_time_units(sensors);
   std::vector<SettledStamps> settled;
   for (std::size_t i = 0; i < changes.size(); ++i) {
-    settled.push_back({"", sensors[i].stamps});
+    const std::string order = sensors[i].stamps ? sensors[i].stamps->order : "";
+    settled.push_back({order, sensors[i].stamps});
+    if (!order.empty()) log::warning("{}", order);
     if (!changes[i]) continue;
     recording.sources[i]->set_stamp_power(changes[i]->power);
     settled.back() = {changes[i]->remark, recording.sources[i]->stamp_summary()};

@@ -31,7 +31,7 @@ std::vector<std::optional<TimeUnitChange>> decide_time_units(std::vector<SensorS
 
 /// What is known of the stamps of a source before its first sample is read.
 struct SettledStamps {
-  std::string remark;                  ///< that their unit was changed; else ""
+  std::string remark;                  ///< that their unit was changed, or rows sorted; else ""
   std::optional<StampSummary> stamps;  ///< in the unit that counts
 };
 /// Applies `decide_time_units` to the sources, with a warning for each change. Returns what is

@@ -145,7 +145,7 @@ TEST(ImuFindings, CountsDroppedSamplesByReason) {
   dive.imu[700].stamp = dive.imu[699].stamp;
   dive.imu[900].gyro.x() = std::nan("");
   const Report report = examine(dive);
-  EXPECT_FINDING(report, "imu0", "out of order", warning, "1 of 12");
+  EXPECT_FINDING(report, "imu0", "reading", warning, "1 of 12");
   EXPECT_FINDING(report, "imu0", "duplicate stamp", warning, "1 of 12");
   EXPECT_FINDING(report, "imu0", "not finite", warning, "data.csv:902");
 }

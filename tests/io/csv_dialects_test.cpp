@@ -154,9 +154,37 @@ TEST(CsvDialects, TimesThatAreNoNanosecondsAreErrors) {
   EXPECT_THAT(
       error_of(rows_at("time [ns]", [](int i) { return fmt::format("1457229350.{:02}", i + 1); })),
       HasSubstr("nanoseconds have no decimals, but 1457229350.01 has: is it [s]?"));
-  EXPECT_THAT(
-      error_of(rows_at("time", [](int i) { return fmt::format("2024-05-01T12:00:{:02}Z", i); })),
-      HasSubstr("\"2024-05-01T12:00:00Z\" is a date; write the time as a number"));
+}
+
+TEST(CsvDialects, DatesAreTimes) {
+  const std::string row = ",0.1,-0.25,3,1,2e-3,9.5\n";
+  const std::string names = ",w_x,w_y,w_z,a_x,a_y,a_z\n";
+  expect_same_samples("time" + names + "2014-06-24T19:03:01.838555574Z" + row +
+                      "2014-06-24T19:03:01.843555574Z" + row);
+  expect_same_samples("UTC [ISO]" + names + "2014-06-24 21:03:01.838555574+02:00" + row +
+                      "2014-06-24 21:03:01.843555574+02:00" + row);
+  expect_same_samples("Date,Time" + names + "2014-06-24,19:03:01.838555574" + row +
+                      "2014-06-24,19:03:01.843555574" + row);
+}
+
+TEST(CsvDialects, DatesThatCannotBeReadAreErrors) {
+  const auto with = [](const char* before) {
+    return error_of(
+        rows_at("time", [=](int i) { return fmt::format("{}12:00:{:02}", before, i); }));
+  };
+  EXPECT_THAT(with("01.05.2024 "), HasSubstr("a date whose day and month may be confused"));
+  EXPECT_THAT(with("5/1/2024 "), HasSubstr("a date whose day and month may be confused"));
+  EXPECT_THAT(with(""), HasSubstr("a time of day without a date; add a column date"));
+  EXPECT_THAT(with("2024-May-01 "), HasSubstr("no date and time as 2024-05-01T12:00:00Z"));
+}
+
+TEST(CsvDialects, AHeaderWithinIsSkippedIfItIsTheSame) {
+  const std::string header = "timestamp,w_x,w_y,w_z,a_x,a_y,a_z\n";
+  const std::string row = ",0.1,-0.25,3,1,2e-3,9.5\n";
+  expect_same_samples(header + "1403636581838555574" + row + header + "1403636581843555574" + row);
+  EXPECT_THAT(error_of(header + "1403636581838555574" + row +
+                       "timestamp,a_x,a_y,a_z,w_x,w_y,w_z\n1403636581843555574" + row),
+              HasSubstr("data.csv:3: another header, with columns in another order or unit"));
 }
 
 TEST(CsvDialects, ZeroBytesAtTheEndAreOneBadRow) {

@@ -53,6 +53,7 @@ CsvFile::CsvFile(std::unique_ptr<std::istream> in, std::string name)
 }
 
 bool CsvFile::read_line() {
+  row_begin_ = bytes_read_;
   in_->getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
   const auto count = static_cast<std::size_t>(in_->gcount());
   too_long_ = in_->fail() && count == buffer_.size() - 1;
@@ -115,6 +116,7 @@ void CsvFile::read_header() {
   time_column_ = find_time_column(columns_, units_);
   read_time_unit();
   check_stamps();
+  find_order();
 }
 
 // Some loggers write the units below the names, which then have none of their own.
@@ -177,15 +179,36 @@ void CsvFile::split_cells(std::string_view line) {
 
 bool CsvFile::next() {
   refused_.reset();
-  while (read_line()) {
+  while (seek_next_row() && read_line()) {
     const std::string_view line = text::trim(line_);
     if (line.empty() || line.starts_with('#')) continue;
     // A tab at the end separates too: only the line break is cut.
     split_cells(separator_ == '\t' ? line_ : line);
+    if (is_header_again()) continue;
     return true;
   }
   cells_.clear();
   return false;
+}
+
+// Files that were put together have a header within. Its columns must be those of the first one.
+bool CsvFile::is_header_again() const {
+  if (cells_.size() < 2 || columns_.empty() || cells_.size() < columns_.size()) return false;
+  if (line_.find_first_of("0123456789-.") == 0) return false;
+  const auto name = [&](std::size_t i) { return split_unit(cells_[i]).first; };
+  const std::size_t count = columns_.size();
+  std::size_t known = 0;
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    known += std::find(columns_.begin(), columns_.end(), name(i)) != columns_.end() ? 1 : 0;
+    same += name(i) == columns_[i] && split_unit(cells_[i]).second == units_[i] ? 1 : 0;
+  }
+  if (same == count) return true;
+  if (known < count) return false;
+  fail_input(
+      "{}: another header, with columns in another order or unit than the first one: put the rows "
+      "below it into a file of their own, or write them as those above",
+      where());
 }
 
 std::string_view CsvFile::cell(std::size_t column) const {
@@ -212,21 +235,23 @@ std::optional<RowProblem> CsvFile::problem() const {
 }
 
 bool CsvFile::look_ahead(const std::function<bool()>& visit) {
+  if (is_at_end()) return true;
   const std::string present(line_);
   const auto place = in_->tellg();
-  const bool at_end = in_->eof();
-  if (at_end || place == std::istream::pos_type(-1)) {
-    if (!at_end) in_->clear();
-    return at_end;
+  if (place == std::istream::pos_type(-1) && order_.empty()) {
+    in_->clear();
+    return false;
   }
   const std::size_t line_number = line_number_;
   const std::uint64_t bytes = bytes_read_;
+  const std::size_t row = next_row_;
   while (next() && visit()) {
   }
   in_->clear();
-  in_->seekg(place);
+  if (place != std::istream::pos_type(-1)) in_->seekg(place);
   line_number_ = line_number;
   bytes_read_ = bytes;
+  next_row_ = row;
   too_long_ = false;
   std::copy(present.begin(), present.end(), buffer_.begin());
   line_ = std::string_view(buffer_.data(), present.size());
@@ -239,7 +264,8 @@ std::string CsvFile::where() const {
 }
 
 double CsvFile::fraction() const {
-  if (in_->eof()) return 1.0;
+  if (is_at_end()) return 1.0;
+  if (!order_.empty()) return static_cast<double>(next_row_) / static_cast<double>(order_.size());
   return size_ == 0 ? 0.0
                     : std::min(1.0, static_cast<double>(bytes_read_) / static_cast<double>(size_));
 }

@@ -35,8 +35,9 @@ struct Quantity {
 
 /// A CSV file with a header line, read row by row; columns are found by name. A second line may
 /// have their units. Accepts CRLF, a byte order mark, blank lines, comment lines (`#`), quoted
-/// cells, and semicolons or tabs instead of commas (then also decimal commas). Memory does not grow
-/// with the file.
+/// cells, and semicolons or tabs instead of commas (then also decimal commas). Rows that were mixed
+/// up come in order of time, see `order_by_time`. Memory does not grow with a file that is in
+/// order.
 class CsvFile {
  public:
   using Names = std::initializer_list<std::string_view>;
@@ -71,14 +72,14 @@ class CsvFile {
   std::optional<double> number(const Quantity& quantity) const;
   /// Whether the row has as many cells as the header (extra cells must be empty).
   bool complete() const;
-  /// The time of the row as nanoseconds (by its unit), within [0, 4.5e18]; nullopt otherwise.
-  /// Without a unit the first rows tell it.
+  /// The time of the row as nanoseconds (by its unit, or of a date), within [0, 4.5e18]; nullopt
+  /// otherwise. Without a unit the first rows tell it.
   std::optional<std::int64_t> stamp_ns() const;
   /// What the rows that follow tell of the unit of the stamps; nullopt for fewer than ten of them,
   /// and when the input cannot be read twice (a pipe).
   std::optional<StampSummary> stamp_summary();
   /// Replaces the unit of the stamps by this power of ten of nanoseconds.
-  void set_stamp_power(int power) { time_power_ = power; }
+  void set_stamp_power(int power) { time_power_ = has_dates_ ? 0 : power; }
   /// What is wrong with the row's cells or stamp; nullopt when nothing is.
   std::optional<RowProblem> problem() const;
 
@@ -106,8 +107,16 @@ class CsvFile {
   void read_unit_row();
   [[noreturn]] void fail_for_one_column() const;
   void read_time_unit();
+  void read_dates();
   void check_stamps();
+  void find_order();
+  bool is_in_order();
+  bool is_header_again() const;
+  bool seek_next_row();
+  bool is_at_end() const;
+  std::string time_cell() const;
   std::string time_text() const;
+  std::optional<double> time_number() const;
   std::vector<std::string> first_times();
   std::vector<double> last_times();
   void check_nanoseconds(const std::vector<std::string>& times, bool stated) const;
@@ -134,6 +143,17 @@ class CsvFile {
   std::size_t time_column_ = 0;
   int time_power_ = 0;  // of ten nanoseconds: unit of the time
   bool time_unit_is_stated_ = false;
+  bool has_dates_ = false;                  // instead of numbers
+  std::optional<std::size_t> date_column_;  // of a time of day
+
+  struct RowPlace {
+    std::uint64_t begin = 0;  // first byte
+    std::size_t line_number = 0;
+  };
+  std::uint64_t row_begin_ = 0;
+  std::vector<RowPlace> order_;  // rows by time; empty when the file is in order
+  std::size_t next_row_ = 0;     // in `order_`
+  std::string order_remark_;
 };
 
 /// Upper limit of plausible stamps (year 2112); differences of stamps in [0, limit] cannot

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "apvi/core/error.hpp"
+#include "core/date_time.hpp"
 #include "core/median.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
@@ -23,6 +24,7 @@ constexpr double kMinStepNs = 100'000.0;  // IMUs are read at 8 kHz at most
 // the beginning or the end of a recording, whatever a single one is.
 constexpr std::uint64_t kTailBytes = 8192;
 constexpr std::ptrdiff_t kSpanRows = 9;
+constexpr std::size_t kLastRows = 50;
 
 double median_of(std::vector<double>::const_iterator begin,
                  std::vector<double>::const_iterator end) {
@@ -35,11 +37,38 @@ bool is_date(std::string_view stamp) {
          (stamp.find(':') != std::string_view::npos || stamp.find('-') != stamp.rfind('-'));
 }
 
+bool is_time_of_day(std::string_view stamp) {
+  return is_date(stamp) && stamp.find_first_not_of("0123456789:.,") == std::string_view::npos;
+}
+
+// Why a date cannot be read, and what to do.
+std::string_view refusal_of(std::string_view stamp) {
+  if (is_time_of_day(stamp)) {
+    return "a time of day without a date; add a column date (2024-05-01)";
+  }
+  const bool year_first = stamp.find_first_not_of("0123456789") == 4;
+  const bool has_words = stamp.find_first_not_of("0123456789./-: ,T+Z") != std::string_view::npos;
+  if (!year_first && !has_words && stamp.find_first_of("./-") != std::string_view::npos) {
+    return "a date whose day and month may be confused; write it as 2024-05-01T12:00:00Z, or the "
+           "time as a number, in s or ns since 1970";
+  }
+  return "no date and time as 2024-05-01T12:00:00Z; write it so, or as a number, in s or ns since "
+         "1970";
+}
+
 }  // namespace
 
+// As written; a date in a column of its own precedes the time of day.
+std::string CsvFile::time_cell() const {
+  const std::string time(cell(time_column_));
+  return date_column_ ? fmt::format("{}T{}", cell(*date_column_), time) : time;
+}
+
+// A number; a date is converted to nanoseconds.
 std::string CsvFile::time_text() const {
-  const std::string_view text = cell(time_column_);
-  return separator_ == ',' ? std::string(text) : with_decimal_point(text);
+  if (!has_dates_) return separator_ == ',' ? time_cell() : with_decimal_point(time_cell());
+  const auto stamp = parse_date_time(time_cell());
+  return stamp ? std::to_string(stamp->ns) : "";
 }
 
 std::vector<std::string> CsvFile::first_times() {
@@ -51,7 +80,31 @@ std::vector<std::string> CsvFile::first_times() {
   return times;
 }
 
+// Looks for dates instead of numbers.
+void CsvFile::read_dates() {
+  const auto date = find({"date", "utc_date"});
+  std::size_t rows = 0;
+  std::size_t dates = 0;
+  std::string first;
+  look_ahead([&] {
+    if (rows == 0 && date && *date != time_column_ && is_time_of_day(cell(time_column_))) {
+      date_column_ = date;
+    }
+    const std::string time = time_cell();
+    if (first.empty()) first = time;
+    dates += parse_date_time(time) ? 1 : 0;
+    return ++rows < kStampRows;
+  });
+  has_dates_ = 2 * dates > rows;
+  if (has_dates_ || !is_date(first)) return;
+  fail_input("{}: column {}: \"{}\" is {}", name_, columns_[date_column_.value_or(time_column_)],
+             first, refusal_of(first));
+}
+
 void CsvFile::read_time_unit() {
+  read_dates();
+  time_unit_is_stated_ = has_dates_;
+  if (has_dates_) return;
   const std::string& column = columns_[time_column_];
   const std::string& stated = units_[time_column_];
   const Unit* unit =
@@ -71,6 +124,11 @@ std::vector<double> CsvFile::last_times() {
   std::vector<double> times;
   bool at_end = size_ < bytes_read_ + kTailBytes;
   look_ahead([&] {
+    if (!order_.empty() && !at_end) {
+      next_row_ = order_.size() - std::min(order_.size(), kLastRows);
+      at_end = true;
+      return true;
+    }
     if (!at_end) {
       in_->seekg(static_cast<std::streamoff>(size_ - kTailBytes));
       at_end = true;
@@ -96,19 +154,16 @@ std::optional<StampSummary> CsvFile::stamp_summary() {
   return StampSummary{.column = fmt::format("{}: column {}", name_, columns_[time_column_]),
                       .is_stated = time_unit_is_stated_,
                       .power = time_power_,
+                      .order = order_remark_,
                       .first = median_of(begin.begin(), begin.begin() + kSpanRows) - half,
                       .last = median_of(end.end() - kSpanRows, end.end()) + half,
                       .step = step};
 }
 
-// Dates, and numbers that are something else than the nanoseconds that they are taken for.
+// Numbers that are something else than the nanoseconds that they are taken for.
 void CsvFile::check_nanoseconds(const std::vector<std::string>& times, bool stated) const {
   if (times.empty()) return;
   const std::string& column = columns_[time_column_];
-  if (is_date(times.front())) {
-    fail_input("{}: column {}: \"{}\" is a date; write the time as a number, in s or ns since 1970",
-               name_, column, times.front());
-  }
   if (stated && guess_time_power(times, 0) == 9) {
     fail_input("{}: column {}: nanoseconds have no decimals, but {} has: is it [s]?", name_, column,
                times.front());
@@ -149,7 +204,9 @@ void CsvFile::check_stamps() {
 std::optional<std::int64_t> CsvFile::stamp_ns() const {
   const std::string_view text = cell(time_column_);
   const bool comma = separator_ != ',' && text.find(',') != std::string_view::npos;
-  const auto ns = text::parse_scaled_int64(comma ? with_decimal_point(text) : text, time_power_);
+  const bool as_written = !comma && !has_dates_;
+  const auto ns = as_written ? text::parse_scaled_int64(text, time_power_)
+                             : text::parse_scaled_int64(time_text(), time_power_);
   if (!ns || *ns < 0 || *ns > kMaxStampNs) return std::nullopt;
   return ns;
 }

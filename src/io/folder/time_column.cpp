@@ -10,9 +10,10 @@
 namespace apvi::io {
 namespace {
 
-constexpr std::array<std::string_view, 15> kNames = {
-    "timestamp", "timestamps", "time", "t",  "stamp", "stamps",       "sec",   "secs",
-    "seconds",   "ns",         "us",   "ms", "utime", "header.stamp", "__time"};
+constexpr std::array<std::string_view, 19> kNames = {
+    "timestamp", "timestamps", "time",     "t",        "stamp",    "stamps", "sec",
+    "secs",      "seconds",    "ns",       "us",       "ms",       "utime",  "header.stamp",
+    "__time",    "utc",        "utc_time", "datetime", "date_time"};
 
 }  // namespace
 
@@ -42,7 +43,8 @@ std::size_t find_time_column(const std::vector<std::string>& columns,
   for (std::size_t i = 1; i < columns.size(); ++i) {
     if (is_time(i)) return i;
   }
-  return 0;
+  const auto date = std::find(columns.begin(), columns.end(), "date");
+  return date == columns.end() ? 0 : static_cast<std::size_t>(date - columns.begin());
 }
 
 }  // namespace apvi::io

@@ -117,7 +117,9 @@ bool has_fraction(std::string_view stamp) {
   return stamp.find_first_not_of('0', point + 1) != std::string_view::npos;
 }
 
-double median_step(const std::vector<double>& times) {
+// Rows may be out of order.
+double median_step(std::vector<double> times) {
+  std::sort(times.begin(), times.end());
   std::vector<double> steps;
   for (std::size_t i = 1; i < times.size(); ++i) {
     if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
@@ -147,9 +149,10 @@ std::string known_units(Dimension dimension) {
 double median_time_step(const std::vector<std::string>& stamps) {
   std::vector<double> times;
   for (const std::string& stamp : stamps) {
-    if (const auto time = text::parse_double(stamp)) times.push_back(*time);
+    const auto time = text::parse_double(stamp);
+    if (time && std::isfinite(*time)) times.push_back(*time);
   }
-  return median_step(times);
+  return median_step(std::move(times));
 }
 
 int guess_time_power(const std::vector<std::string>& stamps, int fallback) {

@@ -3,14 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <vector>
 
 #include "apvi/core/error.hpp"
 #include "apvi/core/log.hpp"
+#include "core/date_time.hpp"
 #include "core/text.hpp"
 #include "io/folder/csv_cells.hpp"
 #include "io/folder/csv_file.hpp"
+#include "io/folder/row_order.hpp"
 #include "io/folder/units.hpp"
 #include "io/rosbag/navsat.hpp"
 #include "io/trajectory/quaternion_order.hpp"
@@ -51,6 +54,7 @@ std::string_view name_of_power(int power) {
 }
 
 Stamp stamp_in(const Line& line, std::string_view cell, int power) {
+  if (const auto date = parse_date_time(cell)) return *date;
   const auto ns = text::parse_scaled_int64(with_decimal_point(cell), power);
   if (!ns || *ns > kMaxStampNs || *ns < -kMaxStampNs) {
     line.fail(fmt::format("\"{}\" is not a time in {}", cell, name_of_power(power)));
@@ -123,6 +127,28 @@ void set_time_power(Content& content, const std::string& name) {
   layout.time_power = power;
 }
 
+// Lines that were mixed up are sorted by time.
+void sort_lines(Content& content, const std::string& name) {
+  const TrajectoryLayout& layout = content.layout;
+  std::vector<TimedRow> rows;
+  Cells cells;
+  for (const Line& line : content.lines) {
+    split_trajectory_line(line.text, cells);
+    const auto number = layout.stamp < cells.size()
+                            ? text::parse_double(with_decimal_point(cells[layout.stamp]))
+                            : std::nullopt;
+    rows.push_back({number.value_or(std::nan("")) * std::pow(10.0, *layout.time_power - 9),
+                    std::hash<std::string>{}(line.text)});
+  }
+  const RowOrder order = order_by_time(rows);
+  if (order.rows.empty()) return;
+  std::vector<Line> sorted;
+  for (const std::size_t row : order.rows) sorted.push_back(content.lines[row]);
+  content.lines.swap(sorted);
+  log::warning("{}: {} of {} lines are earlier than the line before; all are sorted by time", name,
+               order.late, rows.size());
+}
+
 // A header must have a name for each number of the first line; else it is a remark.
 bool fits(const TrajectoryLayout& layout, const Line& line) {
   Cells cells;
@@ -153,6 +179,7 @@ Content read_content(std::istream& in, const std::string& name) {
   }
   if (named) content.layout = *named;
   set_time_power(content, name);
+  sort_lines(content, name);
   return content;
 }
 
