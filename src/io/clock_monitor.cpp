@@ -2,6 +2,8 @@
 #include "io/clock_monitor.hpp"
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "apvi/core/log.hpp"
@@ -14,8 +16,16 @@ constexpr Duration kDay{86'400'000'000'000};
 // Sensors whose clock was set at once have their last samples before it within this time.
 constexpr Duration kSameTime{2'000'000'000};
 
+// A clock that was set steps back by more; samples out of order by less come late.
+constexpr Duration kSetBack{1'000'000'000};
+
 // Samples read ahead to see whether a clock returns.
-constexpr std::size_t kMaxHeld = 256;
+constexpr std::size_t kMaxHeld = 20'000;
+constexpr std::size_t kMaxHeldImages = 256;  // a bag holds their bytes
+
+Duration size_of(Duration step) {
+  return step < Duration{0} ? -step : step;
+}
 
 void shift_stamp(SensorEvent& event, Duration shift) {
   std::visit([shift](auto& sample) { sample.stamp = sample.stamp + shift; }, event);
@@ -37,11 +47,11 @@ SourceState ClockMonitor::next(std::size_t index, SampleSource& source, SensorEv
   for (;;) {
     const bool open = sensor.state == State::jumped && !resolve(sensor, drop);
     if (sensor.state == State::regular && !sensor.held.empty()) return deliver(sensor, event);
-    if (open && (sensor.ended || sensor.held.size() >= kMaxHeld)) return SourceState::pending;
+    if (open && (sensor.ended || sensor.returned || is_full(sensor))) return SourceState::pending;
     SensorEvent read;
     const SourceState state = source.next(read);
     if (state == SourceState::sample) {
-      take(sensor, std::move(read), drop);
+      take(sensor, std::move(read));
       continue;
     }
     if (state != SourceState::end) return state;
@@ -72,11 +82,13 @@ void ClockMonitor::leave_out(std::size_t index) {
   sensor.ended = true;
 }
 
-void ClockMonitor::take(Sensor& sensor, SensorEvent event, const Drop& drop) {
+void ClockMonitor::take(Sensor& sensor, SensorEvent event) {
   const Stamp stamp = stamp_of(event);
   const bool jumps = sensor.last && is_jump(*sensor.last, stamp);
   if (sensor.state == State::jumped) {
-    if (!jumps) return_to_clock(sensor, stamp, drop);
+    sensor.returned = !jumps;
+    sensor.stepped = !jumps && steps_back_to_clock(sensor, stamp);
+    if (!jumps) sensor.away = sensor.latest - *sensor.jump;
   } else if (sensor.state == State::suspect) {
     const Stamp first = stamp_of(sensor.held.front());
     sensor.state = jumps && is_near(stamp, first) ? State::jumped : State::regular;
@@ -84,7 +96,20 @@ void ClockMonitor::take(Sensor& sensor, SensorEvent event, const Drop& drop) {
   } else if (jumps) {
     sensor.state = State::suspect;
   }
+  sensor.latest = stamp;
   sensor.held.push_back(std::move(event));
+}
+
+// A clock that returns makes a step as large as the first one. One that was set back comes to the
+// stamps before it as well, but step by step.
+bool ClockMonitor::steps_back_to_clock(const Sensor& sensor, Stamp stamp) {
+  return 2 * size_of(stamp - sensor.latest).ns > size_of(*sensor.last - *sensor.jump).ns;
+}
+
+bool ClockMonitor::is_full(const Sensor& sensor) {
+  const bool is_image =
+      !sensor.held.empty() && std::holds_alternative<ImageFrame>(sensor.held.front());
+  return sensor.held.size() >= (is_image ? kMaxHeldImages : kMaxHeld);
 }
 
 SourceState ClockMonitor::deliver(Sensor& sensor, SensorEvent& event) {
@@ -105,7 +130,7 @@ bool ClockMonitor::is_near(Stamp a, Stamp b) const {
 }
 
 bool ClockMonitor::is_jump(Stamp from, Stamp to) const {
-  return from - to > max_jump_ || to - from > kDay;
+  return from - to > std::min(max_jump_, kSetBack) || to - from > kDay;
 }
 
 bool ClockMonitor::all_jumped() const {
@@ -143,8 +168,22 @@ bool ClockMonitor::others_continued(const Sensor& sensor) const {
   });
 }
 
+// Whether every sensor that jumped was read to where its clock returns, or as far as possible.
+bool ClockMonitor::all_settled() const {
+  return std::all_of(sensors_.begin(), sensors_.end(), [](const Sensor& sensor) {
+    return sensor.state != State::jumped || sensor.ended || sensor.returned || is_full(sensor);
+  });
+}
+
+// Whether all made a step back to the clock before; those that ended cannot.
+bool ClockMonitor::all_stepped() const {
+  return std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.stepped; }) &&
+         std::all_of(sensors_.begin(), sensors_.end(),
+                     [](const Sensor& s) { return s.stepped || (s.ended && !s.returned); });
+}
+
 void ClockMonitor::drop_overtaken(Sensor& sensor, Duration progress, bool all, const Drop& drop) {
-  while (!sensor.held.empty()) {
+  while (sensor.held.size() > (sensor.returned ? 1U : 0U)) {
     const Duration since_jump = stamp_of(sensor.held.front()) - *sensor.jump;
     if (!all && since_jump + max_jump_ >= progress) return;
     drop_front(sensor, drop);
@@ -153,19 +192,71 @@ void ClockMonitor::drop_overtaken(Sensor& sensor, Duration progress, bool all, c
 
 bool ClockMonitor::resolve(Sensor& sensor, const Drop& drop) {
   const Duration progress = progress_of_others(sensor);
-  const bool contradicted = all_jumped() && others_continued(sensor);
-  const bool overtaken = progress > max_jump_ && (!all_jumped() || others_ended(sensor));
-  const bool alone = contradicted || overtaken;
-  if (alone) drop_overtaken(sensor, progress, contradicted || others_ended(sensor), drop);
-  if (sensor.held.empty() && sensor.ended) {
-    sensor.state = State::regular;
-    log::warning("{}: its clock jumped while the others continued; the last {} samples are dropped",
-                 sensor.kind, sensor.dropped);
+  const bool is_all = all_jumped();
+  const bool contradicted = is_all && others_continued(sensor);
+  const bool overtaken = progress > max_jump_ && (!is_all || others_ended(sensor));
+  const bool passed = sensor.returned && !is_all && progress > sensor.away;
+  if (contradicted || overtaken || passed) {
+    const bool all = contradicted || passed || others_ended(sensor);
+    drop_overtaken(sensor, progress, all, drop);
+    return end_alone(sensor);
+  }
+  if (!is_all || !all_settled()) return false;
+  if (all_stepped()) {
+    correct_excursion();
+  } else {
+    set_clock();
+  }
+  return true;
+}
+
+// A sensor that jumped alone goes on where its clock returns. False before that.
+bool ClockMonitor::end_alone(Sensor& sensor) {
+  if (sensor.returned && sensor.held.size() == 1) {
+    return_to_clock(sensor);
     return true;
   }
-  if (alone || !all_jumped()) return false;
-  set_clock();
+  if (!sensor.ended || !sensor.held.empty()) return false;
+  sensor.state = State::regular;
+  log::warning("{}: its clock jumped while the others continued; the last {} samples are dropped",
+               sensor.kind, sensor.dropped);
   return true;
+}
+
+// How far all clocks were set, by the sensor with the shortest step between samples: before both
+// jumps it made one.
+Duration ClockMonitor::excursion() const {
+  Duration shift{0};
+  Duration shortest{std::numeric_limits<std::int64_t>::max()};
+  for (const Sensor& sensor : sensors_) {
+    if (!sensor.stepped || sensor.held.size() < 2) continue;
+    const Duration away = *sensor.last - *sensor.jump;
+    const Duration back =
+        stamp_of(sensor.held.back()) - stamp_of(sensor.held[sensor.held.size() - 2]);
+    if (size_of(back - away) >= shortest) continue;
+    shortest = size_of(back - away);
+    shift = Duration{away.ns / 2 + back.ns / 2};
+  }
+  return shift;
+}
+
+void ClockMonitor::correct_excursion() {
+  const Duration shift = excursion();
+  Duration span{0};
+  Stamp begin = Stamp::min();
+  for (Sensor& sensor : sensors_) {
+    if (sensor.state != State::jumped) continue;
+    const std::size_t count = sensor.held.size() - (sensor.returned ? 1 : 0);
+    for (std::size_t i = 0; i < count; ++i) shift_stamp(sensor.held[i], shift);
+    begin = std::max(begin, *sensor.last);
+    span = std::max(span, stamp_of(sensor.held.back()) - *sensor.last);
+    sensor.state = State::regular;
+    sensor.returned = sensor.stepped = false;
+  }
+  log::warning(
+      "the clock of all sensors was set by {:.1f} s at {:.3f} s, and back after {:.1f} s; the "
+      "stamps between are corrected",
+      -shift.seconds(), begin.seconds(), span.seconds());
 }
 
 void ClockMonitor::set_clock() {
@@ -186,6 +277,7 @@ void ClockMonitor::set_clock() {
   for (Sensor& sensor : sensors_) {
     if (sensor.state == State::jumped) {
       sensor.state = State::regular;
+      sensor.returned = sensor.stepped = false;
       sensor.last = *sensor.jump;
     } else {
       sensor.last.reset();  // ended: its stamps say nothing about the new clock
@@ -193,13 +285,13 @@ void ClockMonitor::set_clock() {
   }
 }
 
-void ClockMonitor::return_to_clock(Sensor& sensor, Stamp stamp, const Drop& drop) {
-  while (!sensor.held.empty()) drop_front(sensor, drop);
+void ClockMonitor::return_to_clock(Sensor& sensor) {
   if (++sensor.returns == 1) {
     log::warning("{}: its clock jumped while the others continued; {} samples dropped until {:.3f}",
-                 sensor.kind, sensor.dropped, stamp.seconds());
+                 sensor.kind, sensor.dropped, stamp_of(sensor.held.front()).seconds());
   }
   sensor.dropped = 0;
+  sensor.returned = sensor.stepped = false;
   sensor.state = State::regular;
 }
 

@@ -173,6 +173,39 @@ TEST(ClockMonitor, SamplesOfAClockThatNeverReturnsAreDropped) {
   }
 }
 
+TEST(ClockMonitor, AClockThatIsSetAndReturnsForAllSensorsIsCorrected) {
+  for (const double jump : {-600.0, -20.0, -5.0 * kDay, 17000.0 * kDay}) {
+    for (const double length : {5.0, 15.0, 100.0}) {
+      if (length > -jump && jump < 0.0) continue;  // comes to the stamps before it
+      const auto clock = [=](double t) {
+        return regular(t) + (t >= 100.0 && t < 100.0 + length ? jump : 0.0);
+      };
+      const Outcome out = read(clock, clock);
+      EXPECT_EQ(out.delivered.at("imu"), 3000U) << jump << " for " << length;
+      EXPECT_EQ(out.delivered.at("dvl"), 600U) << jump << " for " << length;
+      EXPECT_NEAR(out.stamps.back() - out.stamps.front(), 300.0, 0.5) << jump;
+      for (std::size_t i = 1; i < out.stamps.size(); ++i) {
+        ASSERT_LT(out.stamps[i] - out.stamps[i - 1], 0.11) << jump << " for " << length;
+      }
+    }
+  }
+}
+
+TEST(ClockMonitor, NothingIsLostAfterTheClockOfTheFastestSensorReturns) {
+  const auto imu = [](double t) { return regular(t) - (t >= 100.0 && t < 130.0 ? 600.0 : 0.0); };
+  const Outcome out = read(imu, regular);
+  EXPECT_EQ(out.delivered.at("imu"), 2700U);
+  EXPECT_EQ(out.delivered.at("dvl"), 600U);
+}
+
+TEST(ClockMonitor, AClockThatIsSetBackBySecondsLosesNothing) {
+  const auto set = [](double t) { return regular(t) - (t < 100.0 ? 0.0 : 20.0); };
+  const Outcome out = read(set, set);
+  EXPECT_EQ(out.delivered.at("imu"), 3000U);
+  EXPECT_EQ(out.delivered.at("dvl"), 600U);
+  EXPECT_NEAR(out.stamps.back() - out.stamps.front(), 310.0, 1.0);
+}
+
 TEST(ClockMonitor, AWrongFirstStampDoesNotDropTheRest) {
   std::vector<SensorEvent> dvl = samples<DvlSample>(0.5, regular);
   std::get<DvlSample>(dvl.front()).stamp = Stamp{0};
