@@ -24,6 +24,7 @@ constexpr double kMaxSaturated = 0.01;
 // Faster than underwater vehicles: AUVs cruise at 1 to 3 m/s, and a DVL's range of velocity ends
 // near 10 m/s [m/s].
 constexpr double kMaxSpeed = 10.0;
+constexpr double kMinSpeed = 1e-3;  // median [m/s]; devices at rest have more noise
 // With a DVL the trajectory is compared with it, twice its high speed and at least this [m/s].
 constexpr double kMinSpeedLimit = 3.0;
 constexpr double kSpeedMargin = 2.0;
@@ -97,6 +98,12 @@ void check_dvl_speed(const Evidence& evidence, Warnings& warnings) {
   const auto locked = evidence.samples.median_dvl_speed();
   // Velocities in mm/s are so fast that every ping is taken for a placeholder.
   const auto speed = locked ? locked : evidence.samples.median_unlocked_speed();
+  if (locked && *locked > 0.0 && *locked < kMinSpeed) {
+    warnings.push_back(
+        fmt::format("dvl: the median speed is {:.2g} m/s, less than the noise of a DVL: check "
+                    "whether it is in m/s, although the header says otherwise",
+                    *locked));
+  }
   if (!speed || *speed <= kMaxSpeed) return;
   warnings.push_back(
       fmt::format("dvl: the median speed is {:.3g} m/s, more than vehicles move: check whether it "

@@ -353,6 +353,19 @@ TEST(ResultWarnings, NameSpeedsThatOnlyPlaceholdersHave) {
   EXPECT_THAT(check_result(evidence, straight(0.5)), ElementsAre(HasSubstr("in mm/s or cm/s")));
 }
 
+TEST(ResultWarnings, NameADvlThatIsSlowerThanItsNoise) {
+  Evidence evidence = good_evidence();
+  evidence.samples = SampleStatistics();
+  for (int i = 0; i < 100; ++i) {
+    DvlSample ping;
+    ping.velocity.x() = 0.5e-3;
+    ping.valid = true;
+    evidence.samples.add(ping);
+  }
+  EXPECT_THAT(check_result(evidence, straight(0.0004)),
+              Contains(HasSubstr("less than the noise of a DVL")));
+}
+
 TEST(ResultWarnings, NamePingsThatRepeat) {
   Evidence evidence = good_evidence();
   evidence.acoustic->counts.pings[dipo::Verdict::repeated] = 15;
