@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "core/date_time.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <string>
 
